@@ -1,7 +1,6 @@
 """The command `grasp3d evaluate`: evaluates given grasps on a mesh."""
 
 from collections.abc import Mapping
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +10,13 @@ from grasp3d.cli.commands import Evaluate
 from grasp3d.cli.existing_files import check_not_source, check_not_task, check_output
 from grasp3d.errors import ContactError, MeshError, SettingError
 from grasp3d.grasps.audit import explained
-from grasp3d.grasps.evaluated_parts import EvaluatedParts
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.evaluation import evaluate_grasps, poses_on
+from grasp3d.grasps.evaluation import evaluate_contacts, evaluate_grasps, poses_on
 from grasp3d.grasps.grasp_files import (
     SUFFIXES,
-    contact_parts,
     read_contacts,
     read_grasps,
     write_grasps,
-    write_parts,
 )
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.pose_files import holds_poses, read_poses
@@ -151,26 +147,23 @@ def _of_poses(command: Evaluate) -> dict[str, Any]:
 
 
 def _evaluate_contacts(command: Evaluate, output: Path) -> Mapping[str, Floats] | None:
-    """Evaluate contacts, of which many are read and written in parts; print the results."""
+    """Evaluate contacts, write and print the results."""
     stated = {**_of_poses(command), "frame": command.frame}
     if any(given is not None for given in stated.values()):
         read_grasps(command.contacts, **stated)  # says that it is for poses
-    parts, metrics = contact_parts(command.contacts), None
-    if command.metrics is not None:
-        parts = iter([(1.0, read_contacts(command.contacts))])
-    first = next(parts)
-    model = with_fingers(command.model, first[1].shape[1])
+    contacts = read_contacts(command.contacts)
+    model = with_fingers(command.model, contacts.shape[1])
     mesh, load = load_mesh(command.file, command.mesh), command.load.chosen
     _refuse_lengths(command, mesh, model)
-    evaluated = EvaluatedParts(mesh, model, max_distance=command.max_distance, load=load)
     with progress_bars.progress(f"evaluating {command.contacts.name}", quiet=command.quiet):
-        tables = evaluated.evaluate(chain([first], parts))
-        if command.metrics is not None:
-            whole = next(tables)
-            tables, metrics = iter([whole]), whole.metrics(command.metrics)
-        write_parts(output, tables, metrics)
+        results = evaluate_contacts(
+            mesh, contacts, model, max_distance=command.max_distance, load=load
+        )
+    metrics = None if command.metrics is None else results.metrics(command.metrics)
+    progress_bars.measure(lambda: results.epsilon_range, "measuring epsilon", quiet=command.quiet)
+    write_grasps(output, results, metrics=metrics)
     if not command.quiet:
-        grasp_report.print_evaluated(evaluated, output)
+        grasp_report.print_evaluated(results, output)
     return metrics
 
 

@@ -26,7 +26,6 @@ from grasp3d.cli.report import (
     uncertainty_lines,
 )
 from grasp3d.grasps.audit import READING, READINGS
-from grasp3d.grasps.evaluated_parts import EvaluatedParts
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses, GivenGrasps
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
 from grasp3d.grasps.ranking import listed_rows, stated_label
@@ -64,33 +63,33 @@ _TRIED = (
 _SCORE = "score: how well the touched patches hold at the worst normals, -1 to 1{}{}"
 
 
-def print_evaluated(evaluated: EvaluatedParts, output: Path) -> None:
+def print_evaluated(grasps: GraspTable, output: Path) -> None:
     """Print the number of grasps of each label, and a table of the best grasps.
 
     Args:
-        evaluated: Evaluated grasps.
+        grasps: Evaluated grasps.
         output: The file that they were written to.
     """
-    report, mesh, size = Report(), evaluated.mesh, evaluated.size
-    (grasps, rows), holding = evaluated.few(), evaluated.holding
+    report, mesh, size = Report(), grasps.mesh, grasps.size
     count = f"{counted(size, 'grasps')} of {grasps.model.fingers} fingers"
     report.heading(mesh.report.source, f"{count}; {model_words(grasps.model)}")
-    counts = np.bincount(evaluated.all("label"), minlength=len(Label))
+    counts = np.bincount(grasps.label, minlength=len(Label))
     report.labels(
         "scan", ("grasps", "fraction"), lambda label: _number_of(int(counts[label]), size)
     )
-    angles = quantiles(evaluated.critical_angle, LEVELS, np.ones(size))
+    angles = quantiles(grasps.critical_angle, LEVELS, np.ones(size))
     texts = ", ".join(map(angle_text, angles))
     report.paragraph(f"critical friction angle, {PERCENTS} of the grasps: {texts}")
-    report.lines(uncertainty_lines(evaluated, None, of="grasps", unit=mesh.unit))
-    report.lines(_outside(evaluated))
-    report.paragraph(_distance_text(grasps, evaluated.all("distance")))
-    report.line(f"[bold]{escaped(str(evaluated.verdict(grasps, holding)))}[/]")
-    print_load(report, holding)
+    report.lines(uncertainty_lines(grasps, None, of="grasps", unit=mesh.unit))
+    report.lines(_outside(grasps))
+    report.paragraph(_distance_text(grasps))
+    report.line(f"[bold]{escaped(str(verdict_of(grasps)))}[/]")
+    print_load(report, grasps.holding)
     report.warnings(grasps.warnings)
-    _, *columns = _columns(grasps, grasps.label)
-    columns += _conditional_columns(grasps, distances=True)
-    print_some(report, [("grasp", lambda row: str(rows[row] + 1)), *columns], grasps, size)
+    columns = [
+        *_columns(grasps, grasps.label), *_conditional_columns(grasps, distances=True)
+    ]  # fmt: skip
+    print_some(report, columns, grasps)
     report.line(_legend(grasps))
     report.written(output)
 
@@ -167,7 +166,7 @@ def print_poses(poses: EvaluatedPoses, output: Path) -> None:
     report.line(f"[bold]{escaped(str(verdict_of(poses)))}[/]")
     print_load(report, poses.holding)
     report.warnings(poses.warnings)
-    print_some(report, _pose_columns(poses), poses, poses.size)
+    print_some(report, _pose_columns(poses), poses)
     report.line(f"{_added_legend(poses)}{_POSES_LEGEND}{mesh.unit}")
     report.lines(_robust_legend(poses, poses.robustness))
     print_files(report, poses, output)
@@ -187,14 +186,12 @@ def print_metrics(metrics: Mapping[str, Floats]) -> None:
     Report().table(table_of(("quality measure", *levels, "undefined"), rows))
 
 
-def print_some(
-    report: Report, columns: Sequence[Column], grasps: GraspTable | GivenGrasps, size: int
-) -> None:
-    """Print a table of the grasps; where all are many, `size`, of those to be taken first."""
+def print_some(report: Report, columns: Sequence[Column], grasps: GraspTable | GivenGrasps) -> None:
+    """Print a table of the grasps; where they are many, of those to be taken first."""
     rows = np.arange(grasps.size)
-    if size > MAX_ROWS:
+    if grasps.size > MAX_ROWS:
         rows = listed_rows(grasps, MAX_ROWS)
-        report.paragraph(f"the best {MAX_ROWS} of {size}:")
+        report.paragraph(f"the best {MAX_ROWS} of {grasps.size}:")
     report.columns(columns, rows.tolist())
 
 
@@ -225,10 +222,10 @@ def frame_text(pose: ObjectPose | None) -> str:
     return f"poses in the file: in the {frame}"
 
 
-def _distance_text(grasps: GraspTable, distances: Floats) -> str:
+def _distance_text(grasps: GraspTable) -> str:
     """Return the median and the largest distance of the contacts from the surface."""
     unit = grasps.mesh.unit or "(unit not stated)"
-    median, most = (_distance(grasps, value) for value in np.quantile(distances, [0.5, 1.0]))
+    median, most = (_distance(grasps, value) for value in np.quantile(grasps.distance, [0.5, 1.0]))
     return f"distance of the contacts from the surface: median {median}, at most {most} {unit}"
 
 
@@ -351,7 +348,7 @@ def _pose_counts(poses: EvaluatedPoses) -> list[tuple[tuple[str, str], int]]:
     ]
 
 
-def _outside(grasps: EvaluatedParts | EvaluatedPoses) -> tuple[str, ...]:
+def _outside(grasps: GraspTable | EvaluatedPoses) -> tuple[str, ...]:
     """Return how many grasps have a contact outside the region, in one line, if there is one."""
     if grasps.mesh.region is None:
         return ()

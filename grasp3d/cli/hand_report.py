@@ -80,7 +80,7 @@ def print_hand_grasps(grasps: EvaluatedHandGrasps, *outputs: Path) -> None:
         report.line(f"[bold]{escaped(str(grasps.verdict))}[/]")
         report.line(escaped(grasps.motor_holding.link_weights))
     report.warnings(grasps.warnings)
-    print_some(report, _columns(grasps), grasps, size)
+    print_some(report, _columns(grasps), grasps)
     report.line(_LEGEND)
     if grasps.motor_holding is not None:
         report.line(_HELD if grasps.label_with_force is None else f"{_HELD}{_LOAD}")

@@ -242,12 +242,8 @@ def evaluate_contacts(
     *,
     max_distance: GivenLength | None = None,
     load: Load | None = None,
-    first: int = 0,
 ) -> GraspTable:
-    """Move contacts (b, n, 3) to the surface, and evaluate the grasps, as `evaluate_grasps` does.
-
-    `first` is the number of grasps before these in their file, for messages.
-    """
+    """Move contacts (b, n, 3) to the surface, and evaluate the grasps; see `evaluate_grasps`."""
     mesh, positions = load_mesh(mesh), _checked(points)
     (own_model,) = mesh.in_own_unit(model or GraspModel())
     own_model = with_fingers(own_model, positions.shape[1])
@@ -258,7 +254,7 @@ def evaluate_contacts(
     if load is not None:
         LoadCase.of(load, mesh, own_model)  # refuse it before the work
     with within(0.0, PROJECTED):
-        contacts, distances = _on_surface(mesh, positions, limit, first)
+        contacts, distances = _on_surface(mesh, positions, limit)
     end = ANGLES_COMPUTED if own_model.method == "extremes" else 1.0
     with within(PROJECTED, end):
         angles = critical_angles(contacts)
@@ -275,9 +271,7 @@ def evaluate_contacts(
     return grasps
 
 
-def _on_surface(
-    mesh: ObjectMesh, points: Floats, limit: float, first: int
-) -> tuple[SurfaceContacts, Floats]:
+def _on_surface(mesh: ObjectMesh, points: Floats, limit: float) -> tuple[SurfaceContacts, Floats]:
     """Contacts (b, n, 3) moved to the surface, and their distances from it before (b, n)."""
     size, count = points.shape[:2]
     nearest, _, gaps = nearest_surface_points(
@@ -286,7 +280,7 @@ def _on_surface(
         limit=limit + DISTANCE_ROUNDING * mesh.size,
     )
     distances = gaps.reshape(size, count)
-    _check_near(mesh, points, distances, limit, first)
+    _check_near(mesh, points, distances, limit)
     faces, weights = nearest.faces.reshape(size, count), nearest.weights.reshape(size, count, 3)
     return SurfaceContacts(mesh, SurfacePoints(locked(faces), locked(weights))), locked(distances)
 
@@ -315,9 +309,7 @@ def _checked(points: ArrayLike) -> Floats:
     return array
 
 
-def _check_near(
-    mesh: ObjectMesh, array: Floats, distances: Floats, limit: float, first: int
-) -> None:
+def _check_near(mesh: ObjectMesh, array: Floats, distances: Floats, limit: float) -> None:
     """Raise ContactError if contacts are too far from the surface."""
     off = np.argwhere(np.isinf(distances))
     if not len(off):
@@ -328,9 +320,9 @@ def _check_near(
     distance = float(np.linalg.norm(nearest - point)) * mesh.size
     unit = mesh.unit or "(unit not stated)"
     raise ContactError(
-        f"{_name(first + grasp, contact)} at {numbers_text(array[grasp, contact])} is "
+        f"{_name(grasp, contact)} at {numbers_text(array[grasp, contact])} is "
         f"{distance:.4g} from the surface, more than the allowed {limit:.4g}, as are {len(off)} "
-        f"of {distances.size + first * distances.shape[1]} contacts{' so far' if first else ''}; "
+        f"of {distances.size} contacts; "
         f"are they in the frame and unit of {mesh.report.source}, which is {mesh.size:.4g} {unit} "
         "in size? max_distance (--max-distance) allows more"
     )

@@ -3,9 +3,8 @@
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +30,7 @@ from grasp3d.hand.hand import Hand
 from grasp3d.settings import MAX_FINGERS, PoseFormat
 from grasp3d.settings.lengths import Unit
 from grasp3d.surface.fields import FOUND_POSES, columns_of
-from grasp3d.surface.grasp_table import NO_POSES, Columns, GraspTable
+from grasp3d.surface.grasp_table import NO_POSES, GraspTable
 from grasp3d.system.documents import described, load_json, number_of
 from grasp3d.system.files import check_suffix
 from grasp3d.system.limited_reading import read_file
@@ -44,12 +43,6 @@ COLUMNS = "x1 y1 z1 x2 y2 z2 ..."
 
 GRASPS = "a list of grasps, each a list of two or more contacts [x, y, z]"
 """Content of a JSON file, for error messages."""
-
-PART = 100_000
-"""Most grasps that are evaluated, and written, at a time."""
-
-LARGE = 2**23
-"""Size of tables that are read a part at a time, in this process [bytes]."""
 
 MAX_LISTED = 12
 """Most columns of a file that an error message lists."""
@@ -140,61 +133,30 @@ def read_contacts(path: str | Path) -> Floats:
     Raises:
         ContactError: The file is missing, or contains no such contacts.
     """
-    return np.concatenate([contacts for _, contacts in contact_parts(Path(path))])
-
-
-def contact_parts(path: Path) -> Iterator[tuple[float, Floats]]:
-    """Read contacts as `read_contacts` does, a part at a time where there are many.
-
-    Args:
-        path: As there.
-
-    Returns:
-        Of each part, of which none is empty, the fraction of the file that has been read, and
-        contacts in the order of the file, shape (b, n, 3).
-
-    Raises:
-        ContactError: As there; also while parts are read.
-    """
+    path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise ContactError(unsupported(path, SUFFIXES, "contacts"))
     check_file(path)
     try:
-        is_large = suffix != ".json" and path.stat().st_size > LARGE
-        for fraction, contacts in _from_table(path) if is_large else [read_file(_whole, path)]:
-            for start in range(0, len(contacts), PART):
-                yield fraction, contacts[start : start + PART]
+        return read_file(_from_json if suffix == ".json" else _from_table, path)
     except OSError as error:
         raise one_line(path, f"cannot be read ({error.strerror or error})") from error
     except (ContactError, ValueError) as error:
         raise one_line(path, str(error)) from error
 
 
-def _whole(path: Path) -> tuple[float, Floats]:
-    """Contacts of a file, as one part. Raises ContactError, ValueError, OSError."""
-    parts = _from_json(path) if path.suffix.lower() == ".json" else _from_table(path)
-    return 1.0, np.concatenate([contacts for _, contacts in parts])
-
-
-def _from_table(path: Path) -> Iterator[tuple[float, Floats]]:
+def _from_table(path: Path) -> Floats:
     """Contacts of a CSV or Parquet file. Raises ContactError, ValueError, OSError."""
-    from grasp3d.system.tables import column_parts
+    from grasp3d.system.tables import read_columns
 
-    required: list[str] = []
-
-    def wanted(names: list[str]) -> list[str]:
-        required.extend(_coordinate_columns(names))
-        return [*required, "frame"]
-
-    first = 0
-    for fraction, table in column_parts(path, wanted):
-        check_object_frame(set(table.get("frame", ())))
-        columns = [_column(name, table[name], first) for name in required]
-        first += len(columns[0])
-        yield fraction, np.stack(columns, axis=1).reshape(-1, len(required) // 3, 3)
-    if not first:
+    table = read_columns(path)
+    required = _coordinate_columns(list(table))
+    check_object_frame(set(table.get("frame", ())))
+    columns = [_column(name, table[name]) for name in required]
+    if not len(columns[0]):
         raise ContactError("there are no grasps in it, only column names")
+    return np.stack(columns, axis=1).reshape(-1, len(required) // 3, 3)
 
 
 def _coordinate_columns(names: Sequence[str]) -> list[str]:
@@ -218,8 +180,8 @@ def _check_count(count: int) -> None:
         raise ContactError(f"a grasp has 2 to {MAX_FINGERS} contacts; got {number}")
 
 
-def _column(name: str, values: npt.NDArray[Any], first: int = 0) -> Floats:
-    """Finite numbers of a column, with some grasps before these. Raises ContactError."""
+def _column(name: str, values: npt.NDArray[Any]) -> Floats:
+    """Finite numbers of a column. Raises ContactError."""
     is_plain = values.dtype.kind in "fiu"
     numbers = (
         values.astype(np.float64)
@@ -231,12 +193,12 @@ def _column(name: str, values: npt.NDArray[Any], first: int = 0) -> Floats:
         value = values[bad[0]]
         empty = value is None or value == "" or (isinstance(value, float) and math.isnan(value))
         problem = "is empty or no number" if empty else f"is no finite number: {str(value)[:40]!r}"
-        raise ContactError(f"grasp {first + bad[0] + 1}: {name} {problem}")
+        raise ContactError(f"grasp {bad[0] + 1}: {name} {problem}")
     return numbers
 
 
-def _from_json(path: Path) -> Iterator[tuple[float, Floats]]:
-    """Contacts of a JSON file, as one part. Raises ContactError, ValueError, OSError."""
+def _from_json(path: Path) -> Floats:
+    """Contacts of a JSON file. Raises ContactError, ValueError, OSError."""
     content = load_json(path)
     if isinstance(content, dict):
         check_object_frame([content.get("frame")])
@@ -253,7 +215,7 @@ def _from_json(path: Path) -> Iterator[tuple[float, Floats]]:
             f"all grasps need the same number of contacts: grasp 1 has {counts[0]}, grasp "
             f"{other + 1} has {counts[other]}; put them into separate files"
         )
-    yield 1.0, np.array(rows, dtype=np.float64)
+    return np.array(rows, dtype=np.float64)
 
 
 def _from_written(content: dict[str, Any]) -> object:
@@ -364,53 +326,22 @@ def write_grasps(
     if isinstance(grasps, GraspPoses):
         write_poses(path, grasps, format=format, object_pose=object_pose, frame=frame)
         return
-    write_parts(path, iter([grasps]), metrics)
-
-
-def write_parts(
-    path: Path, parts: Iterator[GraspTable], metrics: Mapping[str, Floats] | None = None
-) -> None:
-    """Write grasps without poses as `write_grasps` does, each part before the next one is made.
-
-    Args:
-        path: As there.
-        parts: Consecutive grasps with the same settings, at least one part.
-        metrics: As there, where there is one part.
-
-    Raises:
-        OutputError: The suffix is unknown, or the file cannot be written.
-    """
     check_suffix(path, SUFFIXES, "table")
-    first = next(parts)
-    placed, settings = _placed(chain([first], parts)), first.settings()
+    settings = grasps.settings()
     if path.suffix.lower() == ".json":
-        rows = (row for before, one in placed for row in _json_rows(one, before, metrics))
-        write_rows(path, json_text({k: _or_null(value) for k, value in settings.items()}), rows)
+        header = json_text({key: _or_null(value) for key, value in settings.items()})
+        write_rows(path, header, _json_rows(grasps, metrics))
         return
-    from grasp3d.system.tables import table_of_columns, write_tables
+    from grasp3d.system.tables import write_columns
 
-    columns = (_numbered(one.table_columns(metrics), before) for before, one in placed)
-    write_tables(path, (table_of_columns(one, settings=settings) for one in columns))
-
-
-def _placed(parts: Iterable[GraspTable]) -> Iterator[tuple[int, GraspTable]]:
-    """Parts, each with the number of grasps before it."""
-    before = 0
-    for grasps in parts:
-        yield before, grasps
-        before += grasps.size
-
-
-def _numbered(columns: Columns, before: int) -> Columns:
-    return {**columns, "grasp": before + columns["grasp"]}
+    write_columns(path, grasps.table_columns(metrics), settings=settings)
 
 
 def _json_rows(
-    grasps: GraspTable, before: int, metrics: Mapping[str, Floats] | None
+    grasps: GraspTable, metrics: Mapping[str, Floats] | None
 ) -> Iterator[dict[str, Any]]:
     """An entry for each grasp; what is not finite is null."""
-    own = _numbered(grasps.columns(metrics), before)
-    columns = {name: json_numbers(values) for name, values in own.items()}
+    columns = {name: json_numbers(values) for name, values in grasps.columns(metrics).items()}
     contacts = {field.name: json_numbers(values) for field, values in grasps.contact_values()}
     columns["contacts"] = [
         [

@@ -316,21 +316,6 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
     return replace(verdict, count=int(np.sum(_stated(distinct) == Label.S)))
 
 
-def deciding_rows(grasps: GraspTable) -> Ints:
-    """Rows on which the verdict on given contacts rests; alone they have the same, but for counts.
-
-    So have those of several parts of the grasps together.
-    """
-    codes, rows, holding = _stated(grasps), ranked_rows(grasps), grasps.holding
-    best = rows[codes[rows] == max(codes[rows], default=Label.U)]
-    deciding = _candidates(grasps, best) if len(best) else rows
-    if holding is not None:
-        extremes = holding.grip_force_largest, -holding.payload
-        least = [np.argmin(np.nan_to_num(one, nan=math.inf)) for one in extremes]
-        deciding = np.append(deciding, least)
-    return np.unique(deciding)
-
-
 def _judged(
     grasps: SurfaceLabels | GraspTable | EvaluatedPoses,
 ) -> tuple[GraspTable | EvaluatedPoses, GraspTable | EvaluatedPoses]:

@@ -9,7 +9,7 @@ import csv
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import is_dataclass
 from enum import StrEnum
@@ -40,9 +40,6 @@ SUFFIXES = (".csv", ".parquet")
 
 ROWS = 16_384
 """Rows of Parquet that are read at a time."""
-
-PART_ROWS, PART_BYTES = 100_000, 2**23
-"""Rows of Parquet, and bytes of CSV, of the parts in which a large table is read."""
 
 LONGEST_LINE = 2**20
 """Bytes of a CSV file in which its first line must end."""
@@ -229,62 +226,6 @@ def column_names(path: Path) -> list[str]:
         raise ValueError(str(error).splitlines()[0]) from error
 
 
-def column_parts(
-    path: Path, wanted: Callable[[list[str]], Container[str]]
-) -> Iterator[tuple[float, dict[str, npt.NDArray[Any]]]]:
-    """Read some columns of a CSV or Parquet table, a part at a time where it is large.
-
-    Args:
-        path: As in `read_columns`; CSV with semicolons is read as a whole.
-        wanted: Returns which columns of those in the table are read.
-
-    Returns:
-        Of each part the fraction of the file that has been read, and the columns, as in
-        `read_columns`.
-
-    Raises:
-        ValueError: It is no valid table; the message gives the reason.
-        OSError: The file cannot be read.
-    """
-    chosen = wanted(column_names(path))
-    is_csv, size = path.suffix.lower() == ".csv", path.stat().st_size
-    if is_csv and (size <= PART_BYTES or _head_of_csv(path)[1] == ";"):
-        yield 1.0, {name: one for name, one in read_columns(path).items() if name in chosen}
-        return
-    try:
-        for fraction, table in (_csv_parts if is_csv else _parquet_parts)(path, chosen):
-            names = [name.strip() for name in table.column_names]
-            yield fraction, dict(zip(names, map(_values_of, table.columns), strict=True))
-    except pa.ArrowException as error:
-        raise ValueError(str(error).splitlines()[0]) from error
-
-
-def _csv_parts(path: Path, wanted: Container[str]) -> Iterator[tuple[float, pa.Table]]:
-    """Fractions of a CSV file that has rows, and columns: of numbers, else of texts."""
-    stated, delimiter = _head_of_csv(path)
-    kinds = {name: pa.string() for name in stated if name.strip() in wanted}
-    options = pc.ConvertOptions(
-        include_columns=list(kinds), column_types=kinds, strings_can_be_null=True
-    )
-    with path.open("rb") as stream:
-        for batch in pc.open_csv(
-            stream,
-            read_options=pc.ReadOptions(block_size=PART_BYTES),
-            parse_options=pc.ParseOptions(delimiter=delimiter),
-            convert_options=options,
-        ):
-            columns = list(map(_as_numbers, batch.columns))
-            yield stream.tell() / path.stat().st_size, pa.table(columns, list(kinds))
-
-
-def _as_numbers(texts: pa.Array) -> pa.Array:
-    """The numbers that texts spell, or the texts."""
-    try:
-        return texts.cast(pa.float64())
-    except pa.ArrowInvalid:
-        return texts
-
-
 def _checked_names(stated: Sequence[str]) -> list[str]:
     """Names of columns, which differ. Raises ValueError."""
     names = [name.strip() for name in stated]
@@ -309,38 +250,27 @@ def _values_of(column: pa.ChunkedArray) -> npt.NDArray[Any]:
 
 
 def _read_parquet(path: Path) -> dict[str, npt.NDArray[Any]]:
-    """The columns of a Parquet file."""
-    parts, names = [], list[str]()
-    for _, table in _parquet_parts(path):
-        names = _checked_names(table.column_names)
-        parts.append(list(map(_values_of, table.columns)))
-    return dict(zip(names, map(np.concatenate, zip(*parts, strict=True)), strict=True))
-
-
-def _parquet_parts(
-    path: Path, wanted: Container[str] | None = None
-) -> Iterator[tuple[float, pa.Table]]:
-    """Fractions of a Parquet file, and columns, at least one part; lists are not read.
+    """The columns of a Parquet file; lists are not read.
 
     Metadata of its columns is not looked at: where it is damaged, pyarrow ends the process.
     """
     with pq.ParquetFile(path) as file:
         schema, count = file.schema_arrow, file.metadata.num_rows
-    _checked_names(schema.names)
-    fields = [field for field in schema if wanted is None or field.name.strip() in wanted]
-    flat = [field for field in fields if not pa.types.is_nested(field.type)]
+    names = _checked_names(schema.names)
+    flat = [field for field in schema if not pa.types.is_nested(field.type)]
     texts = [field.name for field in flat if pa.types.is_string(field.type)]
-    rows, read = PART_ROWS if wanted and not texts else ROWS, 0
+    parts = []
     with pq.ParquetFile(path, read_dictionary=texts) as file:
-        batches = file.iter_batches(rows, columns=[field.name for field in flat])
+        batches = file.iter_batches(ROWS, columns=[field.name for field in flat])
         for batch in chain(batches, [] if count else [pa.schema(flat).empty_table()]):
-            read += batch.num_rows
             table = pa.Table.from_batches([batch]) if count else batch
-            for field in fields:
+            for field in schema:
                 if field not in flat:  # whoever needs the column says what it is
                     values = pa.repeat(str(field.type), len(table)).dictionary_encode()
                     table = table.append_column(field.name, values)
-            yield read / max(count, 1), table
+            names = _checked_names(table.column_names)
+            parts.append(list(map(_values_of, table.columns)))
+    return dict(zip(names, map(np.concatenate, zip(*parts, strict=True)), strict=True))
 
 
 def _head_of_csv(path: Path) -> tuple[list[str], str]:

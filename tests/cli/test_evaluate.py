@@ -3,10 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Callable
-from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow.csv as pc
@@ -14,10 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
-from grasp3d.grasps import evaluated_parts, evaluation, grasp_files
 from grasp3d.rendering import opengl
-from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.system import tables
 from tests.helpers import shapes
 from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_here as grasp3d
@@ -94,125 +88,6 @@ def test_metrics_are_printed_and_written(folder: Path, name: str) -> None:
     assert row["min_weight"] == pytest.approx(1.0 / 16.0)
     assert row["epsilon_linf"] > 0.0
     assert "grasp_isotropy" not in row
-
-
-def random_pairs(count: int) -> np.ndarray:
-    """Contacts on sides of a box of 1 x 2 x 3, most of them opposite, shape (count, 2, 3)."""
-    random, size, every = np.random.default_rng(0), np.array([0.5, 1.0, 1.5]), np.arange(count)
-    points = random.uniform(-1.0, 1.0, (count, 2, 3)) * size
-    sides_of = random.integers(3, size=(2, count))
-    good = every % 4 > 0
-    sides_of[1, good] = sides_of[0, good]
-    points[good, 1] = points[good, 0] + random.uniform(-0.1, 0.1, (good.sum(), 3))
-    points = np.clip(points, -size, size)
-    for contact, sides in enumerate(sides_of):
-        points[every, contact, sides] = (1 - 2 * contact) * size[sides]
-    return points
-
-
-def write_contacts(path: Path, points: np.ndarray) -> None:
-    names = [f"{axis}{contact + 1}" for contact in range(2) for axis in "xyz"]
-    columns = points.reshape(-1, 6).T
-    tables.write_columns(path, dict(zip(names, columns, strict=True)), settings={})
-
-
-@pytest.fixture
-def in_parts(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
-    """A function from whose call on tables of more than some ten grasps are large."""
-
-    def begin() -> None:
-        for module, name, value in (
-            (tables, "PART_ROWS", 30), (tables, "ROWS", 20), (tables, "PART_BYTES", 3000),
-            (grasp_files, "PART", 30),
-        ):  # fmt: skip
-            monkeypatch.setattr(module, name, value)
-
-    return begin
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ("csv", ()),
-        (
-            "parquet",
-            (
-                "--friction",
-                "0.3..0.6",
-                "--region",
-                "box:-1,-1,-1,1,1,0.7",
-                "--location-error",
-                "0.01",
-            ),
-        ),
-        ("parquet", ("--mass", "0.5kg", "--grip-force", "2", "--torsion-radius", "2cm")),
-    ],
-)
-def test_many_grasps_are_evaluated_in_parts_as_a_whole(
-    tmp_path: Path, given: str, words: tuple[str, ...], in_parts: Callable[[], None]
-) -> None:
-    export(tmp_path / "box.stl", shapes.box((1.0, 2.0, 3.0)))
-    points = random_pairs(100)
-    write_contacts(tmp_path / "grasps.csv", points)
-    write_contacts(tmp_path / "grasps.parquet", points)
-    (tmp_path / "grasps.json").write_text(json.dumps(points.tolist()), encoding="utf-8")
-    command = ("evaluate", "box.stl", f"grasps.{given}", "--unit", "m", "--force", "--overwrite")
-    outputs = ("results.csv", "results.parquet", "results.json")
-    whole, parts = {}, {}
-    for results in (whole, parts):
-        for name in outputs:
-            text = printed(*command, *words, "-o", name, cwd=tmp_path)
-            results[name] = text, (tmp_path / name).read_bytes()
-        in_parts()
-    assert len(list(grasp_files.contact_parts(tmp_path / f"grasps.{given}"))) > 2
-    for name in outputs[::2]:
-        assert whole[name] == parts[name]
-    texts, files = zip(whole["results.parquet"], parts["results.parquet"], strict=True)
-    one, other = (pq.read_table(BytesIO(file)) for file in files)
-    assert texts[0] == texts[1]
-    assert one.equals(other, check_metadata=True)
-    assert other["grasp"].to_pylist() == list(range(1, 101))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("suffix", ["csv", "parquet"])
-def test_errors_in_a_later_part_name_the_grasp_and_leave_no_file(
-    tmp_path: Path, suffix: str, in_parts: Callable[[], None]
-) -> None:
-    export(tmp_path / "box.stl", shapes.box((1.0, 2.0, 3.0)))
-    points, given = random_pairs(100), tmp_path / f"grasps.{suffix}"
-    in_parts()
-    for value, message in ((9.0, "grasp 96, contact 2 at"), (math.nan, "grasp 96: y2 is empty")):
-        points[95, 1, 1] = value
-        write_contacts(given, points)
-        failed = grasp3d("evaluate", "box.stl", given.name, "-o", "results.csv", cwd=tmp_path)
-        assert failed.returncode == 2
-        assert message in failed.stderr
-        assert {path.name for path in tmp_path.iterdir()} == {"box.stl", given.name}
-
-
-@pytest.mark.parametrize("suffix", ["csv", "parquet", "json"])
-def test_an_interruption_between_parts_leaves_no_file(
-    tmp_path: Path, suffix: str, in_parts: Callable[[], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    export(tmp_path / "box.stl", shapes.box((1.0, 2.0, 3.0)))
-    write_contacts(tmp_path / "grasps.csv", random_pairs(100))
-    in_parts()
-    written: list[int] = []
-
-    def interrupted(*given: Any, first: int, **options: Any) -> GraspTable:
-        written.append(first)
-        if len(written) == 3:
-            raise KeyboardInterrupt
-        return evaluation.evaluate_contacts(*given, first=first, **options)
-
-    monkeypatch.setattr(evaluated_parts, "evaluate_contacts", interrupted)
-    words = ("evaluate", "box.stl", "grasps.csv", "-o", f"results.{suffix}")
-    assert grasp3d(*words, cwd=tmp_path).returncode == 130
-    assert len(written) == 3
-    assert written[1] > 0
-    assert {path.name for path in tmp_path.iterdir()} == {"box.stl", "grasps.csv"}
 
 
 def test_of_many_grasps_only_the_first_are_printed(folder: Path) -> None:
