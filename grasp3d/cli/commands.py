@@ -323,7 +323,7 @@ class Evaluate(Guarded, GivenPoses):
     """Contact points in the mesh's frame and unit: CSV or Parquet with columns x1 y1 z1 x2 y2 z2
     ... and one row per grasp, or JSON with a list of grasps, each a list of points [x, y, z]. Or
     poses of a gripper: the files that grasp3d writes; isaac_grasp (.yaml); ACRONYM (.h5); GraspNet
-    (.npy); GraspGen and moveit_msgs/Grasp (.json); of hands with joints DexGraspBench, Dexonomy and
+    (.npy); GraspGen and moveit_msgs/Grasp (.json); of hands with joints DexGraspBench and
     DexGraspNet (.npy). They need --hand."""
 
     output: Annotated[Path | None, Main("results: .csv .parquet .json")] = None

@@ -140,7 +140,7 @@ class GivenGrasps(LabelledGrasps):
         `nx1` `ny1` `nz1` ...
 
         Of hands with joints `label`, `critical_angle`, `max_resolution`, `margin` [rad], `epsilon`,
-        `rank`, `internal`, `structural`, `redundant`, `links`, `gap`, `penetration`, `overlap`,
+        `rank`, `links`, `gap`, `penetration`, `overlap`,
         `below_table` [mesh unit], `reachable`, `reason`, `outcome`, and `gap_LINK` [mesh unit] of
         every link that comes near the surface at some pose. With a load also `payload` [kg] and
         more of what the motors hold, `limit` and `label_with_force`.

@@ -25,7 +25,7 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.quality.loads import load_settings
-from grasp3d.quality.wrenches import EpsilonOptions, wrench_axes
+from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import GivenLength
 from grasp3d.stability.contact_sets import ContactSets, SetLabels, contact_margins, label_sets
@@ -42,9 +42,6 @@ TOUCHED = 0.5
 
 OF_CONTACTS = ("link", "points", "normals", "gap")
 """What `HandContacts` has of each contact besides its pose."""
-
-RANK = 1e-9
-"""Singular values that count as 0, relative to the largest."""
 
 FEW_BEYOND = 0.1
 """Fraction of poses beyond limits up to which an order of joints that is assumed is not doubted."""
@@ -237,42 +234,6 @@ class EvaluatedHandGrasps(GivenGrasps):
         return locked(rotation[row] @ self.hand.jacobians(links, row, self._link, in_hand))
 
     @cached_property
-    def _dimensions(self) -> Ints:
-        """(internal, structural, redundant), shape (k, 3)."""
-        found = np.zeros((self.size, 3), dtype=np.int64)
-        scale = self.mesh.torque_scale
-        for grasps, index in self.sets.groups():
-            contacts = self.sets.contacts(index)
-            axes = wrench_axes(contacts.points, contacts.normals, np.zeros(index.shape), scale)
-            forces = 3 * index.shape[1]
-            # The axes of forces are those of the contacts: turn the Jacobians the same way.
-            turned = (
-                axes[..., :3, :3] @ self.jacobians[index] / (scale * metres_per_unit(self.mesh))
-            )
-            columns = np.concatenate([axes[..., :3, :], turned], axis=-1)
-            columns = columns.reshape(len(index), forces, -1)  # (b, 3 n, 6 + p)
-            both, moving = _ranks(columns), _ranks(columns[..., 6:])
-            found[grasps, 0] = forces - self.rank[grasps]
-            found[grasps, 1] = forces - both
-            found[grasps, 2] = columns.shape[-1] - 6 - moving
-        return locked(found)
-
-    @property
-    def internal(self) -> Ints:
-        """Dimension of the internal forces, shape (k,)."""
-        return self._dimensions[:, 0]
-
-    @property
-    def structural(self) -> Ints:
-        """Dimension of the internal forces that no motor sets, shape (k,)."""
-        return self._dimensions[:, 1]
-
-    @property
-    def redundant(self) -> Ints:
-        """Dimension of the motions of the joints at which no contact moves, shape (k,)."""
-        return self._dimensions[:, 2]
-
-    @cached_property
     def links(self) -> npt.NDArray[np.str_]:
         """Names of the links that touch, separated by spaces, shape (k,)."""
         names = np.array(self.hand.link_names)
@@ -404,14 +365,6 @@ class EvaluatedHandGrasps(GivenGrasps):
             "link_weights": None if self.motor_holding is None else self.motor_holding.link_weights,
             "sensor_resolutions": felt,
         }
-
-
-def _ranks(matrices: Floats) -> Ints:
-    """Ranks of matrices (b, m, n)."""
-    if not matrices.shape[-1]:
-        return np.zeros(len(matrices), dtype=np.int64)
-    values = np.linalg.svd(matrices, compute_uv=False)
-    return np.asarray((values > RANK * np.maximum(values[:, :1], 1.0)).sum(axis=1))
 
 
 def evaluate_hand(

@@ -324,7 +324,7 @@ HAND_GRASPS = (
     MAX_RESOLUTION,
     replace(MARGIN, allowed=Allowed(infinite=-math.inf, unknown=True)),
     EPSILON,
-    *(Field(name, kind="i8") for name in ("rank", "internal", "structural", "redundant")),
+    Field("rank", kind="i8"),
     Field("links", kind="U"),
     Field("gap", LENGTH, (), POSITIVE_OR_NAN),
     Field("penetration", LENGTH, (), Allowed(0.0)),

@@ -395,26 +395,23 @@ def test_poses_under_a_key_of_their_own_and_several_postures_on_the_way(tmp_path
     same_grasps(read_poses(save(tmp_path / "c.npy", later), hand=poses.hand), whole)
 
 
-def test_a_scene_of_dexonomy_states_the_pose_and_scale_of_its_object(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("stated", "words"),
+    [
+        ({"scene_path": "scene/tabletop.npy"}, "of the scene scene/tabletop.npy"),
+        ({"scene_cfg": {"scene": {}}}, "of the scene in its scene_cfg"),
+    ],
+)
+def test_a_pose_of_the_object_that_is_elsewhere_must_be_given(
+    tmp_path: Path, stated: dict[str, object], words: str
+) -> None:
     poses = grasps_of("allegro")
     one = bench(poses, 2)
-    of_object = {
-        "type": "rigid_object", "pose": one.pop("obj_pose").tolist(), "scale": [0.08] * 3,
-        "file_path": one.pop("obj_path"),
-    }  # fmt: skip
-    del one["obj_scale"]
-    scene = {"scene": {"mug": of_object, "table": {"type": "plane"}}}
-    back = read_poses(save(tmp_path / "a.npy", one | {"scene_cfg": scene}), hand=poses.hand)
-    equal(back.poses[0], poses.poses[2], 1e-6)
-    assert back.object_scale == 0.08
-    scene["scene"]["cup"] = of_object
-    save(tmp_path / "a.npy", one | {"scene_cfg": scene})
-    with pytest.raises(ContactError, match="its scene has 2 objects"):
-        read_poses(tmp_path / "a.npy", hand=poses.hand)
-    elsewhere = save(tmp_path / "a.npy", one | {"scene_path": "scene/tabletop.npy"})
-    with pytest.raises(ContactError, match=r"in the frame 'of the scene scene/tabletop.npy'.*give"):
-        read_poses(elsewhere, hand=poses.hand)
-    given = read_poses(elsewhere, hand=poses.hand, object_pose=random_poses(1, seed=2)[0])
+    del one["obj_pose"]
+    path = save(tmp_path / "a.npy", one | stated)
+    with pytest.raises(ContactError, match=rf"in the frame '{words}'.*give"):
+        read_poses(path, hand=poses.hand)
+    given = read_poses(path, hand=poses.hand, object_pose=random_poses(1, seed=2)[0])
     equal(given.poses[0], poses.poses[2], 1e-6)
 
 

@@ -1,4 +1,4 @@
-"""Grasps of hands with joints: files of DexGraspBench, Dexonomy and DexGraspNet.
+"""Grasps of hands with joints: files of DexGraspBench and DexGraspNet.
 
 They are dictionaries, in pickles of .npy files or saved by PyTorch: one with one grasp or many, a
 list of them, or a folder of such files. Nothing is executed; see `grasp3d.system.stored_arrays`.
@@ -44,7 +44,7 @@ NUMBERS = (
 """Keys of numbers that are read."""
 
 TEXTS = ("obj_path", "scene_path", "joint_names")
-"""Keys of texts that are read; `qpos` and `scene_cfg` are dictionaries."""
+"""Keys of texts that are read; `qpos` is a dictionary."""
 
 TRANSLATION, EULER = ("WRJTx", "WRJTy", "WRJTz"), ("WRJRx", "WRJRy", "WRJRz")
 """Keys of a pose in DexGraspNet: metres, and angles about the fixed axes x, y and z in turn."""
@@ -146,7 +146,9 @@ def _rows(content: object, what: str, name: str) -> Rows:
             str(joint): float(_numbers(value, f"{what}: qpos {joint}").reshape(-1)[0])
             for joint, value in content["qpos"].items()
         }
-    return rows | _of_scene(content.get("scene_cfg"))
+    if isinstance(content.get("scene_cfg"), dict):
+        rows.setdefault("scene_path", ["in its scene_cfg"])
+    return rows
 
 
 def _numbers(value: object, what: str, deep: int = 0) -> Floats:
@@ -169,25 +171,6 @@ def _texts(value: object) -> list[str]:
     listed = stored.ravel().tolist() if isinstance(stored, np.ndarray) else stored
     listed = listed if isinstance(listed, list) else [listed]
     return [str(one) for one in listed] if all(isinstance(one, str) for one in listed) else []
-
-
-def _of_scene(scene: object) -> Rows:
-    """Pose, scale and file of the only rigid object of a scene of Dexonomy."""
-    objects = scene.get("scene") if isinstance(scene, dict) else None
-    found = [
-        one
-        for one in (objects.values() if isinstance(objects, dict) else ())
-        if isinstance(one, dict) and one.get("type") == "rigid_object"
-    ]
-    if not found:
-        return {}
-    if len(found) > 1:
-        raise ContactError(f"its scene has {len(found)} objects; scenes of one object are read")
-    keys = ("obj_pose", "pose"), ("obj_scale", "scale"), ("obj_path", "file_path")
-    known = {name: found[0][key] for name, key in keys if found[0].get(key) is not None}
-    texts = _texts(known.pop("obj_path", None))
-    numbers = {name: _numbers(value, f"scene_cfg: {name}") for name, value in known.items()}
-    return numbers | ({"obj_path": texts} if texts else {})
 
 
 def parse_bench(content: list[Rows], given: Given) -> GraspPoses:
