@@ -1,4 +1,4 @@
-"""Checks of input meshes: a diagnosis of each, or why it is refused; written as a table or JSON."""
+"""Checks of input meshes: a diagnosis of each, or why it is refused; written as JSON."""
 
 import json
 from collections.abc import Sequence
@@ -13,24 +13,7 @@ from grasp3d.errors import GraspError
 from grasp3d.mesh.diagnosis import MeshDiagnosis, Trust
 from grasp3d.settings.parsing import plain_values
 from grasp3d.system.files import atomic_write
-from grasp3d.system.tables import table_of_rows, write_tables
 from grasp3d.system.versions import package_version
-
-SUFFIXES = (".json", ".csv", ".parquet")
-
-_COLUMNS: dict[str, type] = {
-    "mesh": str, "source": str, "refusal": str, "trust": str, "warnings": str, "format": str,
-    "file_bytes": int, "unit": str, "unit_guess": str, "size": float, "bodies": int,
-    "cavities": int,
-    "vertices_before": int, "vertices_after": int, "faces_before": int, "faces_after": int,
-    "closed_before": bool, "closed_after": bool,
-    "boundary_edges_before": int, "boundary_edges_after": int,
-    "crowded_edges_before": int, "crowded_edges_after": int,
-    "area_before": float, "area_after": float, "volume_before": float, "volume_after": float,
-    "center_shift": float, "repairs": str, "manifold": str, "crossing_faces": int,
-    "self_intersecting_fraction": float, "noise": float, "label_vertices": int, "memory": float,
-    "seconds": float,
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -78,24 +61,18 @@ def lost_check(mesh: MeshFile, reason: str) -> CheckedMesh:
 
 
 def write_checks(path: Path, meshes: Sequence[CheckedMesh], settings: BatchSettings) -> None:
-    """Write the checks of meshes; lengths in each mesh's unit, angles in radians.
+    """Write the checks of meshes as JSON; lengths in each mesh's unit, angles in radians.
 
     Args:
-        path: File to make or replace; .json holds all values, .csv and .parquet a row per mesh.
+        path: File to make or replace.
         meshes: From `check_file`.
-        settings: Settings of the check; kept in JSON and Parquet.
+        settings: Settings of the check.
 
     Raises:
-        OutputError: The suffix is unknown, or the file cannot be written.
+        OutputError: The file cannot be written.
     """
-    if path.suffix.lower() == ".json":
-        text = json_of(meshes, settings)
-        with atomic_write(path) as part:
-            part.write_text(text + "\n", encoding="utf-8")
-        return
-    rows = [{} if mesh.diagnosis is None else _row(mesh.diagnosis) for mesh in meshes]
-    rows = [{**row, **_head(mesh)} for row, mesh in zip(rows, meshes, strict=True)]
-    write_tables(path, [table_of_rows(rows, _COLUMNS, settings=plain_values(settings))])
+    with atomic_write(path) as part:
+        part.write_text(json_of(meshes, settings) + "\n", encoding="utf-8")
 
 
 def json_of(meshes: Sequence[CheckedMesh], settings: BatchSettings) -> str:
@@ -123,23 +100,3 @@ def _finite(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     return None if value == float("inf") else value
-
-
-def _row(diagnosis: MeshDiagnosis) -> dict[str, Any]:
-    """Flatten a diagnosis into columns."""
-    row = {
-        f"{name}_{when}": value
-        for when, measured in (("before", diagnosis.before), ("after", diagnosis.after))
-        for name, value in asdict(measured).items()
-        if name != "center_mass"
-    }
-    return {
-        **asdict(diagnosis),
-        **row,
-        "memory": diagnosis.cost.memory,
-        "seconds": diagnosis.cost.seconds,
-        "unit_guess": diagnosis.guess.unit,
-        "center_shift": diagnosis.center_shift,
-        "warnings": "; ".join(warning.message for warning in diagnosis.warnings),
-        "repairs": "; ".join(map(str, diagnosis.repairs)),
-    }

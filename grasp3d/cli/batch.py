@@ -16,8 +16,7 @@ from grasp3d.cli.existing_files import check_not_task
 
 def run(command: Batch) -> int:
     """Run the command; returns the exit code."""
-    for path in (Path(command.output), *([command.log] if command.log else [])):
-        check_not_task(path, command.load)
+    check_not_task(Path(command.output), command.load)
     settings = BatchSettings(
         command.reach.touching(command.model),
         command.sampling,
@@ -27,7 +26,7 @@ def run(command: Batch) -> int:
         command.load.chosen,
     )
     with (
-        batch_report.show_progress(quiet=command.quiet, log=command.log) as progress,
+        batch_report.show_progress(quiet=command.quiet) as progress,
         _interrupted_once(),
     ):
         try:

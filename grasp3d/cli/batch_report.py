@@ -1,11 +1,10 @@
-"""What `grasp3d batch` prints: its progress, a log file, and the meshes and failures at the end."""
+"""What `grasp3d batch` prints: its progress, and the meshes and failures at the end."""
 
 import logging
 import time
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import get_args
 
 from rich.console import Console
@@ -27,14 +26,12 @@ from grasp3d.cli.report import (
     escaped,
     table_of,
 )
-from grasp3d.errors import OutputError
 from grasp3d.grasps.verdict import Word
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import EPSILON_MIN, SAFE_LABELS, epsilon_min_text
 from grasp3d.stability.label import MEANING
 from grasp3d.system import compiling
 from grasp3d.system.counts import counted, noun
-from grasp3d.system.names import printable
 
 LINE_INTERVAL = 10.0
 """Time between two lines where there is no terminal [s]."""
@@ -66,7 +63,6 @@ class ProgressDisplay:
         self._bar.update(self._task, completed=progress.fraction, status=self._status(now))
         if progress.row is None:
             return
-        _log_row(progress.row)
         if self._lines is not None and (now - self._last_line > LINE_INTERVAL or not progress.left):
             self._last_line = now
             self._lines.print(self._status(now) + self._time_left())
@@ -84,7 +80,6 @@ class ProgressDisplay:
         self._started = self._last_line = now
         self._bar.reset(self._task)
         what = counted(progress.left, "meshes")
-        _log.info("%s to label, %d finished before", what, progress.finished)
         if self._lines is not None:
             self._lines.print(f"{what} to label, {progress.finished} finished before")
         if progress.stale:
@@ -110,60 +105,32 @@ class ProgressDisplay:
         return f"; about {duration_text(seconds)} left" if seconds else ""
 
 
-def _log_row(row: Row) -> None:
-    if row.outcome == Outcome.LABELLED:
-        _log.info("labelled %s in %.1f s", printable(row.mesh), row.seconds)
-    else:
-        _log.error("%s: %s", row.outcome, printable(row.error))
-
-
 @contextmanager
-def show_progress(*, quiet: bool, log: Path | None) -> Iterator[ProgressDisplay]:
-    """Show the progress of a batch for the duration of the context.
+def show_progress(*, quiet: bool) -> Iterator[ProgressDisplay]:
+    """Show the progress of a batch, and the package's log, for the duration of the context.
 
     Args:
         quiet: Show nothing.
-        log: File to which a line for each mesh is appended.
-
-    Raises:
-        OutputError: The log cannot be written.
     """
     bar = bar_of(TextColumn("{task.fields[status]}"), TimeRemainingColumn(), quiet=quiet)
     console = bar.console
-    with _logged(log, console), bar:
-        yield ProgressDisplay(bar, lines=None if quiet or console.is_terminal else console)
-
-
-@contextmanager
-def _logged(path: Path | None, console: Console) -> Iterator[None]:
-    """Append the package's log to a file, and show the messages of its modules."""
-    handlers: list[logging.Handler] = [_ConsoleHandler(console)]
-    if path is not None:
-        try:
-            handlers.append(logging.FileHandler(path, encoding="utf-8", errors="backslashreplace"))
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
-        handlers[-1].setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
-    level = _log.level
+    handler, level = _ConsoleHandler(console), _log.level
     _log.setLevel(logging.INFO)
-    for handler in handlers:
-        _log.addHandler(handler)
+    _log.addHandler(handler)
     try:
-        yield
+        with bar:
+            yield ProgressDisplay(bar, lines=None if quiet or console.is_terminal else console)
     finally:
         _log.setLevel(level)
-        for handler in handlers:
-            _log.removeHandler(handler)
-            handler.close()
+        _log.removeHandler(handler)
 
 
 class _ConsoleHandler(logging.Handler):
-    """Prints log messages of the run; failures of meshes are counted, and printed at the end."""
+    """Prints log messages of the run."""
 
     def __init__(self, console: Console) -> None:
         super().__init__(logging.INFO)
         self._console = console
-        self.addFilter(lambda record: record.name != _log.name)
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print the line."""

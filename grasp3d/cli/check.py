@@ -10,7 +10,6 @@ from rich.table import Table
 
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.checking import (
-    SUFFIXES,
     CheckedMesh,
     check_file,
     json_of,
@@ -41,7 +40,7 @@ def run(command: Check) -> int:
     """Run the command, and return the exit code."""
     files = find_meshes(command.inputs)
     sources = [local_path(file.source) for file in files]
-    check_output(command.output, SUFFIXES, "report", overwrite=command.overwrite, sources=sources)
+    check_output(command.output, [".json"], "report", overwrite=command.overwrite, sources=sources)
     settings = BatchSettings(command.model, command.sampling, command.mesh)
     meshes = _checked(command, files, settings)
     if command.output is not None:

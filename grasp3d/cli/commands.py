@@ -76,9 +76,6 @@ class Batch(Labelling):
     report: bool = True
     """Write report/index.html."""
 
-    log: Path | None = None
-    """File to which a line for each mesh is appended."""
-
     def __post_init__(self) -> None:
         if not self.inputs:
             raise SettingError("no input: name a folder of meshes, or mesh files")
@@ -231,14 +228,14 @@ class Check(Searching):
     Example:
         # Diagnose one mesh
         grasp3d check meshes/mug.glb
-        # Diagnose all meshes of a folder, and write a table
-        grasp3d check meshes --unit m --max-opening 60mm -o meshes.csv
+        # Diagnose all meshes of a folder, and write a report
+        grasp3d check meshes --unit m --max-opening 60mm -o meshes.json
     """
 
     inputs: Inputs
 
-    output: Annotated[Path | None, Main("report: .json .csv .parquet")] = None
-    """Report: .json with all results, .csv or .parquet with one row per mesh."""
+    output: Annotated[Path | None, Main("report: .json")] = None
+    """Report with all results (.json)."""
 
     json: Annotated[bool, Main("print JSON instead of tables")] = False
     """Print JSON instead of tables."""

@@ -1,3 +1,4 @@
+import json
 import logging
 import os
 import re
@@ -184,7 +185,7 @@ CHECK = """#!/bin/sh
 # Labelling takes too long for a test; `check` uses the workers in the same way.
 while [ "$1" != --scheduler ]; do shift; done
 exec {python} -P -c 'import sys; from grasp3d.cli import main; sys.exit(main())' \
-check meshes --quiet -o checked.csv "$@"
+check meshes --quiet -o checked.json "$@"
 """
 
 
@@ -215,9 +216,9 @@ def check_run(command: list[str], folder: Path) -> None:
             check=False,
         )
     assert done.returncode == 0, (folder / "log").read_text()
-    table = (folder / "checked.csv").read_text(encoding="utf-8").splitlines()
-    assert [line.split(",")[0] for line in table[1:]] == ['"0.stl"', '"1.stl"']
-    assert "yes" in table[1]
+    meshes = json.loads((folder / "checked.json").read_text(encoding="utf-8"))["meshes"]
+    assert [mesh["mesh"] for mesh in meshes] == ["0.stl", "1.stl"]
+    assert meshes[0]["trust"] == "yes"
 
 
 @pytest.mark.slow

@@ -4,9 +4,6 @@ import json
 import re
 from pathlib import Path
 
-import numpy as np
-import pyarrow.csv as pc
-import pyarrow.parquet as pq
 import pytest
 
 from tests.helpers import shapes
@@ -85,26 +82,6 @@ def test_a_folder_has_a_line_for_each_mesh_after_an_error_too(folder: Path) -> N
     assert opened["after"]["volume"] is None
     assert sound["after"]["volume"] == pytest.approx(0.04 * 0.06 * 0.08)
     assert sound["refusal"] is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("suffix", ["csv", "parquet"])
-def test_a_table_has_a_row_for_each_mesh(folder: Path, suffix: str) -> None:
-    vertices, faces = shapes.sphere(2, 0.05)
-    export(folder / "ball.ply", (vertices, faces[:, ::-1]))
-    (folder / "broken.stl").write_bytes(b"no mesh at all")
-    for name in ("ball.ply", "broken.stl"):
-        assert grasp3d("check", name, "-o", f"{name}.{suffix}", cwd=folder).stderr == ""
-    read = {"csv": pc.read_csv, "parquet": pq.read_table}[suffix]
-    (ball,) = read(folder / f"ball.ply.{suffix}").to_pylist()
-    (broken,) = read(folder / f"broken.stl.{suffix}").to_pylist()
-    assert (ball["mesh"], ball["trust"], ball["faces_after"]) == ("ball.ply", "yes", 320)
-    assert ball["volume_after"] == pytest.approx(-ball["volume_before"])
-    assert ball["repairs"] == "320 faces turned: they were inside out"
-    assert np.isfinite([ball["memory"], ball["seconds"], ball["noise"]]).all()
-    assert broken["trust"] == "no"
-    assert broken["refusal"].startswith("broken.stl: ")
-    assert broken["faces_after"] is None
 
 
 def test_a_surface_of_inconsistent_orientation_is_not_watertight(folder: Path) -> None:

@@ -109,7 +109,6 @@ batch list.txt -o out | list.txt, line 2: nowhere.stl: there is no such file or 
 batch nothing://lib -o out | no file system is called nothing://
 batch 'void/**x/[a' -o out | is not a valid file name pattern
 batch ball.ply -o ball.ply | its folder is a file
-batch box.stl -o out --log task.csv --task task.csv --overwrite | is the file of the task
 view . --screenshot a.png | was not written by grasp3d batch
 view bad.ply --screenshot a.png | have a property 'label' but no 'critical_angle'
 view ball.ply --screenshot a.png --fingers 9 | fingers must be from 2 to 5
@@ -178,7 +177,6 @@ validate poses.csv --mesh box.stl --hand franka -o @.csv/report
 simulate box.stl --unit mm -o @.csv
 simulate box.stl --unit mm --grasps poses.csv --hand franka -o @.json
 batch ball.ply -o @.csv/out
-batch ball.ply -o out --log @.csv
 sweep ball.ply -o @.csv
 sweep ball.ply -o new.csv --figure @.svg
 check ball.ply -o @.json
