@@ -1,9 +1,6 @@
 """Result of labelling a surface: the best grasp at every vertex, its label and epsilon."""
 
-import math
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from html import escape
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,7 +12,6 @@ from grasp3d.settings.lengths import GivenLength
 from grasp3d.settings.model_text import model_line
 from grasp3d.settings.sampling import not_covered
 from grasp3d.stability.angle_distributions import SampledAngles
-from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 from grasp3d.surface.area_statistics import Weights, label_fractions, quantiles, vertex_weights
 from grasp3d.surface.conversions import labels_to_polydata, labels_to_table, labels_to_trimesh
 from grasp3d.surface.vertex_grasps import VertexGrasps
@@ -235,29 +231,6 @@ class SurfaceLabels(VertexGrasps):
         # it is needed, as pandas does with its plotting backends.
         return import_module("grasp3d.viewer.show").show(self, **options)
 
-    def _repr_html_(self) -> str:
-        """Table of settings, fractions and angles for notebooks; epsilon only if it is computed."""
-        model = self.model
-        labelled = model.method == "exact" or self.computed("label") is not None
-        fractions = self.fractions() if labelled else {}
-        epsilons = None
-        if self.computed("epsilon_range") is not None:
-            epsilons = self.epsilon_quantiles(LEVELS)
-        grasps = "scan" if self.mode == "scan" else f"{model.fingers} fingers"
-        rows = "".join(
-            f'<tr><th scope="row" style="{_CELL}">{name}</th><td style="{_CELL}">{value}</td></tr>'
-            for name, value in (
-                *_labels(fractions, self.mode),
-                *_numbers(self.angle_quantiles(LEVELS), epsilons),
-            )
-        )
-        notes = "".join(f"<li>{escape(text)}</li>" for text in self.warnings)
-        return (
-            f"<div><strong>{escape(self.mesh.report.source)}</strong> "
-            f"{escape(model_line(model))}, {grasps}, {len(self.row):,} vertices{_bar(fractions)}"
-            f"<table>{rows}</table>{f'<ul>{notes}</ul>' if notes else ''}</div>"
-        )
-
     def _weights(self, weights: Weights) -> Floats:
         return vertex_weights(self.mesh, weights)
 
@@ -267,44 +240,3 @@ _OF_SEARCH = frozenset({
     "partner_points", "opening", "grip", "reachable", "approach", "approach_margin",
 })  # fmt: skip
 """Attributes that depend on the grasps alone."""
-
-
-LEVELS = (0.1, 0.5, 0.9)
-"""Area fractions at which quantiles are shown."""
-
-_BAR = "display:flex;width:24em;max-width:100%;height:0.8em;margin:0.3em 0"
-_CHIP = "display:inline-block;width:0.8em;height:0.8em;margin-right:0.4em"
-_CELL = "text-align:left;padding:0.1em 1em 0.1em 0"
-
-
-def _color(letter: str) -> str:
-    return "#{:02X}{:02X}{:02X}".format(*COLORS[Label[letter]])
-
-
-def _bar(fractions: Mapping[str, float]) -> str:
-    """The area fractions as a bar in the colours of the labels."""
-    if not fractions:
-        return ""
-    text = ", ".join(f"{letter} {fraction:.1%}" for letter, fraction in fractions.items())
-    parts = "".join(
-        f'<span style="width:{100.0 * fraction:.2f}%;background:{_color(letter)}"></span>'
-        for letter, fraction in fractions.items()
-    )
-    return f'<div role="img" aria-label="{text}" style="{_BAR}">{parts}</div>'
-
-
-def _labels(fractions: Mapping[str, float], mode: Mode) -> Iterator[tuple[str, str]]:
-    for letter, fraction in fractions.items():
-        chip = f'<span style="{_CHIP};background:{_color(letter)}"></span>'
-        yield f"{chip}{letter}", f"{fraction:.1%} {escape(MEANING[mode][Label[letter]])}"
-
-
-def _numbers(angles: Floats, epsilons: Floats | None) -> Iterator[tuple[str, str]]:
-    levels = ", ".join(f"{level:.0%}" for level in LEVELS)
-    yield f"β* at {levels} of the area", ", ".join(map(_angle, angles.tolist()))
-    if epsilons is not None:
-        yield f"ε at {levels}", ", ".join(f"{value:.3g}" for value in epsilons.tolist())
-
-
-def _angle(radians: float) -> str:
-    return f"{math.degrees(radians):.1f}°" if math.isfinite(radians) else "none"

@@ -1,4 +1,3 @@
-import math
 import shutil
 import threading
 from collections.abc import Callable
@@ -364,29 +363,6 @@ def test_two_threads_share_one_opening_of_an_object() -> None:
         go_on.set()
         assert first.result() is second.result()
     assert len(count) == 1
-
-
-def test_the_labels_in_a_notebook_are_a_table() -> None:
-    labels: SurfaceLabels = viewing.labels()
-    named = replace(labels.mesh.report, source="<b>&", warnings=("<i>open</i>",))
-    fresh = viewing.with_report(labels, named)
-    table = fresh._repr_html_()
-    assert "&lt;b&gt;&amp;" in table
-    assert "&lt;i&gt;open&lt;/i&gt;" in table
-    assert "<b>" not in table
-    assert "ε" not in table
-    assert fresh.computed("epsilon_range") is None
-    for letter, fraction in labels.fractions().items():
-        assert f"{letter} {fraction:.1%}" in table
-    assert "μ 0.75, α 22.6°, 2 fingers" in table
-    median = float(np.degrees(labels.angle_quantiles([0.5])[0]))
-    assert f"{median:.1f}°" in table or math.isinf(median)
-    fresh.compute("epsilon_range")
-    assert f"{fresh.epsilon_quantiles([0.9])[0]:.3g}" in fresh._repr_html_()
-    hulls = labels.using(model=replace(labels.model, method="extremes"))
-    assert "%</td>" not in hulls._repr_html_()
-    assert hulls.computed("label") is None
-    assert "scan" in viewing.scan()._repr_html_()
 
 
 def test_labels_of_extreme_normals_have_a_note(tmp_path: Path) -> None:
