@@ -109,7 +109,7 @@ def test_quantiles_and_required_resolutions_are_those_of_the_vertices(tmp_path: 
     source = egg(tmp_path)
     settings = replace(SETTINGS, model=replace(SETTINGS.model, location_error="0.5mm"), best=0)
     row, labels = row_of(job_of(source, tmp_path / "out"), settings), labels_of(source, settings)
-    assert (row.friction_min, row.friction_max, row.location_error) == (0.5, 0.5, 0.05)
+    assert (row.friction_min, row.friction_max, row.location_error) == (0.4, 0.4, 0.05)
     margins = (row.margin_p10, row.margin_p50, row.margin_p90)
     assert None not in margins
     assert sorted(margins) == list(margins)

@@ -1,17 +1,13 @@
 """A library of meshes from Python: labelled, resumed, and robust to failures."""
 
-import ctypes
 import os
 import shutil
-import signal
-import time
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
 import trimesh
 
@@ -255,56 +251,6 @@ def test_the_progress_counts_all_meshes(tmp_path: Path) -> None:
 # Faults: each of these runs in a process of its own.
 
 
-def faulty_job(job: Job, settings: BatchSettings) -> Row | Unchanged:
-    """Fail as the name of the mesh says."""
-    if "segfault" in job.mesh.name:
-        ctypes.string_at(0)
-    if "killed" in job.mesh.name:
-        os.kill(os.getpid(), signal.SIGKILL)
-    if "sleeps" in job.mesh.name:
-        time.sleep(3600.0)
-    if "endless" in job.mesh.name:
-        hoard = []
-        while True:
-            hoard.append(np.ones(4_000_000))
-    if "raises" in job.mesh.name:
-        raise ValueError("an unknown error")
-    return label_job(job, settings)
-
-
-@pytest.mark.slow
-def test_meshes_that_end_their_process_have_rows_and_affect_no_others(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(library, "label_job", faulty_job)
-    # A machine with little memory.
-    monkeypatch.setattr("grasp3d.batch.job_requests.machine_memory", lambda: 1.3)
-    faults = ("segfault", "killed", "sleeps", "endless", "raises")
-    for name in faults:
-        mesh(tmp_path / "in" / f"{name}.ply")
-    for number in range(4):
-        mesh(tmp_path / "in" / f"{number}.ply", 1.0 + 0.1 * number)
-    cluster = ClusterSettings(workers=2, worker_memory=0.8, timeout=10.0)
-    done, _ = label(tmp_path / "in", tmp_path / "out", cluster=cluster)
-    failed = {row.mesh.removesuffix(".ply"): row for row in done.failed}
-    assert set(failed) == set(faults)
-    assert all(row.outcome == Outcome.LOST for row in failed.values())
-    messages = {
-        "segfault": "segmentation fault",
-        "killed": "killed",
-        "sleeps": "longer than 10 s",
-        "endless": "took more than 1.17 GB of memory",  # alone, with all memory
-        "raises": "unexpected ValueError: an unknown error",
-    }
-    for name, message in messages.items():
-        assert message in failed[name].error
-    # Without the faults, the next run labels those meshes, and only those.
-    monkeypatch.setattr(library, "label_job", label_job)
-    again, labelled = label(tmp_path / "in", tmp_path / "out", cluster=cluster)
-    assert sorted(labelled) == sorted(f"{name}.ply" for name in faults)
-    assert not again.failed
-
-
 @pytest.mark.slow
 def test_the_number_of_processes_does_not_change_the_results(tmp_path: Path) -> None:
     source = small_library(tmp_path / "in")
@@ -312,7 +258,7 @@ def test_the_number_of_processes_does_not_change_the_results(tmp_path: Path) -> 
         trimesh.Trimesh(vertices, faces).export(source / f"{len(vertices)}.ply")
     settings = replace(QUICK, sampling=Sampling(rays=16), mesh=MeshOptions(max_edge=0.3))
     rows = {}
-    for workers in (0, 1, 2):
+    for workers in (0, 2):
         out, cluster = tmp_path / f"out{workers}", ClusterSettings(workers=workers)
         done, _ = label(source, out, settings, cluster=cluster)
         rows[workers] = values(done.rows.values())
@@ -322,6 +268,6 @@ def test_the_number_of_processes_does_not_change_the_results(tmp_path: Path) -> 
             for path in files
             if path.is_file() and path.parts[-2] in {"labels", "fields", "thumbnails"}
         }
-    assert rows[0] == rows[1] == rows[2]
-    assert rows["files 0"] == rows["files 1"] == rows["files 2"]  # type: ignore[index]
+    assert rows[0] == rows[2]
+    assert rows["files 0"] == rows["files 2"]  # type: ignore[index]
     assert len(rows["files 0"]) == 3 * 5  # type: ignore[index]

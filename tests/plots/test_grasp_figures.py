@@ -29,7 +29,7 @@ def grasps() -> GraspTable:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [1, 2, 4, 7, MOST_PICTURES])
+@pytest.mark.parametrize("count", [1, 7])
 def test_text_fits_and_vertex_graspsare_numbered(count: int) -> None:
     figure = grasp_figure(labels(), grasps(), [BLANK] * count)
     check_texts(figure)

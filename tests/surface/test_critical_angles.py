@@ -105,7 +105,7 @@ def test_smooth_contacts_have_one_critical_angle(count: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("count", "creased"), [(3, 1), (3, 2), (4, 1), (5, 1)])
+@pytest.mark.parametrize(("count", "creased"), [(3, 1), (3, 2), (5, 1)])
 def test_angles_are_tight_bounds_for_every_choice_of_normals(count: int, creased: int) -> None:
     contacts = random_grasps(count, 6, 10 * count + creased, creased)
     worst, best = critical_angles(contacts)
