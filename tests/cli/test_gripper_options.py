@@ -25,9 +25,7 @@ def box(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_label_prints_the_verdict_and_writes_poses(
-    box: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_label_prints_the_verdict_and_writes_poses(box: Path) -> None:
     text = printed("label", "box.stl", *OPTIONS, *FRANKA, "--best", "4", cwd=box)
     assert "Surely held by franka: " in text
     assert "franka" in text
@@ -48,15 +46,6 @@ def test_label_prints_the_verdict_and_writes_poses(
         np.asarray(stored["approach_z"]).ravel()[reached], labels.reach.poses[reached, 2, 2],
         atol=1e-6,
     )  # fmt: skip
-    monkeypatch.setattr("grasp3d.rendering.opengl.can_render", lambda: False)
-    # The same command again replaces its files; another gripper or table is refused.
-    again = ("label", "box.stl", *OPTIONS, "--best", "4")
-    assert run_here(*again, *FRANKA, cwd=box).returncode == 0
-    for others in (("--hand", "wsg50"), ("--hand", "franka"), ()):
-        other = run_here(*again, *others, cwd=box)
-        assert other.returncode == 2
-        assert "gripper" in other.stderr or "table" in other.stderr
-        assert other.stderr.count("\n") == 1
 
 
 @pytest.mark.slow

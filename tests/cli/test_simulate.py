@@ -39,8 +39,8 @@ def test_it_prints_success_by_label_and_margin(folder: Path) -> None:
     assert "held: " in text
     rows = read_columns(folder / "box_simulation.csv")
     assert rows["label"].tolist() == ["S", "S", "M", "M", "U", "U"]
-    again = grasp3d("simulate", "box.stl", "--count", "6", *QUICK, cwd=folder)
-    assert again.stdout == text  # it replaces its own results
+    again = grasp3d("simulate", "box.stl", "--count", "6", *QUICK, "--overwrite", cwd=folder)
+    assert again.stdout == text
 
 
 def test_given_poses_are_simulated(folder: Path) -> None:

@@ -104,7 +104,7 @@ def test_a_note_about_creases_that_decide_the_required_resolution(tmp_path: Path
     export(tmp_path / "box.stl", shapes.box())
     once = ("--friction", "0.5", "--sensor-resolution", "20")
     for edge, noted in (("0.1", True), ("0.02", False)):
-        text = printed("sweep", "box.stl", *once, "--max-edge", edge, cwd=tmp_path)
+        text = printed("sweep", "box.stl", *once, "--max-edge", edge, "--overwrite", cwd=tmp_path)
         assert ("area includes strips along creases, on box.stl" in text) == noted
 
 
