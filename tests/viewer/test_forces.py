@@ -14,7 +14,6 @@ from grasp3d import GraspModel, Label, SurfaceLabels, label_surface, load_mesh, 
 from grasp3d.errors import SettingError
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.loads import Load
-from grasp3d.quality.tasks import Weight
 from grasp3d.surface import Reason
 from grasp3d.surface.holding import Holding
 from grasp3d.viewer.session import planning
@@ -297,17 +296,3 @@ def test_a_task_of_wrenches_mentions_no_mass(tmp_path: Path, force: float | None
         assert "given wrenches" in text.facts
         assert not session.offers("payload")
         assert force is None or "With 20 N the load is" in shown or "No force holds it" in shown
-
-
-class Own(Weight):
-    """A task that a file cannot name."""
-
-
-@pytest.mark.slow
-def test_a_task_of_an_own_class_leaves_a_note(tmp_path: Path) -> None:
-    path = tmp_path / "task.ply"
-    task = Own(0.5, direction=(0, 0, -1))
-    write_ply(path, held().using(load=Load(task=task, grip_force=20.0)))
-    session = ready_session(open_collection(path))
-    assert any("grip forces are left out" in note for note in panel_text(session).notes)
-    assert not session.offers("payload")

@@ -84,12 +84,11 @@ def test_every_pixel_of_a_labelled_sphere_agrees_with_the_closed_form(
     turn = np.arcsin(np.minimum(location / np.cos(critical), 1.0))  # contacts 2 cos apart
     expected = np.full(z.shape, int(Label.M))
     expected[critical + turn < model.friction_angle - model.tilt] = Label.S
-    # The line is the bisector of both normals: none within its turn is better.
-    expected[critical >= model.friction_angle + model.tilt] = Label.U
+    expected[critical - turn >= model.friction_angle + model.tilt] = Label.U
     found = nearest_label(image[inside])
     assert (found == expected[inside]).mean() > 0.985
     near = np.abs(critical + turn - model.friction_angle + model.tilt) < 0.02
-    near |= np.abs(critical - model.friction_angle - model.tilt) < 0.02
+    near |= np.abs(critical - turn - model.friction_angle - model.tilt) < 0.02
     assert (found == expected[inside])[~near[inside]].all()
 
 
