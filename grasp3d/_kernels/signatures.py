@@ -9,7 +9,7 @@ from typing import Any
 from numba import typeof
 from numba.core import types
 
-from grasp3d._kernels.forces import grip_force, sure_forces, tasks
+from grasp3d._kernels.forces import grip_force, sure_forces
 from grasp3d._kernels.hands import kinematics, link_shapes, overlaps, touched_surface, touching
 from grasp3d._kernels.hull import (
     critical_angle,
@@ -204,7 +204,6 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     surface_contacts.write_normals_of_all: [(_i1, _f2, _SURFACE, _SETS, _i1, _i1, _f3)],
     wrenches.write_axes: [(_fixed_f2, _fixed_f2, _fixed_f1, _f, _f, _f3)],
     wrenches.span: [(_f2, _f, _f2, _f2)],
-    tasks.reach: [(_f2, _f2, *[_f] * 6)],
     surface_contacts.largest_angle: [(_fixed_f2, _i, _i, _f, _f, _f)],
     surface_contacts.smallest_angle: [(_fixed_f2, _i, _i, _f, _f, _f)],
     rays.starting_rays: [(_i32_1, _f2, _i8_1, _i)],

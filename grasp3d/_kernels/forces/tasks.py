@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
+from grasp3d._kernels.compiling.decorators import merged, part
 
 ANY_DIRECTION, WITHIN, POINTS = 0, 1, 2
 """Kinds of terms: a force in any direction, or within an angle of a direction, at the centre of
@@ -59,7 +59,7 @@ def _row_product(points, i, fx, fy, fz, tx, ty, tz):
     )
 
 
-@scratch_kernel
+@part
 def reach(terms, points, fx, fy, fz, tx, ty, tz):
     """Support function of a task in a direction (f, t), in the contacts' units."""
     total = 0.0
