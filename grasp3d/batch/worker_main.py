@@ -12,13 +12,13 @@ import queue
 import signal
 import sys
 import threading
-import traceback
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import cloudpickle
 
 from grasp3d.batch.limits import set_allowed_memory
+from grasp3d.system.limited_reading import pickled_error
 
 VALUE, RAISED, NO_MEMORY = range(3)
 """Codes of an answer: before the pickled result or exception, or without more memory."""
@@ -73,20 +73,6 @@ def _answer(folder: str, paths: list[str], memory: float | None, call: bytes) ->
     except MemoryError:
         return NO_MEMORY, b""
     except Exception as error:  # noqa: BLE001, the parent raises it
-        return RAISED, _failure(error)
+        return RAISED, pickled_error(error, cloudpickle.dumps)
     except BaseException as error:  # noqa: BLE001, sys.exit must not end the process
-        return RAISED, _failure(RuntimeError(f"{type(error).__name__}: {error}"))
-
-
-def _failure(error: Exception) -> bytes:
-    """Pickle an exception with its traceback; one that cannot be pickled becomes a RuntimeError."""
-    trace = "".join(traceback.format_exception(error))
-    try:
-        error.add_note(trace)
-        data: bytes = cloudpickle.dumps(error)
-        pickle.loads(data)  # noqa: S301, some exceptions pickle but do not unpickle
-    except Exception:  # noqa: BLE001, as above
-        plain = RuntimeError(f"{type(error).__name__}: {error}")
-        plain.add_note(trace)
-        return pickle.dumps(plain)
-    return data
+        return RAISED, pickled_error(RuntimeError(f"{type(error).__name__}: {error}"))

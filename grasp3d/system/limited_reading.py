@@ -65,11 +65,10 @@ def read_file(read: Callable[..., T], path: Path, *arguments: Any) -> T:
         return read(path, *arguments)
     data, code = _answer(read, (path, *arguments))
     if not data:
-        what = f"{path}: reading it {_failure(data, code)}; is it damaged?"
-        raise FileUnreadError(printable(what))
+        raise FileUnreadError(printable(f"{path}: reading it {_why(data, code)}; is it damaged?"))
     is_raised, value = pickle.loads(data)  # noqa: S301, from a child process of ours
     if is_raised:
-        raise value
+        raise pickle.loads(value)  # noqa: S301, as above
     result: T = value
     return result
 
@@ -92,7 +91,7 @@ def _answer(read: Callable[..., object], arguments: tuple[Any, ...]) -> tuple[by
     return data, process.exitcode
 
 
-def _failure(data: bytes | None, code: int) -> str:
+def _why(data: bytes | None, code: int) -> str:
     """Why there is no answer, the end of a sentence."""
     if data is not None:
         return f"takes more than {MEMORY / 1e9:g} GB of memory"
@@ -111,21 +110,23 @@ def _serve(sender: Any, read: Callable[..., object], arguments: tuple[Any, ...])
     except MemoryError:
         answer = b""
     except Exception as error:  # noqa: BLE001, the parent raises it
-        answer = _pickled(error)
+        answer = pickle.dumps((True, pickled_error(error)))
     sender.send_bytes(answer)
     os._exit(0)  # nothing of the parent's is to be ended
 
 
-def _pickled(error: Exception) -> bytes:
-    """An exception with its traceback; one that cannot be pickled becomes a RuntimeError."""
+def pickled_error(error: Exception, dumps: Callable[[object], bytes] = pickle.dumps) -> bytes:
+    """Pickle an exception, also one that cannot be; its traceback is a note unless a user erred."""
     trace = "".join(traceback.format_exception(error))
     try:
         if not isinstance(error, GraspError):
             error.add_note(trace)
-        data = pickle.dumps((True, error))
+        data = dumps(error)
         pickle.loads(data)  # noqa: S301, some exceptions pickle but do not unpickle
     except Exception:  # noqa: BLE001, as above
-        return pickle.dumps((True, RuntimeError(trace)))
+        plain = RuntimeError(f"{type(error).__name__}: {error}")
+        plain.add_note(trace)
+        return pickle.dumps(plain)
     return data
 
 
