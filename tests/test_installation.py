@@ -71,6 +71,16 @@ def test_an_installation_brings_machine_code(installed: Installed) -> None:
     assert names == set(ahead.kernels())
 
 
+def test_an_installation_brings_every_file(installed: Installed) -> None:
+    """Styles, pages and presets, which are no modules, too."""
+    package = Path(__file__).resolve().parents[1] / "grasp3d"
+    cached = {"__pycache__", ".mypy_cache"}
+    files = {p.relative_to(package) for p in package.rglob("*") if p.is_file()}
+    wanted = {path for path in files if not cached & set(path.parts)}
+    assert wanted
+    assert not {str(path) for path in wanted if not (installed.package / path).is_file()}
+
+
 def test_nothing_is_compiled_after_an_installation(installed: Installed, tmp_path: Path) -> None:
     before = dict(machine_code(installed.package))
     main = ("-c", "import sys; from grasp3d.cli import main; sys.exit(main(sys.argv[1:]))")
