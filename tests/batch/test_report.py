@@ -89,12 +89,12 @@ def test_thumbnail_is_a_small_picture_with_transparent_background(spray: Surface
 
 def test_thumbnail_shows_the_visible_fraction_of_each_label() -> None:
     """For a ball whose upper half is S, (1 + sin e) / 2 is S in the view of elevation e."""
-    ball = sphere_mesh(subdivisions=4)
+    ball = sphere_mesh(subdivisions=5)  # of larger faces pictures differ by processor
     shown = pixels(thumbnail(painted(ball, ball.vertices[:, 2] > 0.0)))
     fraction = shown[Label.S].sum() / shown[None].sum()
     expected = [(1.0 + math.sin(elevation)) / 2.0 for elevation, _ in ELEVATIONS]
     assert min(abs(fraction - one) for one in expected) < 0.025
-    assert shown[Label.M].sum() < 0.05 * shown[None].sum()  # where S and U are mixed
+    assert shown[Label.M].sum() < 0.025 * shown[None].sum()  # where S and U are mixed
     upper, lower = (np.nonzero(shown[label])[0].mean() for label in (Label.S, Label.U))
     assert upper < lower  # rows are counted from above
 
