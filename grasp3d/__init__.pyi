@@ -11,7 +11,7 @@ from .export import write_glb as write_glb
 from .export import write_npz as write_npz
 from .export import write_ply as write_ply
 from .export import write_vtp as write_vtp
-from .grasps.distinct import best_grasps as best_grasps
+from .grasps.best import best_grasps as best_grasps
 from .grasps.evaluation import evaluate_grasps as evaluate_grasps
 from .grasps.grasp_files import read_grasps as read_grasps
 from .grasps.grasp_files import write_grasps as write_grasps

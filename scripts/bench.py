@@ -40,7 +40,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import grasp3d
 from grasp3d.arrays import Floats
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
-from grasp3d.grasps import GraspPoses, poses_of
+from grasp3d.grasps import GraspPoses
 from grasp3d.hand.closing import close_jaws
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.mesh.ray_tracing import FaceRays
@@ -156,7 +156,7 @@ def gripper() -> Iterator[Row]:
     without = best_time(lambda: grasp3d.label_surface(mesh), 1)
     reached = best_time(lambda: grasp3d.label_surface(mesh, hand=hand, table=table), 1)
     yield Row("labels of what is reached", reached, without)
-    best = poses_of(grasp3d.best_grasps(grasp3d.label_surface(mesh, hand=hand), 60)).poses
+    best = grasp3d.best_grasps(grasp3d.label_surface(mesh, hand=hand), 60).poses
     random = np.random.default_rng(0)
     poses = best[random.integers(len(best), size=2000)].copy()
     turns = Rotation.from_rotvec(random.normal(0.0, 0.15, (len(poses), 3))).as_matrix()
@@ -186,7 +186,7 @@ def collisions(mesh: grasp3d.ObjectMesh) -> Row:
     swept = True
     own = best_time(
         partial(
-            collide_poses, poses, openings, signs, swept, scene.shape, scene.limits, scene.tree,
+            collide_poses, poses, openings, signs, swept, -1, scene.shape, scene.limits, scene.tree,
             make_workspace(1), found,
         )
     )  # fmt: skip

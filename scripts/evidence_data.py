@@ -18,8 +18,8 @@ from grasp3d.plots.figures import styled
 from grasp3d.validating.ranking import RankedOutcomes
 
 CURVES = (
-    (0, "robust_score", "payload of the patches, worst case of the sensor", "#0072B2", "-"),
-    (1, "robust_score", "the same at the perceived normals", "#D55E00", "--"),
+    (0, "quality", "payload of the patches, worst case of the sensor", "#0072B2", "-"),
+    (1, "quality", "the same at the perceived normals", "#D55E00", "--"),
     (0, "epsilon", "ε at the perceived normals", "#666666", ":"),
 )
 

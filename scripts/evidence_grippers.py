@@ -24,7 +24,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import trimesh
@@ -37,7 +36,6 @@ from grasp3d.grasps.pose_files import write_poses
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.physics import SimulationSettings, simulate_poses
 from grasp3d.physics.simulate import divided
-from grasp3d.plots.figures import styled
 from grasp3d.validating import SCORES
 from grasp3d.validating.intervals import wilson
 from grasp3d.validating.qualities import compare_scores
@@ -216,12 +214,10 @@ def evaluated(case: Case, path: Path, given: Path) -> pd.DataFrame:
     found = grasp3d.evaluate_grasps(
         read(given), poses, hand=hand, load=load, pose_error=ERRORS[case.error]
     )
-    robustness = found.robustness
     return pd.read_parquet(path).assign(
         object=case.name, gripper=case.gripper, load=case.load, errors=case.error,
         file=path.name, outcome=poses.outcome,
-        sure=[grasp3d.Label(code).name for code in robustness.label_tried],
-        probability=robustness.success_probability,
+        sure=[grasp3d.Label(code).name for code in found.letter],
         **scores_of(found),
     )  # fmt: skip
 
@@ -242,7 +238,7 @@ def held_of(rows: pd.DataFrame) -> str:
     return f"{len(rows)} | {rows.outcome.mean():.3f} | {low:.3f} to {high:.3f}"
 
 
-def report(rows: pd.DataFrame, figure: Path | None) -> None:
+def report(rows: pd.DataFrame) -> None:
     """Print how many of each kind held, and how well scores predict it."""
     rows = rows[rows.outcome.notna()]
     print(f"\n{len(rows)} grasps of {rows.object.nunique()} objects; fates:")
@@ -270,43 +266,17 @@ def report(rows: pd.DataFrame, figure: Path | None) -> None:
         known, values, held, clusters, resamples=RESAMPLES, seed=0
     )
     print("\nscore | ROC-AUC | 95 %, objects drawn anew | robust score less it | p")
-    less = {one.other.name: one for one in differences if one.score.name == "robust_score"}
+    less = {one.other.name: one for one in differences if one.score.name == "quality"}
     for one in qualities:
         text = f"{one.score.name} | {one.roc_auc:.3f} | {ends_of(one.roc_auc_interval)}"
         if other := less.get(one.score.name):
             text += f" | {other.difference:+.3f} {ends_of(other.interval)} | {other.p:.3f}"
         print(text)
-    reliability(rows, figure)
 
 
 def ends_of(interval: tuple[float, float]) -> str:
     """An interval as text."""
     return f"{interval[0]:.3f} to {interval[1]:.3f}"
-
-
-def reliability(rows: pd.DataFrame, figure: Path | None) -> None:
-    """Print, and draw, which share held of grasps with about one probability of success."""
-    bins = rows.groupby(pd.cut(rows.probability, PROBABILITIES, include_lowest=True), observed=True)
-    stated, held = bins.probability.mean(), bins.outcome.mean()
-    print("\nprobability | grasps | held | 95 %")
-    for span, of in bins:
-        print(f"{of.probability.mean():.3f} in {span} | {held_of(of)}")
-    if figure is None:
-        return
-    limits = np.array([wilson(int(of.outcome.sum()), len(of)) for _, of in bins])
-    draw(stated.to_numpy(), held.to_numpy(), limits, figure)
-
-
-@styled
-def draw(stated: Floats, held: Floats, limits: Floats, path: Path) -> None:
-    """Draw shares that held (n,), with intervals (n, 2), over stated probabilities (n,)."""
-    figure, axes = plt.subplots(figsize=(4.2, 3.4), layout="constrained")
-    axes.plot([0, 1], [0, 1], color="#999999", linewidth=0.8)
-    axes.errorbar(stated, held, np.abs(limits.T - held), fmt="o-", color="#0072B2", capsize=2)
-    axes.set(xlabel="probability of success, as stated", ylabel="held, of simulated grasps")
-    axes.set(xlim=(-0.03, 1.03), ylim=(0.0, 1.03))
-    figure.savefig(path, dpi=160)
-    plt.close(figure)
 
 
 def main() -> None:
@@ -319,7 +289,6 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", help="names of objects, without the suffix")
     parser.add_argument("--workers", type=int, default=2, help="processes")
     parser.add_argument("--report", action="store_true", help="only the tables of what there is")
-    parser.add_argument("--figure", type=Path, help="picture of the reliability of probabilities")
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
     paths = [path for path in sorted(MESHES.iterdir()) if path.suffix not in {".md", ".png"}]
@@ -333,7 +302,7 @@ def main() -> None:
         run(options, objects)
     rows = collected(options, objects)
     rows.to_parquet(options.output / "all.parquet")
-    report(rows, options.figure)
+    report(rows)
 
 
 if __name__ == "__main__":

@@ -73,7 +73,6 @@ from grasp3d.quality.loads import Load
 from grasp3d.rendering.opengl import View
 from grasp3d.settings import with_fingers
 from grasp3d.stability.label import COLORS, MEANING
-from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.tables import read_columns
 from grasp3d.viewer.scene.framing import MARGIN
 from grasp3d.viewer.scene.overlays import BOLD, PLAIN
@@ -234,17 +233,11 @@ def draw_reach(path: Path) -> None:
     ):  # fmt: skip
         image = draw_labels(one, view=view, size=(560, 600))
         show_picture(next(panels), image, title, fraction_words(one))
-    pictures = draw_grasps(labels, grasps.take(np.array(rows)))
+    pictures = draw_grasps(grasps.take(np.array(rows)), labels)
     for kind, row, image in zip(("across", "handle"), rows, pictures, strict=True):
-        show_picture(next(panels), image, f"{kind}, {approach_words(grasps, row)}", "")
+        show_picture(next(panels), image, f"{kind}, score {grasps.score[row]:.2f}", "")
     add_labels(figure)
     figure.savefig(path, dpi=130)
-
-
-def approach_words(grasps: GraspTable, row: int) -> str:
-    """The approach margin of a grasp."""
-    assert grasps.reach is not None
-    return f"approach ±{math.degrees(grasps.reach.approach_margin[row]):.0f}°"
 
 
 LOWEST = 0.1

@@ -85,7 +85,7 @@ def test_grasps_of_a_gripper_go_to_a_file_and_back(tmp_path: Path) -> None:
         assert given.in_unit("m").poses == pytest.approx(grasps.poses, abs=1e-6)
     found = grasp3d.evaluate_grasps(mesh, given, model, hand=gripper, table=table, load=load)
     assert found.poses.shape == grasps.poses.shape
-    np.testing.assert_array_equal(found.label, grasps.closed.label)
+    np.testing.assert_array_equal(found.label, grasps.label)
     grasp3d.write_grasps(tmp_path / "again.json", found)
     again = grasp3d.read_grasps(tmp_path / "again.json")
     assert again.columns["label"].tolist() == [grasp3d.Label(code).name for code in found.label]

@@ -184,7 +184,7 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     rays.seed_rays: [(_i1, _i, types.UniTuple(_i, 2), _i, _ORIGINS, _PAIRS)],
     surface_contacts.order_normal_sets: [(_i1, _f2, _i1, _f2, _f1)],
     reaching.collide_poses: [
-        (_f3, _f1, _i8_1, _b, _GRIPPER, _LIMITS, _BOX_TREE, _REACH_WORKSPACE, _b1),
+        (_f3, _f1, _i8_1, _b, _i, _GRIPPER, _LIMITS, _BOX_TREE, _REACH_WORKSPACE, _b1),
     ],
     crease_contacts.bound_creases: [(_FACE_TREE, _i1, _SURFACE, _SETS)],
     visible_faces.draw_surface: [(_f2, _fixed_i2, _u8_1, _fixed_i2, _f2, _b, _f2, _f, _f3)],

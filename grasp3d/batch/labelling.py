@@ -26,6 +26,7 @@ from grasp3d.system.context import running
 from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
+    from grasp3d.grasps.evaluated_poses import EvaluatedPoses
     from grasp3d.surface.grasp_table import GraspTable
     from grasp3d.surface.labels import SurfaceLabels
 
@@ -224,7 +225,6 @@ def _verdict_values(labels: "SurfaceLabels") -> dict[str, Any]:
         "causes": causes_text(labels),
         "stable_grasps": verdict.count,
         "spare_resolution": _finite_or_none(verdict.spare_resolution),
-        "approach_margin": _finite_or_none(verdict.approach_margin),
         **load,
     }
 
@@ -272,9 +272,9 @@ def _angles_of(labels: "SurfaceLabels") -> AngleDistribution:
     return SampledAngles(worst[counted], best[counted], weights[counted], limit=labels.search.cone)
 
 
-def _best_of(labels: "SurfaceLabels", count: int) -> "GraspTable | None":
+def _best_of(labels: "SurfaceLabels", count: int) -> "GraspTable | EvaluatedPoses | None":
     """Best distinct grasps of a surface; None: there are none, or none are asked for."""
-    from grasp3d.grasps.distinct import best_grasps
+    from grasp3d.grasps.best import best_grasps
     from grasp3d.surface.vertex_grasps import Reason
 
     if not count or not np.any(labels.reason == Reason.FOUND):
@@ -282,48 +282,38 @@ def _best_of(labels: "SurfaceLabels", count: int) -> "GraspTable | None":
     return best_grasps(labels, count)
 
 
-def _best_rows(best: "GraspTable | None") -> tuple[BestGrasp, ...]:
+def _best_rows(best: "GraspTable | EvaluatedPoses | None") -> tuple[BestGrasp, ...]:
     """The best distinct grasps as they are stored in the row of a surface."""
-    from grasp3d.grasps.ranking import stated_label
-
     if best is None:
         return ()
-    names, codes = [label.name for label in sorted(Label)], stated_label(best, best.closed)
-    further, poses = _further_values(best), best.poses
+    names, further = [label.name for label in sorted(Label)], _further_values(best)
+    contacts: Any = getattr(best, "jaws", None) or getattr(best, "contacts", None)
+    poses = best.poses
     return tuple(
         BestGrasp(
-            label=names[codes[number]],
-            pose=() if poses is None else _flat(poses[number]),
-            critical_angle=float(best.critical_angle[number]),
-            max_resolution=float(best.max_resolution[number]),
-            epsilon=float(best.epsilon[number]),
-            opening=float(best.opening[number]),
-            points=_triples(best.contacts.points[number]),
-            normals=_triples(-best.contacts.normals[number]),
-            **{name: _finite_or_none(float(one[number])) for name, one in further.items()},
+            label=names[best.letter[row]],
+            score=float(best.score[row]),
+            critical_angle=float(best.critical_angle[row]),
+            max_resolution=float(best.max_resolution[row]),
+            epsilon=float(best.epsilon[row]),
+            opening=float(best.opening[row]),
+            points=_triples(contacts.points[row]),
+            normals=_triples(-contacts.normals[row]),
+            pose=() if poses is None else tuple(poses[row].ravel().tolist()),
+            **{name: _finite_or_none(float(one[row])) for name, one in further.items()},
         )
-        for number in range(best.size)
+        for row in range(best.size)
     )
 
 
-def _flat(pose: Floats) -> tuple[float, ...]:
-    """The numbers of a pose (4, 4); none where fingers have no common pose."""
-    return tuple(pose.ravel().tolist()) if np.isfinite(pose).all() else ()
+def _further_values(best: "GraspTable | EvaluatedPoses") -> dict[str, Floats]:
+    """How far the approach may turn, and what is held: by name in `BestGrasp`, shape (k,) each."""
+    from grasp3d.grasps.verdict import needed_force
 
-
-def _further_values(best: "GraspTable") -> dict[str, Floats]:
-    """How the gripper comes to grasps, what they hold, and how well where poses are a little wrong.
-
-    By name in `BestGrasp`, shape (k,) each.
-    """
-    values: dict[str, Floats] = {}
-    if (reach := best.reach) is not None:
-        values |= {name: getattr(reach, name) for name in ("pregrasp_opening", "approach_margin")}
-    if (closed := best.closed) is not None:
-        values |= {name: closed.number(name) for name in ("robust_score", "closing_share")}
-    if (holding := best.holding) is not None:
-        values |= {"grip_force": holding.grip_force_largest, "payload": holding.payload}
-    return values
+    values = {"approach_margin": getattr(best, "approach_margin", None)}
+    if best.load is not None:
+        values |= {"grip_force": needed_force(best), "payload": best.payload}
+    return {name: one for name, one in values.items() if one is not None}
 
 
 def _triples(rows: Any) -> tuple[tuple[float, float, float], ...]:

@@ -41,19 +41,13 @@ class BestGrasp:
     normals: tuple[tuple[float, float, float], ...]
     """Outward unit normals at the contact points."""
     label: str = ""
-    """S, M or U: with force where a load with mass and force is stated, else with a gripper at what
-    its jaws touch."""
+    """S, M or U, of everything that is stated."""
+    score: float = 0.0
+    """The one number by which grasps are sorted, from 0 to 1."""
     pose: tuple[float, ...] = ()
     """With a gripper: the rows of the 4 x 4 matrix from its frame to the mesh's, 16 numbers."""
-    pregrasp_opening: float | None = None
-    """Opening before the fingers close, in the mesh's unit."""
     approach_margin: float | None = None
-    """How wrong the approach angle about the closing axis may be [rad]."""
-    robust_score: float | None = None
-    """Score of the touched patches over all poses tried, from -1 to 1; none: no gripper, or it is
-    not known what the jaws touch."""
-    closing_share: float | None = None
-    """Fraction of the poses tried at which the jaws close; none as above."""
+    """How far the approach may turn about the closing axis [rad]; none: no gripper."""
     grip_force: float | None = None
     """Force of each finger that holds it at the worst normals [N]; none: no load, or none does."""
     payload: float | None = None
@@ -100,8 +94,6 @@ class Row:
     """Distinct S grasps that are reached."""
     spare_resolution: float | None = None
     """Of the best grasp: alpha* - alpha [rad]; negative: a finer sensor is needed."""
-    approach_margin: float | None = None
-    """Of the best grasp [rad]."""
     task: str | None = None
     """What the grasps must resist, as text; none: there is no load."""
     mass: float | None = None

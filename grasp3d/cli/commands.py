@@ -170,6 +170,9 @@ class Label(Labelling):
     """Number of best distinct grasps to print and to write to a file, with a picture (.png) of the
     same name beside it."""
 
+    all: bool = False
+    """With --best: name grasps that are U as well, after those that may hold."""
+
     grasps: Path | None = None
     """File of the best grasps of --best (.json, .csv, .parquet; with a gripper also .yaml for
     isaac_grasp, .h5 for ACRONYM, .npy for graspnetAPI) (default: NAME_grasps.json in the folder of
@@ -195,8 +198,8 @@ class Label(Labelling):
     def __post_init__(self) -> None:
         if self.best is not None and self.best < 1:
             raise SettingError(f"best must be at least 1; got {self.best}")
-        for name in ("grasps", "grasps_format", "object_pose", "frame"):
-            if getattr(self, name) is not None and self.best is None:
+        for name in ("all", "grasps", "grasps_format", "object_pose", "frame"):
+            if getattr(self, name) not in {None, False} and self.best is None:
                 raise SettingError(f"{name} is for the best grasps; give their number with --best")
         if self.grasps_format == "graspgen":
             raise SettingError(
@@ -275,9 +278,9 @@ class View(Labelling):
     ]
     """A mesh, a labelled PLY, or the folder of results of `grasp3d batch`."""
 
-    grasps: Annotated[Path | None, Main("poses of a hand with joints to step through")] = None
-    """Poses of a hand with joints on the mesh, as grasp3d evaluate takes them, instead of its
-    labels: the hand is shown at each, the one to be taken first at the front. Needs --hand."""
+    grasps: Annotated[Path | None, Main("poses of a gripper or hand to step through")] = None
+    """Poses of a gripper or hand on the mesh, as grasp3d evaluate takes them, instead of its
+    labels: it is shown at each, the one to be taken first at the front. Needs --hand."""
 
     contact_rule: Annotated[ContactRule | None, Group("hand")] = None
     """With --grasps: which contacts the poses make, as in grasp3d evaluate (default: given)."""

@@ -20,8 +20,7 @@ from grasp3d.grasps.grasp_files import (
 )
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.pose_files import holds_poses, read_poses
-from grasp3d.grasps.ranking import listed_rows
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.frames import AUTO
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh, load_mesh
@@ -62,8 +61,8 @@ def _check_picture(command: Evaluate) -> None:
     from grasp3d.plots.figures import METADATA
     from grasp3d.rendering.opengl import check_rendering
 
-    if not isinstance(command.reach.hand, ArticulatedHand):
-        raise SettingError("picture applies to poses of a hand with joints")
+    if command.reach.hand is None:
+        raise SettingError("picture applies to poses of a gripper or hand")
     check_output(command.picture, METADATA, "figure", overwrite=command.overwrite)
     check_rendering()
 
@@ -115,28 +114,26 @@ def _evaluate_poses(command: Evaluate, output: Path) -> Mapping[str, Floats] | N
     metrics = None if command.metrics is None else results.metrics(command.metrics)
     progress_bars.measure(lambda: results.epsilon, "measuring epsilon", quiet=command.quiet)
     write_grasps(output, results, metrics=metrics)
-    if isinstance(results, EvaluatedPoses):
-        if not command.quiet:
-            grasp_report.print_poses(results, output)
-    else:
-        _finish_hand(command, results, output)
+    if command.picture is not None:
+        _draw(command.picture, results, quiet=command.quiet)
+    if not command.quiet:
+        of_gripper = isinstance(results, EvaluatedPoses)
+        report = grasp_report.print_poses if of_gripper else hand_report.print_hand_grasps
+        report(results, *filter(None, (output, command.picture)))
     return metrics
 
 
-def _finish_hand(command: Evaluate, results: EvaluatedHandGrasps, output: Path) -> None:
-    """Draw poses of a hand with joints, if that is asked for, and print the results."""
-    if command.picture is not None:
-        from grasp3d.plots.figures import save_as
-        from grasp3d.plots.grasps import hand_grasp_figure
-        from grasp3d.viewer.scene.sheets import draw_hand_grasps
+def _draw(path: Path, results: EvaluatedPoses | EvaluatedHandGrasps, *, quiet: bool) -> None:
+    """Draw the poses to be taken first."""
+    from grasp3d.plots.figures import save_as
+    from grasp3d.plots.grasps import grasp_figure
+    from grasp3d.viewer.scene.sheets import draw_grasps
 
-        rows = listed_rows(results, PICTURED)
-        shown = results.take(rows)
-        with progress_bars.progress("drawing poses", quiet=command.quiet):
-            pictures = draw_hand_grasps(shown)
-        save_as(hand_grasp_figure(shown, pictures, [int(row) + 1 for row in rows]), command.picture)
-    if not command.quiet:
-        hand_report.print_hand_grasps(results, *filter(None, (output, command.picture)))
+    rows = ranked_rows(results)[:PICTURED]
+    shown = results.take(rows)
+    with progress_bars.progress("drawing poses", quiet=quiet):
+        pictures = draw_grasps(shown)
+    save_as(grasp_figure(shown, pictures, [int(row) + 1 for row in rows]), path)
 
 
 def _of_poses(command: Evaluate) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """Printed report of evaluated poses of a hand with joints."""
 
 import math
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from grasp3d.cli.grasp_report import (
     outcomes_lines,
     print_files,
     print_some,
+    reason_lines,
     resolution_text,
 )
 from grasp3d.cli.report import (
@@ -26,7 +26,7 @@ from grasp3d.cli.report import (
 )
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.motor_holding import load_text
-from grasp3d.grasps.ranking import ranked_rows, stated_label
+from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.settings.lengths import small_length
 from grasp3d.stability.label import Label
@@ -48,7 +48,7 @@ _HELD = (
     "cannot distinguish; limit: what limits that"
 )
 
-_LOAD = "; held: label with the mass; load: the mass over what is surely held"
+_LOAD = "; load: the mass over what is surely held"
 
 
 def print_hand_grasps(grasps: EvaluatedHandGrasps, *outputs: Path) -> None:
@@ -72,8 +72,7 @@ def print_hand_grasps(grasps: EvaluatedHandGrasps, *outputs: Path) -> None:
 
     report.labels("scan", ("poses", "fraction"), cells)
     report.line(_lengths(grasps))
-    kinds = Counter(kind for kind in grasps.reasons.kinds if kind)
-    report.lines(f"{count} of {size}: {kind}" for kind, count in kinds.most_common())
+    report.lines(reason_lines(grasps))
     report.lines(outcomes_lines(grasps))
     report.line(f"[bold]{_verdict(grasps)}[/]")
     if grasps.motor_holding is not None:
@@ -83,7 +82,7 @@ def print_hand_grasps(grasps: EvaluatedHandGrasps, *outputs: Path) -> None:
     print_some(report, _columns(grasps), grasps)
     report.line(_LEGEND)
     if grasps.motor_holding is not None:
-        report.line(_HELD if grasps.label_with_force is None else f"{_HELD}{_LOAD}")
+        report.line(f"{_HELD}{_LOAD}" if grasps.motor_holding.load.decided else _HELD)
     print_files(report, grasps, *outputs)
 
 
@@ -101,8 +100,8 @@ def _lengths(grasps: EvaluatedHandGrasps) -> str:
 
 def _verdict(grasps: EvaluatedHandGrasps) -> str:
     """How many poses are surely stable, and the best one."""
-    sure = stated_label(grasps) == Label.S
-    held = "stable" if grasps.label_with_force is None else "held"
+    sure, load = (grasps.label == Label.S) & grasps.reachable, grasps.to_hold
+    held = "held" if load is not None and load.decided else "stable"
     text = f"surely {held} and reached: {int(sure.sum())} of {counted(grasps.size, 'poses')}"
     rows = ranked_rows(grasps)
     if not sure.any() or not len(rows):
@@ -119,7 +118,7 @@ def _columns(grasps: EvaluatedHandGrasps) -> list[Column]:
     def gap(row: int) -> str:
         return "none" if math.isnan(grasps.gap[row]) else f"{1e3 * metres * grasps.gap[row]:.1f}"
 
-    holding, codes = grasps.motor_holding, grasps.label_with_force
+    holding = grasps.motor_holding
     held: list[Column] = []
     if holding is not None:
         unit = "kg" if holding.load.by_mass else ""
@@ -128,11 +127,9 @@ def _columns(grasps: EvaluatedHandGrasps) -> list[Column]:
             (f"surely\n{unit}", lambda row: number_text(holding.payload_sure[row])),
             ("limit", lambda row: escaped(str(holding.limit[row]))),
         ]
-        if codes is not None:
-            held[-1:-1] = [
-                ("load", lambda row: load_text(float(holding.load_fraction[row]))),
-                ("held", lambda row: label_name(Label(int(codes[row])))),
-            ]
+        if holding.load.decided:
+            load: Column = ("load", lambda row: load_text(float(holding.load_fraction[row])))
+            held.insert(2, load)
     return [
         ("pose", lambda row: str(row + 1)),
         ("label", lambda row: label_name(Label(int(grasps.label[row])))),

@@ -15,6 +15,7 @@ from grasp3d.cli.report import (
     Report,
     angle_text,
     escaped,
+    label_name,
     length_with_unit,
     model_words,
     percent_text,
@@ -23,8 +24,9 @@ from grasp3d.cli.report import (
 )
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.export.writers import writer_for
+from grasp3d.grasps.best import best_grasps, check_external
 from grasp3d.grasps.causes import causes_text
-from grasp3d.grasps.distinct import best_grasps
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.grasp_files import SUFFIXES, write_grasps
 from grasp3d.grasps.pose_files import SUFFIXES as POSES
 from grasp3d.grasps.pose_files.files import check_frame, check_hand, format_of, suffixes_of
@@ -45,14 +47,39 @@ from grasp3d.system.counts import counted
 from grasp3d.system.files import check_suffix
 from grasp3d.system.names import safe_stem
 
+REACHED_CONTACTS = "two contacts that the gripper reaches, whole pads assumed to touch"
+"""What the letters of an area are, where there is a gripper."""
+
+LETTERS = sorted(Letter)[::-1]
+
 
 def run(command: Label) -> int:
     """Run the command, and return the exit code."""
     if command.reach.pose_error and not command.best:
         raise SettingError("--pose-error tries wrong poses of the best grasps: give --best as well")
+    output, grasp_file = _files(command)
+    write = writer_for(output)
+    labels, vertices = _labels(command)
+    grasps = best_grasps(labels, command.best, unstable=command.all) if command.best else None
+    if grasps is not None:
+        refuse_warnings(grasp_report.warnings_of_best(grasps, command.object_pose))
+    write(output, labels)
+    if not command.quiet:
+        print_labels(labels)
+    for text, vertex in zip(command.at, vertices, strict=True):  # asked for, so also with --quiet
+        _print_at(labels, text, vertex)
+    written = [output]
+    if grasps is not None:
+        written += _write_best(command, labels, grasp_file, grasps)
+    if not command.quiet:
+        Report().written(*written)
+    return 0
+
+
+def _files(command: Label) -> tuple[Path, Path]:
+    """The labelled file and that of the best grasps, checked before the work."""
     name = safe_stem(command.file.stem) if command.output is None else command.output.stem
     output = command.output or Path(f"{name}_labeled.ply")
-    write = writer_for(output)
     form = command.grasps_format
     suffix = suffixes_of(form)[0] if form else ".json"
     grasp_file = command.grasps or output.with_name(f"{name}_grasps{suffix}")
@@ -61,21 +88,12 @@ def run(command: Label) -> int:
         _check_grasp_file(command, grasp_file)
         if grasp_file.absolute() == output.absolute():
             raise OutputError(f"{output}: is the labelled file and that of the best grasps")
+        if command.posed_hand is not None:
+            check_external(command.sampling)
     for path in (output, *grasp_files):
         check_not_task(path, command.load)
         check_output(path, overwrite=command.overwrite, sources=[command.file])
-    labels, vertices = _labels(command)
-    grasps = best_grasps(labels, command.best) if command.best else None
-    if grasps is not None:
-        refuse_warnings(grasp_report.warnings_of_best(grasps, command.object_pose))
-    write(output, labels)
-    if not command.quiet:
-        print_labels(labels, output)
-    for text, vertex in zip(command.at, vertices, strict=True):  # asked for, so also with --quiet
-        _print_at(labels, text, vertex)
-    if grasps is not None:
-        _write_best(command, labels, grasp_file, grasps)
-    return 0
+    return output, grasp_file
 
 
 def _check_grasp_file(command: Label, path: Path) -> None:
@@ -124,58 +142,67 @@ def _print_at(labels: SurfaceLabels, text: str, vertex: int) -> None:
     report.fields([("label", Letter(labels.label[vertex]).name), *shown.numbers, *others])
 
 
-def _write_best(command: Label, labels: SurfaceLabels, output: Path, grasps: GraspTable) -> None:
-    """Print and write the best distinct grasps, and draw them if OpenGL is available."""
+def _write_best(
+    command: Label, labels: SurfaceLabels, output: Path, grasps: GraspTable | EvaluatedPoses
+) -> list[Path]:
+    """Print, write and, if OpenGL is available, draw the best grasps; returns what was written."""
     from grasp3d.plots.figures import save_as
     from grasp3d.plots.grasps import grasp_figure
     from grasp3d.rendering.opengl import can_render
     from grasp3d.viewer.scene.sheets import draw_grasps
 
-    count = command.best or 0
-    has_file = grasps.size > 0 or labels.reach is None  # files of poses cannot be empty
-    if has_file:
+    written = []
+    if grasps.size or isinstance(grasps, GraspTable):  # files of poses cannot be empty
+        written.append(output)
         write_grasps(
             output, grasps, format=command.grasps_format, object_pose=command.object_pose,
             frame=command.frame,
         )  # fmt: skip
-    has_pictures = grasps.size > 0 and can_render()
-    if has_pictures:
+    can_draw = can_render()
+    if grasps.size and can_draw:
         with progress_bars.progress("drawing grasps", quiet=command.quiet):
-            pictures = draw_grasps(labels, grasps)
-        save_as(grasp_figure(labels, grasps, pictures), output.with_suffix(".png"))
+            pictures = draw_grasps(grasps, labels)
+        written.append(output.with_suffix(".png"))
+        save_as(grasp_figure(grasps, pictures), written[-1])
     if not command.quiet:
         grasp_report.print_best(
-            grasps, count, output, has_pictures=has_pictures, has_file=has_file,
-            object_pose=command.object_pose,
-        )  # fmt: skip
+            grasps, command.best or 0, can_draw=can_draw, object_pose=command.object_pose
+        )
+    return written
 
 
-def print_labels(labels: SurfaceLabels, output: Path) -> None:
-    """Print the settings, area fractions, quantiles, repairs and warnings of a labelled surface.
+def print_labels(labels: SurfaceLabels) -> None:
+    """Print the settings, area fractions, verdict, repairs and warnings of a labelled surface.
+
+    Without a gripper also quantiles of angles, epsilon and forces.
 
     Args:
         labels: Labels of the surface.
-        output: The file that they were written to.
     """
     report, mesh = Report(), labels.mesh
     _print_settings(report, labels)
     report.lines(labels.mesh.region_notes)
     fractions = labels.fractions()
-    report.labels(
-        "label", ["area fraction"], lambda code: [percent_text(fractions[code.name])], texts=3
-    )
+    if labels.scene is None:
+        report.labels(
+            "label", ["area fraction"], lambda code: [percent_text(fractions[code.name])], texts=3
+        )
+    else:
+        parts = (f"{label_name(code)} {percent_text(fractions[code.name])}" for code in LETTERS)
+        report.line(f"area, of {REACHED_CONTACTS}: {', '.join(parts)}")
     if labels.sampling is not None:
         report.line(f"[bold]{escaped(str(verdict_of(labels)))}[/]")
-        if causes := causes_text(labels):
+        if labels.scene is None and (causes := causes_text(labels)):
             decided = labels.holding is not None and labels.holding.label is not None
             forced = "U with the force at hand" if decided else "U"
             report.line(f"{forced}, of the area: {escaped(causes)}")
-    angles = ", ".join(map(angle_text, labels.angle_quantiles(LEVELS)))
-    report.paragraph(f"critical friction angle, {PERCENTS} of the area: {angles}")
     areas = vertex_weights(mesh, "area")
     report.lines(uncertainty_lines(labels, areas, of="area", unit=mesh.unit))
-    report.line(_epsilon_text(labels))
-    print_load(report, labels.holding, areas)
+    if labels.scene is None:
+        angles = ", ".join(map(angle_text, labels.angle_quantiles(LEVELS)))
+        report.paragraph(f"critical friction angle, {PERCENTS} of the area: {angles}")
+        report.line(_epsilon_text(labels))
+        print_load(report, labels.holding, areas)
     if lone := int(np.sum(~mesh.on_surface)):
         report.paragraph(f"{counted(lone, 'vertices')} in no face: their label is U, their area 0")
     for step in mesh.report.repairs:
@@ -183,7 +210,6 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
     report.warnings(labels.warnings)
     if mesh.report.warnings:
         report.paragraph(CHECK_HINT)
-    report.written(output)
 
 
 def _print_settings(report: Report, labels: SurfaceLabels) -> None:

@@ -20,6 +20,7 @@ from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 from grasp3d.stability.thresholds import margin_budget
 from grasp3d.surface.area_statistics import quantiles
 from grasp3d.surface.holding import Holding
+from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.counts import counted, short_number
 from grasp3d.system.names import printable
 
@@ -319,6 +320,14 @@ def _uncertainties(model: GraspModel, unit: Unit | None) -> Sequence[str]:
     return parts
 
 
+def load_line(case: LoadCase) -> str:
+    """A load, and the force at hand."""
+    mass = "mass not given" if case.mass is None else f"{short_number(case.mass)} kg"
+    text = escaped(str(case.load.task))
+    per_finger = f"{case.at_hand} per finger" if case.at_hand else "none given"
+    return f"[bold]load[/]: {mass}, {text}; force at hand: {per_finger}"
+
+
 def print_load(report: Report, holding: Holding | None, areas: Floats | None = None) -> None:
     """Print a load, which part of the surface or which grasps hold it, and forces and payloads.
 
@@ -329,11 +338,8 @@ def print_load(report: Report, holding: Holding | None, areas: Floats | None = N
     """
     if holding is None:
         return
-    mass = "mass not given" if holding.mass is None else f"{short_number(holding.mass)} kg"
-    text = escaped(str(holding.case.load.task))
+    report.line(load_line(holding.case))
     force = holding.case.at_hand
-    per_finger = f"{force} per finger" if force else "none given"
-    report.line(f"[bold]load[/]: {mass}, {text}; force at hand: {per_finger}")
     if holding.remedy and np.isfinite(holding.grip_force_largest).any():  # else the verdict says it
         report.line(f"  most grasps hold nothing: {escaped(holding.remedy)}")
     count = len(holding.grip_force)

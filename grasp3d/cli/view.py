@@ -1,14 +1,16 @@
 """`grasp3d view`: view an object in a window, in a browser, or as a picture."""
 
 from pathlib import Path
+from typing import Any
 
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import View
 from grasp3d.cli.existing_files import check_output
 from grasp3d.errors import GraspError, SettingError, WarningError
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_poses, poses_on
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
-from grasp3d.grasps.ranking import listed_rows
+from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.scene import Scene
 from grasp3d.system.context import refuse_warnings
@@ -41,9 +43,9 @@ def run(command: View) -> int:
 
 
 def _collection(command: View) -> Collection:
-    """The objects, or the poses of a hand."""
+    """The objects, or poses."""
     if command.grasps is not None:
-        return collection_of_grasps(_hand_grasps(command, command.grasps))
+        return collection_of_grasps(_poses(command, command.grasps))
     if command.contact_rule is not None:
         raise SettingError("contact_rule applies to poses of a hand with joints: give --grasps")
     return open_collection(
@@ -57,20 +59,22 @@ def _collection(command: View) -> Collection:
     )
 
 
-def _hand_grasps(command: View, path: Path) -> EvaluatedHandGrasps:
-    """Evaluate poses of a hand, the one to be taken first at the front."""
-    hand, rule = command.reach.hand, command.contact_rule or "given"
-    if not isinstance(hand, ArticulatedHand):
-        raise SettingError("grasps are poses of a hand with joints: give it with --hand FILE")
+def _poses(command: View, path: Path) -> EvaluatedPoses | EvaluatedHandGrasps:
+    """Evaluate poses, the one to be taken first at the front."""
+    hand, rules = command.reach.hand, dict[str, Any]()
+    if hand is None:
+        raise SettingError("grasps are poses of a gripper or hand: give it with --hand NAME|FILE")
+    if command.contact_rule is not None:
+        if not isinstance(hand, ArticulatedHand):
+            raise SettingError("contact_rule applies to poses of a hand with joints")
+        rules["contact_rule"] = command.contact_rule
     poses, mesh = poses_on(path, command.target, command.mesh, hand=hand)
     scene = Scene.of(command.reach, mesh)
     assert scene is not None
     with progress_bars.progress(f"evaluating {path.name}", quiet=command.quiet):
-        results = evaluate_poses(
-            mesh, poses, command.model, scene, load=command.load.chosen, contact_rule=rule
-        )
-    assert isinstance(results, EvaluatedHandGrasps)
-    return results.take(listed_rows(results, results.size))
+        model, load = command.reach.touching(command.model), command.load.chosen
+        results = evaluate_poses(mesh, poses, model, scene, load=load, **rules)
+    return results.take(ranked_rows(results))
 
 
 def _opened(command: View) -> Collection:

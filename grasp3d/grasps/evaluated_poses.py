@@ -5,13 +5,16 @@ from abc import abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.grasps.audit import FEWEST, SUSPECTED, PoseReading, audit_poses
+from grasp3d.grasps.gripper_reasons import GripperReasons
 from grasp3d.grasps.poses import GAP, GraspPoses
+from grasp3d.grasps.reasons import Reasons
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws, Closing
 from grasp3d.hand.hand import Hand
@@ -19,11 +22,13 @@ from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.pose_checks import pose_warning
 from grasp3d.quality.measures import metric_names
+from grasp3d.settings.pose_error import poses_of
+from grasp3d.stability.label import Label
 from grasp3d.surface.fields import (
-    CLOSED,
     FORCES,
     HAND_GRASPS,
     ROBUST,
+    SCORE,
     Arrays,
     columns_of,
     given_poses,
@@ -34,9 +39,7 @@ from grasp3d.surface.robustness import Robustness, robustness_of
 from grasp3d.surface.rows import NO_ROW, rows_where
 from grasp3d.surface.vertex_grasps import SpreadGrasps
 
-STALE = frozenset(
-    {*metric_names(), *(field.name for field in (*CLOSED, *FORCES, *ROBUST, *HAND_GRASPS))}
-)
+STALE = frozenset({*metric_names(), *(field.name for field in (*FORCES, *ROBUST, *HAND_GRASPS))})
 """Columns of given poses that may be of other settings."""
 
 
@@ -51,6 +54,24 @@ class GivenGrasps(LabelledGrasps):
         def label(self) -> Bytes: ...  # noqa: D102
         @property
         def reachable(self) -> Bools: ...  # noqa: D102
+
+    @property
+    @abstractmethod
+    def reasons(self) -> Reasons:
+        """Why poses are not surely grasps."""
+
+    @property
+    def reason(self) -> npt.NDArray[np.str_]:
+        """What is wrong with each pose, in one sentence, shape (k,); empty: nothing."""
+        return self.reasons.texts
+
+    @abstractmethod
+    def take(self, rows: Ints) -> Self:
+        """The chosen poses, in that order.
+
+        Args:
+            rows: Their indices, shape (c,).
+        """
 
     @abstractmethod
     def _columns(self) -> Arrays:
@@ -121,6 +142,7 @@ class GivenGrasps(LabelledGrasps):
             metrics: Quality measures that become columns, too.
         """
         own = {**self._columns(), **(metrics or {})}
+        scores = own.pop(SCORE.name)
         # Measures, forces and labels in the given file may be of other settings.
         others = {
             name: column
@@ -128,28 +150,41 @@ class GivenGrasps(LabelledGrasps):
             if name not in own and name not in STALE and not name.startswith(GAP)
         }
         settings = {**self.given.settings, **self._all_settings()}
-        return replace(self.given, hand=self.hand, columns={**others, **own}, settings=settings)
+        return replace(
+            self.given, hand=self.hand, scores=scores, columns={**others, **own}, settings=settings
+        )
 
     def to_table(self) -> Any:
         """Return a `pyarrow.Table` with a row for each pose; nan leaves the cell empty.
 
-        `grasp` (its number from 1), `name`; of grippers `closing`, `label`, `critical_angle`,
-        `max_resolution`, `margin` [rad], `epsilon`, `epsilon_min`, `epsilon_max`, `collides`,
-        `reachable`, `area1`, `area2`, `touch1`, `touch2`, `apart`, `turn` [rad], with a load also
-        `grip_force` and more; `outcome`, `opening`, contacts `x1` `y1` `z1` ... and outward normals
-        `nx1` `ny1` `nz1` ...
+        `grasp` (its number from 1), `name`; of grippers `closing`, `label`, `score`,
+        `critical_angle`, `max_resolution`, `margin` [rad], `epsilon`, `epsilon_min`, `epsilon_max`,
+        `approach_margin` [rad], with a load `grip_force` [N] and `payload` [kg], `collides`,
+        `reachable`, `reason`, `area1`, `area2`, `touch1`, `touch2`, `apart`, `turn` [rad] and more;
+        `outcome`, `opening`, contacts `x1` `y1` `z1` ... and outward normals `nx1` `ny1` `nz1` ...
 
-        Of hands with joints `label`, `critical_angle`, `max_resolution`, `margin` [rad], `epsilon`,
-        `rank`, `links`, `gap`, `penetration`, `overlap`,
+        Of hands with joints `label`, `score`, `critical_angle`, `max_resolution`, `margin` [rad],
+        `epsilon`, `rank`, `links`, `gap`, `penetration`, `overlap`,
         `below_table` [mesh unit], `reachable`, `reason`, `outcome`, and `gap_LINK` [mesh unit] of
         every link that comes near the surface at some pose. With a load also `payload` [kg] and
-        more of what the motors hold, `limit` and `label_with_force`.
+        more of what the motors hold, and `limit`.
         """
         from grasp3d.system.tables import table_of_columns
 
         numbers, names = np.arange(1, self.size + 1), np.array(self.given.names)
         columns = {"grasp": numbers, "name": names, **self._columns(), **self._table_columns()}
         return table_of_columns(columns, settings=self._all_settings())
+
+
+EXECUTABLE = math.radians(5.0)
+"""Angle by which the approach of a grasp must be able to turn either way for a robot to execute it
+[rad]; a stated error of poses may ask for more."""
+
+TURNS = 4
+"""Equal steps in which turned approaches are tested."""
+
+NOWHERE = np.zeros((1, 3))
+"""No shift."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -178,6 +213,8 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
     collision, and from an allowed direction, shape (k,)."""
 
     no_angle = math.nan
+    holding = None
+    """What the patches hold is in `payload` and `grip_force`."""
 
     __repr__ = short_repr
 
@@ -203,18 +240,87 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
             object_motion=self.object_motion,
         )  # fmt: skip
 
+    @cached_property
+    def label(self) -> Bytes:
+        """`Label` codes of everything that is stated: `Robustness.label`; shape (k,).
+
+        U where the pose is not `reachable`.
+        """
+        return locked(np.where(self.reachable, self.robustness.label, np.uint8(Label.U)))
+
+    @property
+    def letter(self) -> Bytes:
+        """The same as `label`."""
+        return self.label
+
+    @cached_property
+    def reasons(self) -> GripperReasons:
+        """Why poses are not S; computed when first read."""
+        return GripperReasons(self)
+
+    @cached_property
+    def approach_margin(self) -> Floats:
+        """How far the approach may turn about the closing axis, either way, free of collisions.
+
+        Tested in `TURNS` steps up to 5 degrees, or the angle of the pose error if that is larger
+        [rad], shape (k,); nan where the pose is not reachable. A gripper that turns may draw back
+        by half the height of its pads, which still touch.
+        """
+        margin = np.where(self.reachable, 0.0, math.nan)
+        free = np.flatnonzero(self.reachable)
+        for angle in self._most_turn * np.arange(1, TURNS + 1) / TURNS:
+            for turn in (angle, -angle):
+                turned = self.poses[free] @ poses_of(NOWHERE, np.array([[turn, 0.0, 0.0]]))[1]
+                blocked = self._blocked(turned, free)
+                back = 0.5 * getattr(self.hand, "pad_height", 0.0) / metres_per_unit(self.mesh)
+                turned[:, :3, 3] -= back * turned[:, :3, 2]
+                blocked[blocked] = self._blocked(turned[blocked], free[blocked])
+                free = free[~blocked]
+            margin[free] = angle
+        return locked(margin)
+
+    def _blocked(self, poses: Floats, rows: Ints) -> Bools:
+        """Whether the open gripper collides at other poses (r, 4, 4) of some rows, shape (r,)."""
+        scene, held = self.scene, np.zeros(len(rows), dtype=np.bool_)
+        assert scene is not None
+        jaws = self.jaws.take(rows)
+        return np.array(scene.hand.blocked(self.mesh, poses, jaws, held=held, table=scene.table))
+
+    @property
+    def _most_turn(self) -> float:
+        assert self.scene is not None
+        return max(EXECUTABLE, self.scene.pose_error.angle)
+
+    @cached_property
+    def quality(self) -> Floats:
+        """`Robustness.score`, nearer to -1 where the approach can hardly turn; shape (k,).
+
+        1 + s is reduced in proportion where `approach_margin` is smaller than the angle up to which
+        it is tested: what has no tolerance cannot be executed.
+        """
+        turn = np.nan_to_num(self.approach_margin) / self._most_turn
+        return locked((1.0 + self.robustness.score) * turn - 1.0)
+
+    @property
+    def grip_force(self) -> Floats:
+        """Force that each finger needs at the worst normals [N], shape (k,)."""
+        return self.robustness.stated.grip_force
+
+    @property
+    def payload(self) -> Floats:
+        """What the force at hand holds at the worst normals [kg], shape (k,)."""
+        return self.robustness.stated.payload
+
     def to_poses(self, metrics: Mapping[str, Floats] | None = None) -> GraspPoses:
         """The poses with the results as columns; see `GivenGrasps.to_poses`."""
         poses = super().to_poses(metrics)
         touched = {"contacts": self.jaws.points, "normals": self.jaws.normals}
-        return replace(poses, opening=self.opening, columns={**poses.columns, **touched})
+        # Where the object yields to the pads the first touch may be beyond the stroke.
+        opening = np.minimum(self.opening, self.hand.max_opening / metres_per_unit(self.mesh))
+        return replace(poses, opening=opening, columns={**poses.columns, **touched})
 
-    def take(self, rows: Ints) -> "EvaluatedPoses":
-        """The chosen poses, in that order.
-
-        Args:
-            rows: Their indices, shape (c,).
-        """
+    def take(self, rows: Ints) -> Self:
+        """The chosen poses, in that order; see `GivenGrasps.take`."""
         row = self.row[rows]
         has_row = row != NO_ROW
         taken = replace(
@@ -226,8 +332,9 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
             collides=locked(self.collides[rows]),
             reachable=locked(self.reachable[rows]),
         )
-        if (robustness := vars(self).get("robustness")) is not None:
-            vars(taken)["robustness"] = robustness.take(rows)
+        for name in {"robustness", "approach_margin"} & vars(self).keys():
+            values = getattr(self, name)
+            vars(taken)[name] = values.take(rows) if name == "robustness" else values[rows]
         return taken
 
     def _warnings(self) -> Iterable[str | None]:

@@ -10,7 +10,7 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses, GivenGrasps
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps, evaluate_hand
 from grasp3d.grasps.pose_files import read_poses
 from grasp3d.grasps.pose_files.frames import UnknownUnitError
@@ -24,7 +24,7 @@ from grasp3d.hand.hand import Hand, touching
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.pose_checks import check_near, numbers_text
 from grasp3d.hand.scene import Scene
-from grasp3d.hand.table import Approach, Table, best_approach
+from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.mesh.repair.work import RepairStep
@@ -45,7 +45,7 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.rows import rows_where
-from grasp3d.system.context import refuse_warnings, report_progress, within
+from grasp3d.system.context import refuse_warnings, report_progress, unreported, within
 
 OFF_SURFACE = 1.0 / 100.0
 """Distance, in object sizes, up to which a given contact is moved to the surface."""
@@ -220,11 +220,12 @@ def evaluate_grasps(
 
 def _poses_or_contacts(grasps: GraspPoses | ArrayLike) -> GraspPoses | ArrayLike:
     """What is given; matrices, shape (..., 4, 4), as poses, as contacts end with 3 coordinates."""
+    if isinstance(grasps, GivenGrasps):
+        return grasps.given
     if isinstance(grasps, LabelledGrasps):
         raise SettingError(
             f"grasps must be contacts or poses; got {type(grasps).__name__}: give the "
-            "contacts.points of a table of grasps or, with hand=..., its poses; best_grasps makes "
-            "such a table of labels"
+            "contacts.points of a table of grasps"
         )
     if isinstance(grasps, GraspPoses):
         return grasps
@@ -385,13 +386,41 @@ def evaluate_poses(
     (own_model,) = mesh.in_own_unit(with_fingers(own_model, hand.fingers[-1]))
     if load is not None:
         LoadCase.of(load, mesh, own_model, hand)  # refuse it before the work
-    most = scene.pose_error.offsets(mesh.unit).position
+    result = closed_at(mesh, start, own_model, scene, object_motion=object_motion, load=load)
+    refuse_warnings(result.warnings)
+    with within(JAWS_CLOSED, 1.0):
+        result.compute_labels()
+    report_progress(1.0)
+    return result
+
+
+def closed_at(
+    mesh: ObjectMesh,
+    start: GraspPoses,
+    model: GraspModel,
+    scene: Scene,
+    *,
+    object_motion: ObjectMotion = "free",
+    load: Load | None = None,
+) -> EvaluatedPoses:
+    """Close the jaws of a gripper at poses that are known to be sound; see `evaluate_poses`.
+
+    Args:
+        mesh: The object, of a known unit.
+        start: The poses in that unit.
+        model: As `evaluate_poses` makes it: in the unit of the mesh, of so many fingers.
+        scene: The gripper, the table and the allowed approach.
+        object_motion: As in `evaluate_poses`.
+        load: What each grasp must hold; None: nothing.
+    """
+    assert mesh.unit is not None
+    hand, most = scene.hand, scene.pose_error.offsets(mesh.unit).position
     with within(0.0, JAWS_CLOSED):
         jaws = hand.close(
             mesh,
             start.poses,
             object_motion=object_motion,
-            friction=own_model.nominal_friction,
+            friction=model.nominal_friction,
             **({"give_way": most} if most else {}),
         )
     held = jaws.closed if object_motion == "fixed" else np.zeros(start.count, dtype=np.bool_)
@@ -400,14 +429,14 @@ def evaluate_poses(
     contacts = JawContacts.of(mesh, jaws)
     angles = np.zeros(0)
     if contacts.size:
-        angles = critical_friction_angle(contacts.contacts(own_model))
+        angles = critical_friction_angle(contacts.contacts(model))
         angles = np.where(allowed_contacts(mesh, contacts.points), angles, math.inf)
     grasps = GraspTable(
-        contacts=contacts, model=own_model, critical_angle=locked(angles),
+        contacts=contacts, model=model, critical_angle=locked(angles),
         critical_angle_best=locked(angles),
         scene=scene, load=load,
     )  # fmt: skip
-    result = EvaluatedPoses(
+    return EvaluatedPoses(
         grasps=grasps,
         row=rows_where(jaws.closed),
         given=start,
@@ -415,17 +444,29 @@ def evaluate_poses(
         object_motion=object_motion,
         collides=locked(colliding),
         reachable=locked(
-            jaws.closed
-            & ~colliding
-            & hand.opens_to(mesh, jaws)
-            & _within_approach(start.poses, scene)
+            jaws.closed & ~colliding & hand.opens_to(mesh, jaws) & scene.allows(start.poses)
         ),
     )
-    refuse_warnings(result.warnings)
-    with within(JAWS_CLOSED, 1.0):
-        result.compute_labels()
-    report_progress(1.0)
-    return result
+
+
+def using(
+    grasps: GraspTable | EvaluatedPoses, *, model: GraspModel, load: Load | None
+) -> GraspTable | EvaluatedPoses:
+    """The same contacts with another model or load; at poses jaws are closed again.
+
+    Args:
+        grasps: Evaluated grasps.
+        model: With lengths in the unit of the mesh.
+        load: What each grasp must hold; None: nothing.
+    """
+    if isinstance(grasps, GraspTable):
+        return grasps.using(model=model, load=load)
+    assert grasps.scene is not None
+    motion = grasps.object_motion
+    with unreported():
+        return closed_at(
+            grasps.mesh, grasps.given, model, grasps.scene, object_motion=motion, load=load
+        )
 
 
 def _blocked(
@@ -529,18 +570,9 @@ def _checked_scale(mesh: ObjectMesh, unit: Unit, scale: float, file: str | None)
 
 def _check_external(poses: GraspPoses) -> None:
     """Refuse internal grasps, whose jaws would have to move apart."""
-    internal = np.flatnonzero(poses.pregrasp_opening < poses.opening)
+    internal = np.flatnonzero(poses.pregrasp_opening < poses.opening * (1.0 - ROUNDING))
     if len(internal):
         raise ContactError(
             f"{poses.names[internal[0]]} is an internal grasp, as are {len(internal)} of "
             f"{poses.count}: its fingers push outward; only external grasps are evaluated"
         )
-
-
-def _within_approach(poses: Floats, scene: Scene) -> Bools:
-    """Whether each approach direction is allowed, (k,)."""
-    direction = best_approach(scene.table, scene.approach)
-    if direction is None:
-        return np.ones(len(poses), dtype=np.bool_)
-    angle = np.arccos(np.clip(poses[:, :3, 2] @ direction, -1.0, 1.0))
-    return np.asarray(angle <= scene.approach.within + ROUNDING)

@@ -4,7 +4,6 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +24,9 @@ from grasp3d.grasps.pose_files.documents import (
 )
 from grasp3d.grasps.pose_files.frames import GivenFrame, GivenPose, check_object_frame
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.grasps.ranking import written_scores
 from grasp3d.hand.hand import Hand
 from grasp3d.settings import MAX_FINGERS, PoseFormat
 from grasp3d.settings.lengths import Unit
-from grasp3d.surface.fields import FOUND_POSES, columns_of
 from grasp3d.surface.grasp_table import NO_POSES, GraspTable
 from grasp3d.system.documents import described, load_json, number_of
 from grasp3d.system.files import check_suffix
@@ -274,13 +271,11 @@ def write_grasps(
     written as an empty cell, in JSON as null, where infinite numbers are null as well. JSON and
     Parquet contain the settings.
 
-    With a gripper of two fingers also `closed_label` and `closed_margin`, label and margin at what
-    the jaws touch when they close; empty and nan where it is not known, see `ClosedGrasps`.
-
     With a load also `grip_force`, `grip_force_least`, `grip_force_largest` [N], `payload` [kg] if a
-    force is at hand, and `label_with_force` if the mass is known, too; see `Holding`.
+    force is at hand; see `Holding`. `label` is that of everything stated, and `score` the one
+    number by which grasps are sorted.
 
-    Grasps with a gripper, and poses, are written with their poses, also in formats of robots and
+    Poses are written with all that is known of them, also in formats of robots and
     simulators: isaac_grasp (.yaml), acronym (.h5), graspnet (.npy), graspgen or moveit (.json); of
     hands with joints isaac_grasp, dexgraspbench or dexgraspnet (.npy). These need the gripper and
     the unit.
@@ -319,10 +314,8 @@ def write_grasps(
     if isinstance(grasps, GivenGrasps):
         grasps = grasps.to_poses(metrics)
     posed = any(given is not None for given in (format, object_pose, frame))
-    if isinstance(grasps, GraspTable) and (posed or (grasps.has_poses and grasps.size)):
-        poses = poses_of(grasps)
-        columns = {**poses.columns, **(metrics or {})}
-        grasps = replace(poses, settings=grasps.settings(), columns=columns)
+    if isinstance(grasps, GraspTable) and posed:
+        raise SettingError(NO_POSES)
     if isinstance(grasps, GraspPoses):
         write_poses(path, grasps, format=format, object_pose=object_pose, frame=frame)
         return
@@ -355,50 +348,3 @@ def _json_rows(
 
 def _or_null(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def poses_of(grasps: GraspTable) -> GraspPoses:
-    """Poses of a gripper for grasps that it reaches, with all that is known of each.
-
-    Args:
-        grasps: Grasps with a hand that has poses for them, such as `best_grasps` returns.
-
-    Returns:
-        The poses in their order, in the unit of the mesh: openings, and as columns label, critical
-        angle, alpha*, margin, epsilon, approach margin, depth, contacts and normals into the
-        object, label and margin at what the closed jaws touch, with a load also grip forces and
-        payload. The score, from 0 to 1, has the order in which grasps are to be taken: that of U is
-        at most 1/3, that of M at most 2/3.
-
-    Raises:
-        SettingError: The grasps have no poses: there is no gripper, or one does not reach them.
-
-    Example:
-        >>> import trimesh
-        >>> import grasp3d
-        >>> from grasp3d.grasps import poses_of
-        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
-        >>> mesh = grasp3d.load_mesh(box, unit="m", max_edge=0.02)
-        >>> hand = grasp3d.ParallelGripper.preset("franka")
-        >>> labels = grasp3d.label_surface(mesh, hand=hand)
-        >>> poses = poses_of(grasp3d.best_grasps(labels, 3))
-        >>> poses.poses.shape, poses.unit, sorted(poses.columns)[:3]
-        ((3, 4, 4), 'm', ['approach_margin', 'closed_label', 'closed_margin'])
-    """
-    reach, scene = grasps.reach, grasps.scene
-    if reach is None or scene is None:
-        raise SettingError(NO_POSES)
-    if not np.isfinite(reach.poses).all():
-        raise SettingError(
-            "grasps of three fingers and more, and those that are not reached, have no poses"
-        )
-    return GraspPoses(
-        poses=reach.poses,
-        opening=reach.opening,
-        pregrasp_opening=reach.pregrasp_opening,
-        scores=written_scores(grasps, grasps.closed),
-        unit=grasps.mesh.unit,
-        hand=scene.hand,
-        columns=columns_of(FOUND_POSES, grasps),
-        object_file=grasps.mesh.report.source,
-    )

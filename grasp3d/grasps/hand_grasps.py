@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import GivenGrasps
-from grasp3d.grasps.hand_reasons import Reasons
+from grasp3d.grasps.hand_reasons import HandReasons
 from grasp3d.grasps.motor_holding import MotorHolding, stated_torques
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.postures import ORDER, matched
@@ -34,6 +34,7 @@ from grasp3d.surface.fields import HAND_GRASPS, Arrays, columns_of
 from grasp3d.surface.grasp_numbers import EPSILON_RTOL
 from grasp3d.surface.grasp_table import settings_of
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.scores import quality_of_contacts, written_scores
 from grasp3d.system.context import refuse_warnings, report_progress, within
 from grasp3d.system.counts import counted
 
@@ -152,16 +153,32 @@ class EvaluatedHandGrasps(GivenGrasps):
             postures=self.contacts.posture, link_loads=self._link_loads,
         )  # fmt: skip
 
-    @property
+    @cached_property
     def label(self) -> Bytes:
-        """`Label` codes: 0 U, 1 M, 2 S; shape (k,)."""
-        return self._labels.label
+        """`Label` codes: 0 U, 1 M, 2 S; shape (k,).
+
+        With a load whose mass is known S is what the motors surely hold.
+        """
+        holding, codes = self.motor_holding, self._labels.label
+        return codes if holding is None else holding.label(codes)
+
+    @property
+    def letter(self) -> Bytes:
+        """The same as `label`."""
+        return self.label
 
     @cached_property
-    def label_with_force(self) -> Bytes | None:
-        """`label` with the load: S is what the motors surely hold, shape (k,); None: no mass."""
-        holding = self.motor_holding
-        return None if holding is None else holding.label(self.label)
+    def quality(self) -> Floats:
+        """How far each grasp is from failing, shape (k,); see `quality_of_contacts`."""
+        held, of = self.epsilon, self.motor_holding
+        if of is not None and of.load.decided:
+            held = 1.0 + of.spare
+        return locked(quality_of_contacts(np.nan_to_num(self.margin, nan=-math.inf), held))
+
+    @cached_property
+    def score(self) -> Floats:
+        """As of other grasps; 0 where the hand cannot be there without a collision, shape (k,)."""
+        return locked(np.where(self.reachable, written_scores(self.letter, self.quality), 0.0))
 
     @property
     def critical_angle(self) -> Floats:
@@ -264,22 +281,17 @@ class EvaluatedHandGrasps(GivenGrasps):
         return np.maximum(0.0, self.contacts.table_depth)
 
     @cached_property
-    def reasons(self) -> Reasons:
+    def reasons(self) -> HandReasons:
         """What is wrong with each grasp."""
-        reasons = Reasons(self.hand, self.mesh, self.contacts, self.contact_distance)
+        reasons = HandReasons(self.hand, self.mesh, self.contacts, self.contact_distance)
         reasons.add_impossible(self.given.posture, self.scene)
         reasons.add_contacts(self._touching)
         reasons.add("touches outside --region", self.outside)
-        if (held := self.label_with_force) is not None and (of := self.motor_holding) is not None:
-            short = (held < self.label) | (of.load_fraction > 1.0)
+        if (of := self.motor_holding) is not None:
+            short = (self.label < self._labels.label) | (of.load_fraction > 1.0)
             texts = [of.shortfall(row) for row in np.flatnonzero(short).tolist()]
             reasons.add("the motors do not surely hold it", short, texts)
         return reasons
-
-    @property
-    def reason(self) -> npt.NDArray[np.str_]:
-        """What is wrong with each grasp, in one sentence, shape (k,); empty: nothing."""
-        return self.reasons.texts
 
     @property
     def reachable(self) -> Bools:
@@ -307,7 +319,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         """Refuse: measures are for grasps of equal numbers of contacts. Raises SettingError."""
         raise SettingError(f"{self.hand.name} is a hand with joints, and takes no metrics {names}")
 
-    def take(self, rows: Ints) -> "EvaluatedHandGrasps":
+    def take(self, rows: Ints) -> Self:
         """The chosen poses, in that order.
 
         Args:

@@ -1,23 +1,21 @@
 """Why a pose of a hand with joints is no grasp: one sentence for each."""
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from grasp3d.arrays import Bools, Floats, angles_between
+from grasp3d.grasps.reasons import Reasons
 from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
 from grasp3d.hand.articulated.contacts import HandContacts
 from grasp3d.hand.scene import LEVEL, Scene
 from grasp3d.hand.table import best_approach
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import MAX_FINGERS
-from grasp3d.settings.lengths import METRES
 
 
-class Reasons:
-    """Sentences on poses; of each the first one that was added.
+class HandReasons(Reasons):
+    """Sentences on poses of a hand with joints.
 
     Args:
         hand: The hand.
@@ -29,30 +27,10 @@ class Reasons:
     def __init__(
         self, hand: ArticulatedHand, mesh: ObjectMesh, contacts: HandContacts, tolerance: float
     ) -> None:
+        super().__init__(len(contacts.poses), mesh)
         self._hand, self._contacts, self._tolerance = hand, contacts, tolerance
-        self._millimetres = 1000.0 * METRES[mesh.unit or "m"]
-        self._texts = [""] * len(contacts.poses)
-        self.kinds = [""] * len(self._texts)
-        """What the sentences are about, to count them."""
-        self.impossible: Bools = np.zeros(len(self._texts), dtype=np.bool_)
+        self.impossible: Bools = np.zeros(len(contacts.poses), dtype=np.bool_)
         """Whether the hand cannot be there, shape (k,)."""
-
-    @property
-    def texts(self) -> npt.NDArray[np.str_]:
-        """A sentence for each pose, shape (k,); empty: none."""
-        return np.array(self._texts, dtype=np.str_)
-
-    def add(self, kind: str, wrong: Bools, texts: Sequence[str] = ()) -> None:
-        """Add sentences.
-
-        Args:
-            kind: What they are about.
-            wrong: Of which poses, shape (k,).
-            texts: One for each of these; empty: `kind`.
-        """
-        for number, row in enumerate(np.flatnonzero(wrong)):
-            if not self._texts[row]:
-                self._texts[row], self.kinds[row] = texts[number] if texts else kind, kind
 
     def add_impossible(self, posture: Floats, scene: Scene) -> None:
         """Add why the hand cannot be there.
@@ -78,7 +56,7 @@ class Reasons:
             touching: Whether each link touches, shape (k, L).
         """
         counts, names = touching.sum(axis=1), self._hand.link_names
-        self.add(f"no link within {self._length(self._tolerance)} of the object", counts == 0)
+        self.add(f"no link within {self.length(self._tolerance)} of the object", counts == 0)
         single = counts == 1
         one = touching[single].argmax(axis=1) if single.any() else ()
         self.add("touches with one link only", single, [
@@ -117,7 +95,7 @@ class Reasons:
         wrong = depth > self._tolerance
         names = self._hand.link_names
         return wrong, [
-            f"{self._name(names[number])} {self._length(value)} inside the object"
+            f"{self._name(names[number])} {self.length(value)} inside the object"
             for number, value in zip(link[wrong].tolist(), depth[wrong].tolist(), strict=True)
         ]
 
@@ -127,20 +105,20 @@ class Reasons:
         names = self._hand.link_names
         return wrong, [
             f"{self._name(names[one])} and {self._name(names[other])} overlap by "
-            f"{self._length(value)}"
+            f"{self.length(value)}"
             for (one, other), value in zip(pairs[wrong].tolist(), depth[wrong], strict=True)
         ]
 
     def _table(self) -> tuple[Bools, list[str]]:
         depth = self._contacts.table_depth
         wrong = depth > self._tolerance  # nan: no table
-        return wrong, [f"{self._length(value)} below the table" for value in depth[wrong]]
+        return wrong, [f"{self.length(value)} below the table" for value in depth[wrong]]
 
     def _approach(self, scene: Scene) -> tuple[Bools, list[str]]:
         direction, within = best_approach(scene.table, scene.approach), scene.approach.within
         # The table itself is what keeps hands from coming from below.
         if direction is None or within >= LEVEL:
-            return np.zeros(len(self._texts), dtype=np.bool_), []
+            return np.zeros_like(self.impossible), []
         angles = angles_between(self._contacts.poses[:, :3, :3] @ self._hand.approach, direction)
         wrong = np.asarray(angles > within + BEYOND)
         return wrong, [
@@ -151,7 +129,3 @@ class Reasons:
 
     def _name(self, link: str) -> str:
         return "palm" if link == self._hand.palm else link
-
-    def _length(self, length: float) -> str:
-        millimetres = self._millimetres * float(length)
-        return f"{millimetres:.2g} mm" if millimetres < 10.0 else f"{millimetres:.0f} mm"

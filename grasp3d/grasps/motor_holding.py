@@ -236,8 +236,8 @@ class MotorHolding:
         """What is surely held beyond the mass, in units of it, shape (k,)."""
         return self.payload_sure / self._mass - 1.0
 
-    def label(self, codes: Bytes) -> Bytes | None:
-        """Labels that take the load into account, shape (k,); None: no mass is known.
+    def label(self, codes: Bytes) -> Bytes:
+        """Labels that take the load into account, shape (k,), where its mass is known.
 
         A grasp is S if the motors hold the mass at the worst normals, too, and U if they do not at
         any that may be true.
@@ -246,7 +246,7 @@ class MotorHolding:
             codes: Those without a load, shape (k,).
         """
         if math.isnan(self._mass):
-            return None
+            return codes
         held = self.payload_sure >= self._mass
         most = np.where(held, Label.S, Label.M)
         most[self.payload_possible < self._mass] = Label.U

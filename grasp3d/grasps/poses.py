@@ -14,11 +14,11 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.settings.lengths import METRES, Unit
-from grasp3d.surface.fields import FOUND_POSES, HAND_GRASPS, LENGTH
+from grasp3d.surface.fields import HAND_GRASPS, LENGTH, given_poses
 
-LENGTH_COLUMNS = frozenset(
-    field.name for field in (*FOUND_POSES, *HAND_GRASPS) if field.unit == LENGTH
-)
+LENGTH_COLUMNS = frozenset({
+    "contacts", *(field.name for field in (*given_poses(), *HAND_GRASPS) if field.unit == LENGTH)
+})  # fmt: skip
 """Columns that are lengths, and are converted with the unit."""
 
 GAP = "gap_"

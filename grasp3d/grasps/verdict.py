@@ -9,23 +9,21 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints
 from grasp3d.errors import GraspError
+from grasp3d.grasps.best import best_grasps, count_sure, distinct_grasps, has_poses, pool_of
+from grasp3d.grasps.best_poses import PoseSearch
 from grasp3d.grasps.causes import Cause, cause_fractions
-from grasp3d.grasps.distinct import (
-    MOST_DISTINCT,
-    distance_of_distinct,
-    distinct_grasps,
-    distinct_rows,
-)
+from grasp3d.grasps.distinct import MOST_DISTINCT
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.evaluation import using
 from grasp3d.grasps.explanations import finger_words
-from grasp3d.grasps.ranking import ranked_rows, robust_number, stated_label
+from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.scene import Scene
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.loads import Load
 from grasp3d.settings import Sampling
 from grasp3d.stability.label import Label
-from grasp3d.surface.closed_grasps import UNKNOWN, ClosedGrasps
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.holding import HARD_FINGERS, Holding
 from grasp3d.surface.labelling import label_surface
@@ -42,12 +40,18 @@ MOST_FRICTION = 2.0
 ALPHA, MU = 0.1, 0.01
 """Steps of a sensor's resolution [degrees] and of friction in which remedies are named."""
 
-SMALL, NARROW, WHOLE = math.radians(0.1), math.radians(0.5), 0.995
-"""Angles of resolution and approach [rad], and fraction of the surface, from which on they are not
-rounded to 0 and to all."""
+SMALL, WHOLE = math.radians(0.1), 0.995
+"""Angle of resolution [rad], and fraction of the surface, from which on they are not rounded to 0
+and to all."""
 
-MOST_JAWS = 4
+MOST_JAWS = 16
 """Grasps of wider jaws that are tested with just the opening that they need."""
+
+FEW = 4
+"""Grasps that need least in one respect, with which remedies are tested."""
+
+NAMED = 10
+"""Length of the list whose first grasp is described."""
 
 _WORDS: dict[int, Word] = {Label.S: "surely", Label.M: "perhaps", Label.U: "not"}
 _CHANGES = {
@@ -99,36 +103,32 @@ class HoldingVerdict:
     """Why no force surely holds the load, as far as that is known; empty where one does."""
 
     @classmethod
-    def of(cls, holding: Holding) -> "HoldingVerdict":
-        """What a load takes.
+    def of(cls, grasps: GraspTable | EvaluatedPoses) -> "HoldingVerdict | None":
+        """What a load takes; None: there is no load.
 
         Args:
-            holding: Forces and payloads of all grasps of an object.
+            grasps: All grasps of an object, or the reachable poses.
         """
-        needed = float(np.nanmin(holding.grip_force_largest, initial=math.inf)) + 0.0  # 0, not -0
-        payload = math.nan
-        if holding.has_payload:
-            payload = float(np.nanmax(holding.payload, initial=0.0))
-        enough = None if holding.available is None else needed <= holding.available
-        task, pure = holding.case.load.task, not holding.case.by_mass
-        mass = None if pure else holding.mass
+        case, forces = grasps.load_case, needed_force(grasps)
+        if case is None or forces is None:
+            return None
+        needed = float(np.nanmin(forces, initial=math.inf)) + 0.0  # 0, not -0
+        available, payload = case.available, math.nan
+        if available is not None and case.by_mass:
+            held = np.zeros(0) if grasps.payload is None else grasps.payload
+            payload = float(np.nanmax(held, initial=0.0))
+        task, pure = case.load.task, not case.by_mass
+        mass = None if pure else case.mass
         around = "in any orientation" if task == Load().task else f"against {task}"
         kilograms = "each kilogram" if mass is None else f"{short_number(mass)} kg"
-        reason = ""
-        turned = holding.resistance == Resistance.NO_SUCH_WRENCH  # none: False
-        turns = holding.case.hard and bool((np.isinf(holding.grip_force) & turned).any())
-        if turns and not math.isfinite(needed):
-            reason = HARD_FINGERS
-        elif not np.isfinite(holding.grip_force_least).any():
-            reason = "no contact forces add up to the load"
         return cls(
-            holds=enough if holding.case.decided else None,
+            holds=(available is not None and needed <= available) if case.complete else None,
             mass=mass,
-            available=holding.available,
+            available=available,
             needed=needed,
             payload=payload,
             what=f"resist {task}" if pure else f"hold {kilograms} {around}",
-            reason=reason,
+            reason="" if math.isfinite(needed) else _why_none(grasps.holding),
         )
 
     @property
@@ -177,8 +177,6 @@ class Verdict:
     """The sensor's resolution alpha [rad]."""
     max_resolution: float = 0.0
     """Of the best grasp: coarsest sensor resolution below which it is S [rad]; 0: none."""
-    approach_margin: float = math.nan
-    """Of the best grasp [rad]: how wrong the approach angle may be; nan: none, or no gripper."""
     grip_force: float = math.nan
     """Of the best grasp: force that it needs at the worst normals [N]; nan: no grasp or load."""
     causes: dict[Cause, float] = field(default_factory=dict)
@@ -240,7 +238,7 @@ class Verdict:
 
     def _sure(self) -> str:
         """The sure grasps, and what the best has to spare, or needs of the force at hand."""
-        grasps, parts, spares = f"{self.count:,} distinct grasps", [], []
+        grasps, parts = f"{self.count:,} distinct grasps", []
         if self.of is not None:
             grasps = f"{self.count:,} of {self.of:,} grasps"
         elif self.count == 1:
@@ -252,21 +250,16 @@ class Verdict:
             force = f"{short_number(self.grip_force)} N of {short_number(load.available)} N"
             parts.append(f"needs {force} to {load.what}")
         elif (spare := self.spare_resolution) >= SMALL:
-            spares.append(f"{_degrees(spare):.1f}° of resolution")
-        if self.approach_margin >= NARROW:
-            spares.append(f"±{math.degrees(self.approach_margin):.0f}° of approach")
-        if spares:
-            parts.append(f"has {' and '.join(spares)} to spare")
+            parts.append(f"has {_degrees(spare):.1f}° of resolution to spare")
         subject = "it" if self.count == 1 else "the best"
         return f"{grasps}; {subject} {' and '.join(parts)}" if parts else grasps
 
 
 def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
-    """Judge whether an object is surely held; computes epsilon and grip forces, which rank grasps.
+    """Judge whether an object is surely held; computes the scores that rank grasps.
 
-    With a gripper whose jaws close the grasps of a surface are judged at what these touch, as
-    `best_grasps` lists them. Without a grasp those of wider jaws, or of more friction, are searched
-    where that may help.
+    With a gripper the grasps of a surface are the poses that `best_grasps` names. Without a grasp
+    wider jaws, or more friction, are tried where that may help.
 
     Args:
         grasps: A labelled surface, or a table of grasps or poses.
@@ -275,132 +268,129 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
         The verdict; its best grasp is the first one of `ranked_rows`.
     """
     labels = grasps if isinstance(grasps, SurfaceLabels) else None
-    table, distinct = _judged(grasps)
-    codes, rows = _stated(table), ranked_rows(table, _closed(table))
-    code = max(codes[rows], default=Label.U)
-    rows = rows[codes[rows] == code]
-    holding, causes = table.holding, {}
-    if isinstance(table, EvaluatedPoses):
-        reachable = np.flatnonzero(table.reachable)
-        causes = {} if len(reachable) else {Cause.COLLIDES: 1.0}
-        holding = None if holding is None or causes else holding.take(reachable)
-    load = None if holding is None else HoldingVerdict.of(holding)
+    tried, named, count = _judged(grasps)
+    code = max([*tried.letter, *named.letter], default=Label.U)
+    reachable = getattr(tried, "reachable", np.ones(tried.size, dtype=bool))
+    load = HoldingVerdict.of(tried.take(np.flatnonzero(reachable)))
     verdict = Verdict(
         _WORDS[code],
         by=finger_words(grasps.model.fingers) if grasps.scene is None else grasps.scene.hand.name,
-        of=table.size if labels is None else None,
+        of=None if isinstance(grasps, SurfaceLabels) else grasps.size,
         resolution=grasps.model.sensor_resolution,
         holding=load,
-        lost=labels is not None and bool((stated_label(labels.grasps) > code).any()),
+        lost=labels is not None and bool((labels.grasps.letter > code).any()),
     )
-    unstable = labels is not None and not labels.label.any()
-    if code == Label.U and (causes or unstable or not len(rows)):
-        causes = causes if labels is None else cause_fractions(labels)
-        remedies = () if labels is None else _other_remedies(labels, next(iter(causes), None))
+    if labels is None and not reachable.any():
+        return replace(verdict, causes={Cause.COLLIDES: 1.0})
+    if labels is not None and code == Label.U and (not labels.label.any() or not tried.size):
+        causes = cause_fractions(labels)
+        remedies = _other_remedies(labels, next(iter(causes), None))
         return replace(verdict, causes=causes, remedies=remedies)
-    first = int(rows[0])
-    reach = table.reach if isinstance(table, GraspTable) else None
-    margin = math.nan if reach is None else float(reach.approach_margin[first])
-    needed = math.nan if table.holding is None else table.holding.grip_force_largest[first]
+    if code == Label.U:
+        return replace(verdict, remedies=_remedies(tried, load))
+    first = int(ranked_rows(named)[0])
+    needed = needed_force(named)
     verdict = replace(
         verdict,
-        max_resolution=float(_max_resolution(table)[first]),
-        approach_margin=margin,
-        grip_force=float(needed) + 0.0,
+        max_resolution=float(named.max_resolution[first]),
+        grip_force=math.nan if needed is None else float(needed[first]) + 0.0,
     )
-    if code != Label.S:
-        remedies = _remedies(table, rows, load)
-        if labels is not None and _closed(distinct) is not None:
-            remedies = tuple(one for one in remedies if _lists_a_sure_one(labels, one))
-        return replace(verdict, remedies=remedies)
-    return replace(verdict, count=int(np.sum(_stated(distinct) == Label.S)))
+    if code == Label.S:
+        return replace(verdict, count=count)
+    return replace(verdict, remedies=_remedies(tried, load))
 
 
 def _judged(
     grasps: SurfaceLabels | GraspTable | EvaluatedPoses,
-) -> tuple[GraspTable | EvaluatedPoses, GraspTable | EvaluatedPoses]:
-    """The grasps that a verdict rests on, and those that it counts."""
+) -> tuple[GraspTable | EvaluatedPoses, GraspTable | EvaluatedPoses, int]:
+    """The grasps that a verdict rests on, those that are named, and the number that is S."""
     if not isinstance(grasps, SurfaceLabels):
-        if isinstance(grasps, GraspTable) and grasps.computed("closed") is None:
-            grasps = grasps.after_closing()
-        return grasps, grasps
-    distinct = distinct_grasps(grasps)
-    return (grasps.grasps if distinct.closed is None else distinct), distinct
+        return grasps, grasps, int(np.sum(grasps.letter == Label.S))
+    if not has_poses(grasps):
+        distinct = distinct_grasps(grasps)
+        return grasps.grasps, distinct, int(np.sum(distinct.letter == Label.S))
+    pool, named = pool_of(grasps), best_grasps(grasps, NAMED)
+    count = int(np.sum(named.letter == Label.S))
+    if grasps.scene is not None and grasps.scene.pose_error:  # those of the pool are exact
+        return named if named.size else pool, named, count
+    return pool, named, max(count, count_sure(grasps))
 
 
-def _closed(grasps: GraspTable | EvaluatedPoses) -> ClosedGrasps | None:
-    """What the jaws touch; None: ideal points, or poses, which have `jaws`."""
-    return grasps.closed if isinstance(grasps, GraspTable) else None
+def _why_none(holding: Holding | None) -> str:
+    """Why no force surely holds a load, as far as that is known."""
+    if holding is None:
+        return ""
+    turned = holding.resistance == Resistance.NO_SUCH_WRENCH  # none: False
+    if holding.case.hard and bool((np.isinf(holding.grip_force) & turned).any()):
+        return HARD_FINGERS
+    if not np.isfinite(holding.grip_force_least).any():
+        return "no contact forces add up to the load"
+    return ""
 
 
-def _stated(grasps: GraspTable | EvaluatedPoses) -> Ints:
-    return stated_label(grasps, _closed(grasps))
+def needed_force(grasps: GraspTable | EvaluatedPoses) -> Floats | None:
+    """Force that each grasp needs at the worst normals [N], shape (b,); None: there is no load.
 
-
-def _max_resolution(grasps: GraspTable | EvaluatedPoses) -> Floats:
-    """Coarsest resolutions at which grasps are S, after closing where jaws close [rad], (b,)."""
-    if (closed := _closed(grasps)) is None:
-        return grasps.max_resolution
-    after = np.fmax(grasps.model.sensor_resolution + 2.0 * closed.margin, 0.0)
-    return np.where(closed.label == UNKNOWN, grasps.max_resolution, after)
+    Args:
+        grasps: Grasps, or poses.
+    """
+    if grasps.load is None:
+        return None
+    holding = grasps.holding
+    return grasps.grip_force if holding is None else holding.grip_force_largest
 
 
 def _remedies(
-    grasps: GraspTable | EvaluatedPoses, rows: Ints, load: HoldingVerdict | None
+    grasps: GraspTable | EvaluatedPoses, load: HoldingVerdict | None
 ) -> tuple[Remedy, ...]:
     """What would make some of the grasps S, none of which is; each is tested."""
-    model, remedies = grasps.model, []
-    if isinstance(grasps, GraspTable):
-        few = grasps.take(_candidates(grasps, rows))
-        alpha = math.floor(round(math.degrees(model.sensor_resolution) / ALPHA, 6))
-        finer = _edge(lambda step: _sure(few, sensor_resolution=_alpha(step)), 1, alpha)
-        if finer:
-            alphas = _alpha(finer), model.sensor_resolution
-            remedies.append(Remedy("sensor_resolution", *alphas))
-        if load is None or not (finer or math.isfinite(load.needed)):
-            remedies += _friction(few)
-    if load is not None and load.holds is False:
-        assert load.available is not None
-        assert grasps.holding is not None
-        # Evenly pressed patches must hold it as well, by more than the error of their payload.
-        even = robust_number(grasps, _closed(grasps), "even_ratio")[rows] / (1.0 + PAYLOAD_RTOL)
-        with np.errstate(divide="ignore"):
-            forces = np.fmax(grasps.holding.grip_force_largest[rows], load.available / even)
-        force = float(np.nanmin(forces))
-        if math.isfinite(force):
-            remedies.append(Remedy("grip_force", _rounded(force, 3, math.ceil), load.available))
-        if load.mass:
-            held = float(np.nanmax(np.fmin(grasps.holding.payload[rows], load.mass * even)))
-            if held > 0.0:
-                remedies.append(Remedy("mass", _rounded(held, 2, math.floor), load.mass))
+    model, remedies, few = grasps.model, [], grasps.take(_candidates(grasps))
+    alpha = math.floor(round(math.degrees(model.sensor_resolution) / ALPHA, 6))
+    finer = _edge(lambda step: _sure(few, sensor_resolution=_alpha(step)), 1, alpha)
+    if finer:
+        remedies.append(Remedy("sensor_resolution", _alpha(finer), model.sensor_resolution))
+    if load is None or not (finer or math.isfinite(load.needed)):
+        remedies += _friction(few)
+    stated, needed, held = grasps.load, needed_force(few), few.payload
+    if load is None or load.holds is not False or load.available is None:
+        return tuple(remedies)
+    assert stated is not None
+    assert needed is not None
+    assert held is not None
+    for row in np.argsort(needed):
+        if math.isfinite(needed[row]) and few.margin[row] > 0.0:
+            force = _rounded(float(needed[row]) * (1.0 + PAYLOAD_RTOL), 3, math.ceil)
+            if _sure(few, load=replace(stated, grip_force=force)):
+                remedies.append(Remedy("grip_force", force, load.available))
+                break
+    for row in np.argsort(-held) if load.mass is not None else ():
+        if held[row] > 0.0 and few.margin[row] > 0.0:
+            mass = _rounded(float(held[row]) / (1.0 + PAYLOAD_RTOL), 2, math.floor)
+            if _sure(few, load=replace(stated, mass=mass, density=None)):
+                remedies.append(Remedy("mass", mass, load.mass or 0.0))
+                break
     return tuple(remedies)
 
 
-def _lists_a_sure_one(labels: SurfaceLabels, remedy: Remedy) -> bool:
-    """Whether the list of a surface has an S with a finer sensor, which may list others."""
-    if remedy.setting != "sensor_resolution":
-        return True
-    model = replace(labels.model, sensor_resolution=remedy.value)
-    with unreported():
-        found = distinct_grasps(labels.using(model=model))
-    return bool((_stated(found) == Label.S).any())
-
-
-def _candidates(grasps: GraspTable, rows: Ints) -> Ints:
+def _candidates(grasps: GraspTable | EvaluatedPoses) -> Ints:
     """A few grasps, of which one is the first to become S: those that need least."""
-    values = [np.arange(len(rows)), -_max_resolution(grasps)[rows], grasps.located_angles[0][rows]]
-    if grasps.holding is not None:
-        values += [grasps.holding.grip_force[rows], grasps.holding.grip_force_largest[rows]]
-    return np.unique([rows[np.argmin(np.nan_to_num(one, nan=math.inf))] for one in values])
+    rows = np.flatnonzero(grasps.letter == grasps.letter.max())
+    values = [-grasps.score, -grasps.max_resolution, grasps.located_angles[0]]
+    needed = needed_force(grasps)
+    if needed is not None:
+        values += [needed, np.where(grasps.margin > 0.0, needed, math.inf)]
+    best = [np.argsort(np.nan_to_num(one[rows], nan=math.inf))[:FEW] for one in values]
+    return np.unique(rows[np.concatenate(best)])
 
 
-def _sure(grasps: GraspTable, **changed: Any) -> bool:
-    """Whether some of the grasps are S with another model."""
-    after = grasps.using(model=replace(grasps.model, **changed)).after_closing()
-    return bool((_stated(after) == Label.S).any())
+def _sure(grasps: GraspTable | EvaluatedPoses, *, load: Load | None = None, **changed: Any) -> bool:
+    """Whether some of the grasps are S with another load, or another model."""
+    model = replace(grasps.model, **changed)
+    after = using(grasps, model=model, load=load or grasps.load)
+    return bool((after.letter == Label.S).any())
 
 
-def _friction(grasps: GraspTable) -> list[Remedy]:
+def _friction(grasps: GraspTable | EvaluatedPoses) -> list[Remedy]:
     """The least friction with which some of the grasps are S, as a remedy if there is one."""
     model = grasps.model
     least = math.floor(model.nominal_friction / MU) + 1
@@ -455,6 +445,9 @@ def _other_remedies(labels: SurfaceLabels, cause: Cause | None) -> tuple[Remedy,
 
 
 def _more_friction(labels: SurfaceLabels) -> list[Remedy]:
+    if has_poses(labels):
+        pool = pool_of(labels)
+        return _friction(pool.take(_candidates(pool))) if pool.size else []
     more = label_surface(
         labels.mesh,
         replace(labels.model, friction=MOST_FRICTION),
@@ -462,33 +455,28 @@ def _more_friction(labels: SurfaceLabels) -> list[Remedy]:
         scene=labels.scene,
         load=labels.load,
     ).grasps
-    rows = ranked_rows(more)
-    rows = rows[stated_label(more)[rows] == Label.S]
-    if not len(rows):
+    if not (more.letter == Label.S).any():
         return []
-    return _friction(more.take(_candidates(more, rows)).using(model=labels.model))
+    return _friction(more.take(_candidates(more)).using(model=labels.model))
 
 
 def _wider_jaws(labels: SurfaceLabels) -> list[Remedy]:
     """Jaws that just open wide enough for a grasp, as a remedy if some do."""
-    mesh, scene = labels.mesh, labels.scene
-    if scene is None or not isinstance(scene.hand, ParallelGripper):
+    scene = labels.scene
+    if scene is None or not has_poses(labels) or not isinstance(scene.hand, ParallelGripper):
         return []
-    hand, metres = scene.hand, metres_per_unit(mesh)
-    free = label_surface(mesh, labels.model, sampling=labels.sampling).grasps
-    rows = np.flatnonzero(free.label == Label.S)
-    rows = rows[np.argsort(free.opening[rows], kind="stable")]
-    points = free.contacts.take(rows).points
-    rows = rows[distinct_rows(points, MOST_JAWS, distance_of_distinct(mesh))]
-    for row in rows.tolist():
-        needed = metres * free.opening[row] + 2.0 * hand.clearance
+    hand, metres = scene.hand, metres_per_unit(labels.mesh)
+
+    def opening_to(opening: float) -> Scene:
+        return replace(scene, hand=hand.opening_to(opening))
+
+    search = replace(PoseSearch.of(labels), scene=opening_to(2.0 * metres * labels.mesh.size))
+    pool = search.pool()
+    sure = pool.take(np.flatnonzero(pool.letter == Label.S))
+    for row in np.argsort(sure.opening)[:MOST_JAWS].tolist():
+        needed = metres * sure.opening[row] + 2.0 * hand.clearance
         opening = 1e-3 * math.ceil(round(1e3 * needed, 6))
-        palm = max(opening, hand.palm_thickness)
-        wider = replace(scene, hand=replace(hand, max_opening=opening, palm_thickness=palm))
-        one = free.take(np.array([row]))
-        contacts, grip = one.contacts, 1 if one.grip is None else one.grip
-        reach = wider.reach(mesh, contacts.points, contacts.normals, grip=grip)
-        one = one.using(scene=wider, reach=reach, load=labels.load).after_closing()
-        if (_stated(one) == Label.S).all():
+        one = replace(search, scene=opening_to(opening)).evaluated(sure.poses[[row]])
+        if (one.letter == Label.S).all():
             return [Remedy("max_opening", opening, hand.max_opening)]
     return []

@@ -7,7 +7,6 @@ import numpy as np
 
 from grasp3d._kernels.jaws.closing import INSIDE, ClosedOn, close_on
 from grasp3d._kernels.jaws.jaws import ROUNDING, Jaw
-from grasp3d._kernels.surface.face_tree import face_tree
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.errors import SettingError
 from grasp3d.hand.choices import ObjectMotion
@@ -90,7 +89,7 @@ FIXED = -1.0
 """Friction with which the kernels keep the object where it is."""
 
 CHUNK = 64
-"""Poses that one thread computes at a time."""
+"""Most poses that one thread computes at a time."""
 
 
 def close_jaws(
@@ -167,15 +166,15 @@ def close_jaws(
     start = _openings(mesh, opening, hand, len(matrices))
     jaw = jaw_of(hand, scale)
     coefficient = friction if free_object else FIXED
-    surface = mesh.contact_surface
-    tree = face_tree(surface)
+    surface, tree = mesh.contact_surface, mesh.face_tree
 
     def closed_from(poses: Floats, starts: Floats) -> ClosedOn:
         count, result = len(poses), _empty(len(poses))
-        firsts = range(0, count, CHUNK)
+        step = max(1, min(CHUNK, count // (2 * thread_count())))
+        firsts = range(0, count, step)
 
         def work(first: int) -> None:
-            last = min(first + CHUNK, count)
+            last = min(first + step, count)
             close_on(surface, tree, poses, starts, coefficient, jaw, first, last, result)
 
         with ThreadPoolExecutor(thread_count()) as executor:

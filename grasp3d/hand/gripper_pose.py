@@ -33,7 +33,8 @@ class GripperPose:
     toward: Floats = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     """Approach direction in the gripper's frame, unit vector, shape (3,)."""
     colors: Mapping[int, tuple[int, int, int]] = field(default_factory=dict)
-    """Red, green and blue of links by their number; others have the grey of their part."""
+    """Red, green and blue of links by their number; others have the grey of their part. Those of a
+    parallel gripper have the number 0."""
 
     __repr__ = short_repr
 

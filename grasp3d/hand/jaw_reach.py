@@ -8,7 +8,7 @@ import numpy as np
 from grasp3d._kernels.jaws import gripper_parts
 from grasp3d._kernels.jaws.gripper_parts import ApproachLimits, GripperShape, make_workspace
 from grasp3d._kernels.jaws.reaching import collide_poses, reach_pairs, reach_tips
-from grasp3d._kernels.surface.box_tree import BoxTree, box_tree
+from grasp3d._kernels.surface.box_tree import BoxTree
 from grasp3d.arrays import ArrayLike, Bools, Floats, unit_rows
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.hand.closed_jaws import ClosedJaws
@@ -43,7 +43,6 @@ class NormalizedScene(NamedTuple):
         Raises:
             SettingError: The mesh has no unit.
         """
-        surface = mesh.contact_surface
         scale = 1.0 / (metres_per_unit(mesh) * mesh.size)
         lengths = {name: getattr(hand, name) * scale for name in GripperShape._fields}
         if hand.round_tips:
@@ -60,8 +59,7 @@ class NormalizedScene(NamedTuple):
             table_normal=normal,
             table_offset=offset,
         )
-        tree = box_tree(surface.points, surface.faces)
-        return cls(GripperShape(**lengths), limits, tree)
+        return cls(GripperShape(**lengths), limits, mesh.boxes)
 
 
 def checked_grip(grip: ArrayLike, count: int) -> Any:
@@ -181,6 +179,7 @@ def collides(
     grip: ArrayLike = 1,
     table: Table | None = None,
     swept: bool = True,
+    only: int = -1,
 ) -> Bools:
     """Test whether a gripper collides at given poses with the object or the table.
 
@@ -196,6 +195,8 @@ def collides(
         table: What the object stands on; None: nothing.
         swept: Whether the straight approach and the clearance are tested too; else the final
             pose only.
+        only: 0 or 1: that finger is tested without its round tip; 2: the palm, both without the
+            table; -1: all.
 
     Returns:
         Whether the gripper collides, shape (b,).
@@ -225,7 +226,7 @@ def collides(
 
     def work(rows: slice, workspace: Any) -> None:
         collide_poses(
-            matrices[rows], openings[rows], signs[rows], swept, scene.shape, scene.limits,
+            matrices[rows], openings[rows], signs[rows], swept, only, scene.shape, scene.limits,
             scene.tree, workspace, verdict[rows],
         )  # fmt: skip
 

@@ -1,8 +1,8 @@
 """Lengths and abilities of a parallel gripper: two fingers that move along one axis, a palm."""
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Self
 
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
@@ -73,6 +73,11 @@ class Jaws:
     joint_scale: tuple[float, ...] = ()
     joint_closed: tuple[float, ...] = ()
     source: str = ""
+
+    def opening_to(self, opening: float) -> Self:
+        """The same gripper with another stroke [m], and a palm that is wide enough for it."""
+        palm = max(opening, self.palm_thickness)
+        return replace(self, max_opening=opening, palm_thickness=palm)
 
     def __post_init__(self) -> None:
         for text in (self.name, self.source, *self.joint_names):

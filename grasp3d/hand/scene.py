@@ -4,7 +4,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
-from grasp3d.arrays import ArrayLike, Floats, angles_between
+import numpy as np
+
+from grasp3d.arrays import ArrayLike, Bools, Floats, angles_between
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_line
@@ -12,7 +14,7 @@ from grasp3d.hand.jaws import Jaws, metres_per_unit
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.hand.table import Approach, Table, axis_vector
+from grasp3d.hand.table import Approach, Table, axis_vector, best_approach
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import Sampling
 from grasp3d.settings.pose_error import PoseError
@@ -20,6 +22,9 @@ from grasp3d.settings.pose_error import PoseError
 LEVEL = math.pi / 2.0 + 1e-6
 """Largest angle from straight down at which a gripper beside a table comes [rad]: level, with a
 tolerance for rounding. Farther back, where no box of the gripper is tested, is the table."""
+
+ROUNDING = 1e-9
+"""Angle by which an approach may be beyond the limit through rounding [rad]."""
 
 TILTED = 5.0
 """Angle between up of the table and z of the robot that is warned of [degrees]."""
@@ -112,6 +117,20 @@ class Scene:
     def jaws(self) -> Jaws | None:
         """The hand if it is a parallel gripper, for which kernels search pairs; else None."""
         return self.hand if isinstance(self.hand, Jaws) else None
+
+    def approach_angles(self, poses: Floats) -> Floats:
+        """Angles of the approaches of poses (k, 4, 4) from the best direction [rad], shape (k,).
+
+        0 where any direction is as good.
+        """
+        direction = best_approach(self.table, self.approach)
+        if direction is None:
+            return np.zeros(len(poses))
+        return np.arccos(np.clip(poses[:, :3, 2] @ direction, -1.0, 1.0))
+
+    def allows(self, poses: Floats) -> Bools:
+        """Whether the approach of each pose (k, 4, 4) is allowed, shape (k,)."""
+        return np.asarray(self.approach_angles(poses) <= self.approach.within + ROUNDING)
 
     def tilt_warning(self, object_pose: ObjectPose | None) -> str | None:
         """What suggests that the object does not stand so beside its robot; None: nothing does."""

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from grasp3d._kernels.hands.touched_surface import TouchedSurface
+from grasp3d._kernels.surface.box_tree import BoxTree, box_tree
+from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
 from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows, used_indices
 from grasp3d.mesh.measures import face_areas, paired_edges
@@ -234,6 +236,18 @@ class ObjectMesh:
             normals=normals,
             twins=twins,
         )
+
+    @cached_property
+    def boxes(self) -> BoxTree:
+        """The faces in the normalised frame as a tree: what is near a point or a gripper."""
+        tree: BoxTree = box_tree(self.normalized, self.faces)
+        return tree
+
+    @cached_property
+    def face_tree(self) -> FaceTree:
+        """The faces of `contact_surface` as a tree: what closing jaws meet."""
+        tree: FaceTree = face_tree(self.contact_surface)
+        return tree
 
     @cached_property
     def touched_surface(self) -> TouchedSurface:

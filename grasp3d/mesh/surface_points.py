@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp3d._kernels.surface.box_tree import BoxTree, box_tree, nearest_faces
+from grasp3d._kernels.surface.box_tree import nearest_faces
 from grasp3d.arrays import Floats, Ints, short_repr, unit_rows
 from grasp3d.errors import SettingError
 from grasp3d.mesh.object_mesh import ObjectMesh
@@ -58,13 +58,12 @@ def nearest_surface_points(
         The surface points (k,); their positions (k, 3) in the mesh's frame and unit; the distances
         (k,). Points farther away than `limit` have face -1, nan and inf.
     """
-    tree = box_tree(mesh.normalized, mesh.faces)
     numbers, weights = np.full(len(points), -1, dtype=np.int64), np.zeros((len(points), 3))
     reach = limit / mesh.size
     for start in range(0, len(points), POINTS):
         part = slice(start, start + POINTS)
         normalized = (points[part] - mesh.center) / mesh.size
-        numbers[part], weights[part] = _nearest(mesh, tree, normalized, reach)
+        numbers[part], weights[part] = _nearest(mesh, normalized, reach)
         report_progress(min(part.stop / len(points), 1.0))
     surface_points = SurfacePoints(numbers, weights)
     missing = numbers < 0
@@ -85,8 +84,7 @@ def nearest_surface_point(mesh: ObjectMesh, point: Floats) -> tuple[Floats, int,
     Returns:
         Its position (3,) in the normalised frame, its face, and its barycentric coordinates (3,).
     """
-    tree = box_tree(mesh.normalized, mesh.faces)
-    faces, weights = _nearest(mesh, tree, np.array(point[None], dtype=np.float64), math.inf)
+    faces, weights = _nearest(mesh, np.array(point[None], dtype=np.float64), math.inf)
     face = int(faces[0])
     return weights[0] @ mesh.normalized[mesh.faces[face]], face, weights[0]
 
@@ -118,7 +116,7 @@ def nearest_vertex(mesh: ObjectMesh, name: str, position: Sequence[GivenLength])
     return int(mesh.faces[face, np.argmax(weights)])
 
 
-def _nearest(mesh: ObjectMesh, tree: BoxTree, points: Floats, limit: float) -> tuple[Ints, Floats]:
+def _nearest(mesh: ObjectMesh, points: Floats, limit: float) -> tuple[Ints, Floats]:
     """Face nearest to each point (k,) and barycentric coordinates of the nearest point (k, 3).
 
     Points and limit are in the normalised frame; points beyond the limit have face -1.
@@ -127,7 +125,7 @@ def _nearest(mesh: ObjectMesh, tree: BoxTree, points: Floats, limit: float) -> t
     part = -(-len(points) // max(1, thread_count()))
 
     def search(first: int) -> None:
-        nearest_faces(points, limit, first, min(first + part, len(points)), tree, faces)
+        nearest_faces(points, limit, first, min(first + part, len(points)), mesh.boxes, faces)
 
     with ThreadPoolExecutor(thread_count()) as executor:
         list(executor.map(search, range(0, len(points), max(1, part))))

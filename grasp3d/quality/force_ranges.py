@@ -153,6 +153,26 @@ def force_at_worst(
     return locked(needed.reshape(contacts.batch))[()]
 
 
+def least_force(
+    contacts: Contacts,
+    task: Task,
+    *,
+    tilt: ArrayLike = 0.0,
+    bound: ForceBound = "normal",
+    rtol: float = 1e-3,
+    group: int = 1,
+) -> Floats:
+    """Force less than which no normals within a tilt of the given ones need for a task [N].
+
+    Arguments, shape and errors as for `payload`; inf where no force suffices at any of them.
+    """
+    _check_groups(contacts, group)
+    flat, tilts = contacts.reshape((-1,)), tilts_of(tilt, contacts)
+    possible = ForceProblem.over_tilts(flat, tilts, "possible", bound=bound, group=group)
+    needed = ForceOptions(task, bound, None, rtol, group).bounds(possible).lower
+    return locked(needed.reshape(contacts.batch))[()]
+
+
 def payload(
     contacts: Contacts,
     task: Task,

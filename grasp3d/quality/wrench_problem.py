@@ -38,8 +38,8 @@ CHUNK = 1024
 INITIAL_FACETS = (1 << 11) + 8
 """Capacity of a thread's first polytope, in facets; see `Polytope` on the 8."""
 
-THREAD_GRASPS = 256
-"""Grasps that are worth another thread."""
+THREAD_CONTACTS = 512
+"""Contacts of grasps that are worth another thread."""
 
 MAX_FACETS = (1 << 18) + 8
 """Largest capacity of a polytope; a hull with more facets is not grown further."""
@@ -411,7 +411,7 @@ class WrenchProblem:
     def in_chunks(self, evaluate: Callable[[slice, Workspace], None]) -> None:
         """Evaluate chunks, in threads if there are several."""
         # A few grasps take less time than the start of a thread.
-        workers = min(thread_count(), 1 + self.size // THREAD_GRASPS)
+        workers = min(thread_count(), 1 + self.size * self.count // THREAD_CONTACTS)
         part = self.size if workers == 1 else -(-self.size // (4 * workers))
         step = max(1, min(CHUNK, part))
         chunks = [slice(i, min(i + step, self.size)) for i in range(0, self.size, step)]

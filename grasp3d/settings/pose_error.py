@@ -2,13 +2,11 @@
 
 import math
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.checks import DEGREE, Radians, check_length, check_range, parse_angle
+from grasp3d.settings.checks import Radians, check_length, check_range, parse_angle
 from grasp3d.settings.lengths import (
-    METRES,
     Length,
     LengthSettings,
     Unit,
@@ -24,26 +22,15 @@ if TYPE_CHECKING:
 
     from grasp3d.arrays import Floats
 
-TYPICAL = 5e-3, 3.0 * DEGREE
-"""Position [m] and angle [rad] of the error whose ends the offsets numbered 0 have."""
+TOWARD = (0.0, 0.5, -(0.75**0.5))
+"""Direction of one of the shifts that are tried, in the frame of a hand: along the pads, back and
+to the side; the other one is opposite."""
 
-RATIO = 1.11
-"""Each offset is by this factor larger than the one before."""
-
-SMALLEST, LARGEST = -30, 45
-"""Numbers of the smallest and of the largest offset: of 0.2 mm and 0.13 degrees, and of 0.5 m."""
-
-KINDS = ((1, 1), (1, 0), (0, 1), (1, 1), (1, 0), (1, 1), (1, 0), (0, 1))
-"""Whether the offsets, one after the other, have a shift and a turn."""
+ABOUT = (3.0**-0.5,) * 3
+"""Axis of one of the turns."""
 
 LARGEST_ANGLE = math.pi / 2.0
 """Largest turn [rad]."""
-
-PLASTIC = 1.1673039782614187
-"""The positive root of x^5 = x + 1."""
-
-ROUNDED_UP = 1.0 + 1e-9
-"""Factor by which an offset may exceed the error through rounding."""
 
 
 class PoseOffsets(NamedTuple):
@@ -51,9 +38,6 @@ class PoseOffsets(NamedTuple):
 
     poses: "Floats"
     """The stated one, the identity, first, shape (k, 4, 4)."""
-    weights: "Floats"
-    """Probabilities of the poses if errors are normally distributed, shape (k,): those of them that
-    have as many kinds of error as are stated."""
     position: float
     """Radius of the ball in which the origin lies, in the unit of the poses."""
 
@@ -78,7 +62,7 @@ class PoseError(LengthSettings, TextValue):
         >>> error.position, round(error.angle, 4), str(error)
         ('5 mm', 0.0524, '5 mm,3 deg')
         >>> error.offsets("m").poses.shape
-        (32, 4, 4)
+        (3, 4, 4)
     """
 
     position: Length[float] = Length(0.0)
@@ -135,29 +119,18 @@ class PoseError(LengthSettings, TextValue):
     def offsets(self, unit: Unit) -> "PoseOffsets":
         """Poses that are tried, in the frame of the stated one, which is the first of k.
 
-        They are those of one list, the same for all errors, that are within the error: so a larger
-        error tries all that a smaller one tries, and more. Their sizes grow from one to the next by
-        11 %, their directions are spread evenly, and some have only a shift, or only a turn.
+        Two opposite ones, which are as wrong as can be: shifted along the pads, and turned. Each
+        takes as long as the stated pose, so there are no more.
 
         Args:
             unit: Unit of translations, and of a position without one.
         """
         import numpy as np
 
-        metres = METRES[unit]
         position = length_in_unit("position", self.position, unit)
-        shifts, turns = _listed()
-        far, angles = np.linalg.norm(shifts, axis=1) / metres, np.linalg.norm(turns, axis=1)
-        within = (far <= position * ROUNDED_UP) & (angles <= self.angle * ROUNDED_UP)
-        errors = ((far, position), (angles, self.angle))
-        sizes = np.array([own[within] / error for own, error in errors if error])
-        # The list is spread evenly over the logarithm of the size, of both errors together.
-        likely = np.prod(sizes**3 * np.exp(-2.0 * sizes**2), axis=0) ** (1.0 / max(len(sizes), 1))
-        weights = np.append(0.0, np.broadcast_to(likely, within.sum()))
-        if not weights.any():
-            weights[0] = 1.0
-        poses = poses_of(shifts[within] / metres, turns[within])
-        return PoseOffsets(poses, weights / weights.sum(), position)
+        signs = np.array([[1.0], [-1.0]]) if self else np.zeros((0, 1))
+        shifts, turns = signs * position * np.array(TOWARD), signs * self.angle * np.array(ABOUT)
+        return PoseOffsets(poses_of(shifts, turns), position)
 
     def draw(self, count: int, unit: Unit, random: "np.random.Generator") -> "Floats":
         """Normally distributed errors, as poses in the frame of the stated one, (count, 4, 4).
@@ -193,33 +166,3 @@ def poses_of(shifts: "Floats", turns: "Floats") -> "Floats":
         poses[1:, :3, :3] = Rotation.from_rotvec(turns).as_matrix()
         poses[1:, :3, 3] = shifts
     return poses
-
-
-@cache
-def _listed() -> "tuple[Floats, Floats]":
-    """Shifts [m] and rotation vectors [rad] of all offsets, shape (k, 3) each."""
-    import numpy as np
-
-    from grasp3d.arrays import locked
-
-    numbers = np.arange(SMALLEST, LARGEST + 1)
-    sizes = RATIO**numbers
-    kinds = np.array([KINDS[number % len(KINDS)] for number in numbers])
-    # Coordinates of a sequence that fills the cube of four dimensions evenly: powers of the
-    # inverse of the root of x^5 = x + 1 (Roberts 2018).
-    spread = np.outer(numbers, PLASTIC ** -np.arange(1.0, 5.0)) % 1.0
-    shifts, turns = (_directions(spread[:, pair : pair + 2]) for pair in (0, 2))
-    position, angle = TYPICAL
-    return (
-        locked(shifts * (sizes * position * kinds[:, 0])[:, None]),
-        locked(turns * (sizes * angle * kinds[:, 1])[:, None]),
-    )
-
-
-def _directions(square: "Floats") -> "Floats":
-    """Unit vectors (k, 3) of points in the unit square (k, 2), by area."""
-    import numpy as np
-
-    height, around = 2.0 * square[:, 0] - 1.0, 2.0 * math.pi * square[:, 1]
-    level = np.sqrt(1.0 - height**2)
-    return np.stack([level * np.cos(around), level * np.sin(around), height], axis=1)

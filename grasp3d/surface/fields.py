@@ -201,34 +201,22 @@ FORCES = (
 )
 """What a load adds to grasps."""
 
-CLOSED = (
-    Field("closed_label", kind="i8", of=of_part("closed", "label"), when="gripper",
-          texts=(*LETTERS, "")),
-    replace(MARGIN, name="closed_margin", of=of_part("closed", "margin"), when="gripper",
-            allowed=Allowed(infinite=-math.inf, unknown=True)),
-    Field("robust_score", "", (), Allowed(-1.0, 1.0, unknown=True), when="gripper",
-          of=lambda grasps: grasps.closed and grasps.closed.number("robust_score")),
-    Field("label_tried", kind="i8", of=lambda grasps: grasps.closed and _tried(grasps),
-          when="gripper", texts=(*LETTERS, "")),
-)  # fmt: skip
-"""What the closed jaws of a gripper make of grasps that were found."""
+SCORE = Field("score", "", (), Allowed(0.0, 1.0))
+"""The one number by which grasps are sorted."""
 
-
-def _tried(grasps: Any) -> Array:
-    """Codes of the worst labels of the poses tried, -1: not known."""
-    codes = grasps.closed.number("label_tried")
-    return np.where(np.isnan(codes), -1.0, codes).astype(np.int64)
-
+STATED_LABEL = replace(LABEL, of=attrgetter("letter"))
+"""The label of everything that is stated."""
 
 GRASPS = (
     Field("grasp", of=lambda one: range(1, one.size + 1), kind="i8"),
-    *DECIDED,
+    STATED_LABEL,
+    SCORE,
+    *DECIDED[1:],
     *EPSILONS,
     Field("rank", kind="i8"),
     OPENING,
     replace(OPENING, name="separation"),
-    *CLOSED,
-    *FORCES,
+    *FORCES[:-1],
 )
 """Grasps in tables."""
 
@@ -241,52 +229,26 @@ CONTACTS = (
 )  # fmt: skip
 """The contacts of grasps in tables."""
 
-FOUND_POSES = (
-    *DECIDED,
-    *EPSILONS,
-    APPROACH_MARGIN,
-    DEPTH,
-    replace(CONTACTS[0], name="contacts"),
-    replace(CONTACTS[1], name="normals", outward=False),
-    *CLOSED,
-    *FORCES,
-)
-"""Poses of grasps that were found."""
 
-
-def _robust(name: str, part: str = "") -> Callable[[Any], Array | None]:
-    """Numbers of closed jaws; those of tried poses only where a pose error is stated."""
+def _tried(name: str) -> Callable[[Any], Array | None]:
+    """Numbers of the poses tried, where a pose error is stated."""
 
     def values(holder: Any) -> Array | None:
         robustness = holder.robustness
-        if robustness is None or (part == "tried" and robustness.tried == 1):
-            return None
-        known: Array | None = getattr(robustness, name)
+        known: Array | None = getattr(robustness, name) if robustness.tried > 1 else None
         return known
 
     return values
 
 
 ROBUST = (
-    Field("pad_margin", "m", (), KNOWN_OR_NAN, of=_robust("pad_margin"), when="gripper"),
-    Field("pad_edge", "m", (), POSITIVE_OR_NAN, of=_robust("pad_edge"), when="gripper"),
-    Field("pressure", "Pa", (), POSITIVE_OR_NAN, of=_robust("pressure"), when="load"),
-    Field("patch_payload", KILOGRAMS, (), HELD, of=_robust("patch_payload"), when="gripper"),
-    Field("robust_score", "", (), Allowed(-1.0, 1.0), of=_robust("robust_score")),
-    Field("success_probability", "", (), Allowed(0.0, 1.0), of=_robust("success_probability"),
+    Field("pad_margin", "m", (), KNOWN_OR_NAN, of=of_part("robustness", "pad_margin"),
           when="gripper"),
-    Field("label_tried", kind="u1", of=_robust("label_tried"), when="gripper", texts=LETTERS),
-    *(
-        Field(name, unit, (), allowed, of=_robust(name, "tried"), when="pose error")
-        for name, unit, allowed in (
-            ("closing_share", "", Allowed(0.0, 1.0)),
-            ("margin_worst", RADIANS, Allowed(infinite=-math.inf)),
-            ("margin_mean", RADIANS, Allowed(infinite=-math.inf, unknown=True)),
-            ("epsilon_worst", "", POSITIVE_OR_NAN),
-            ("epsilon_mean", "", POSITIVE_OR_NAN),
-            ("score_worst", "", Allowed(-1.0, 1.0)),
-        )
-    ),
+    Field("pressure", "Pa", (), POSITIVE_OR_NAN, of=of_part("robustness", "pressure"), when="load"),
+    Field("closing_share", "", (), Allowed(0.0, 1.0), of=_tried("closing_share"),
+          when="pose error"),
+    Field("margin_worst", RADIANS, (), Allowed(infinite=-math.inf), of=_tried("margin_worst"),
+          when="pose error"),
 )  # fmt: skip
 """Numbers of what closed jaws touch, and of poses that are a little wrong."""
 
@@ -296,15 +258,26 @@ def _jaw(name: str, number: int) -> Callable[[Any], Array]:
     return lambda poses: np.asarray(getattr(poses.jaws, name)[:, number])
 
 
+def _under_load(name: str) -> Callable[[Any], Array | None]:
+    """A number that poses have whether there is a load or not."""
+    return lambda poses: None if poses.load is None else np.asarray(getattr(poses, name))
+
+
 def given_poses(fingers: int = 2) -> tuple[Field, ...]:
     """Given poses that were evaluated, of a hand with so many fingers."""
     numbers = range(fingers)
     return (
         Field("closing", of=attrgetter("state"), kind="u1", texts=names_of(Closing)),
-        *(field for field in DECIDED if field is not CRITICAL_ANGLE_BEST),
+        STATED_LABEL,
+        SCORE,
+        *(field for field in DECIDED[1:] if field is not CRITICAL_ANGLE_BEST),
         *EPSILONS,
+        replace(APPROACH_MARGIN, of=None, when="always", ply=""),
+        Field("grip_force", NEWTONS, (), HELD, of=_under_load("grip_force"), when="load"),
+        Field("payload", KILOGRAMS, (), HELD, of=_under_load("payload"), when="load"),
         Field("collides", kind="?"),
         Field("reachable", kind="?"),
+        Field("reason", kind="U"),
         *(Field(f"area{number + 1}", AREA, of=_jaw("area", number)) for number in numbers),
         *(Field(f"touch{number + 1}", of=_jaw("touch", number), kind="u1", texts=names_of(Touch))
           for number in numbers),
@@ -312,14 +285,14 @@ def given_poses(fingers: int = 2) -> tuple[Field, ...]:
         Field("turn", RADIANS, of=attrgetter("jaws.turn")),
         Field("shift", LENGTH, of=attrgetter("jaws.shift")),
         *ROBUST,
-        *FORCES,
     )  # fmt: skip
 
 
 ANGLE_HAND = Allowed(-math.pi, math.pi, unknown=True)
 
 HAND_GRASPS = (
-    LABEL,
+    STATED_LABEL,
+    SCORE,
     replace(CRITICAL_ANGLE, allowed=ANGLE_HAND),
     MAX_RESOLUTION,
     replace(MARGIN, allowed=Allowed(infinite=-math.inf, unknown=True)),
@@ -340,7 +313,6 @@ HAND_GRASPS = (
         )
     ),
     Field("limit", kind="U", of=of_part("motor_holding", "limit"), when="load"),
-    replace(LABEL, name="label_with_force", when="load"),
     Field("reachable", kind="?"),
     Field("reason", kind="U"),
 )  # fmt: skip

@@ -26,12 +26,10 @@ from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import one_line
 from grasp3d.settings.parsing import plain_values
-from grasp3d.settings.pose_error import PoseError
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
-from grasp3d.surface.closed_grasps import ClosedGrasps, close_on
-from grasp3d.surface.contacts import GraspContacts, JawContacts
+from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.fields import CONTACTS, GRASPS, Field, columns_of, present
 from grasp3d.surface.grasp_numbers import (
@@ -238,30 +236,6 @@ class GraspTable(LabelledGrasps):
         least = better.placed(other.rows, self.size).grip_force_least
         return replace(holding, grip_force_least=locked(np.fmin(holding.grip_force_least, least)))
 
-    @Deferred
-    def closed(self) -> ClosedGrasps | None:
-        """What the jaws touch when they close at the poses, with labels and margins.
-
-        At the stated poses; see `at_wrong_poses`. Computed when first read; None: no hand, or a
-        hand without poses.
-        """
-        return self._closed(PoseError())
-
-    def _closed(self, pose_error: PoseError) -> ClosedGrasps | None:
-        reach, scene = self.reach, self.scene
-        if reach is None or scene is None or not self.has_poses:
-            return None
-        scene = replace(scene, pose_error=pose_error)
-        return close_on(self.mesh, reach, scene, self.model, self.load_case)
-
-    def at_wrong_poses(self) -> "GraspTable":
-        """The same with `closed` also at the poses that the pose error of the scene allows."""
-        if self.scene is None or not self.scene.pose_error:
-            return self
-        table = self.take(np.arange(self.size))
-        vars(table)["closed"] = self._closed(self.scene.pose_error)
-        return table
-
     @property
     def has_poses(self) -> bool:
         """Whether there is a hand that has poses for grasps of so many fingers."""
@@ -376,27 +350,14 @@ class GraspTable(LabelledGrasps):
     def whole(self) -> "GraspTable":
         """The grasps as given by their contacts: with the angles of these, over all normals.
 
-        Epsilon, which is that of the contacts, stays, and what is known after closing.
+        Epsilon, which is that of the contacts, stays.
         """
         worst, best = critical_angles(self.contacts)
         table = replace(
             self, critical_angle=worst, critical_angle_best=best, best_normals=None, points=None
         )
-        same = {"epsilon_range"} | ({"closed", "holding"} if "closed" in vars(self) else set())
-        vars(table).update({name: vars(self)[name] for name in same & vars(self).keys()})
-        return table
-
-    def after_closing(self) -> "GraspTable":
-        """The same with `closed` computed, and with the forces of a load at what the jaws touch.
-
-        They are those at the contacts where it is not known what the jaws touch.
-        """
-        closed, case, holding = self.closed, self.load_case, self.holding
-        if closed is None or closed.jaws is None or case is None or holding is None:
-            return self
-        table, contacts = self.take(np.arange(self.size)), JawContacts.of(self.mesh, closed.jaws)
-        forces = surface_holding(contacts, self.model, case)
-        vars(table)["holding"] = closed.with_forces(holding, forces)
+        if (epsilon := self.computed("epsilon_range")) is not None:
+            vars(table)["epsilon_range"] = epsilon
         return table
 
     def using(self, **changed: Any) -> "GraspTable":
@@ -482,7 +443,7 @@ class GraspTable(LabelledGrasps):
         return import_module("grasp3d.viewer.show").show(self, **options)
 
 
-COMPUTED = frozenset({"located_angles", "label", "epsilon_range", "holding", "closed"})
+COMPUTED = frozenset({"located_angles", "label", "epsilon_range", "holding"})
 """What is computed when it is first read, a row for each grasp."""
 
 

@@ -3,9 +3,13 @@
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from grasp3d.arrays import Floats, locked
+import numpy as np
+
+from grasp3d.arrays import Bytes, Floats, locked
+from grasp3d.stability.label import Label
 from grasp3d.stability.thresholds import margins, max_resolution
 from grasp3d.surface.load_case import input_warnings
+from grasp3d.surface.scores import quality_of_contacts, written_scores
 from grasp3d.system.context import report_progress
 
 if TYPE_CHECKING:
@@ -31,6 +35,10 @@ class LabelledGrasps:
         def load(self) -> Load | None: ...  # noqa: D102
         @property
         def model(self) -> GraspModel: ...  # noqa: D102
+        @property
+        def label(self) -> Bytes: ...  # noqa: D102
+        @property
+        def critical_angle(self) -> Floats: ...  # noqa: D102
         @property
         def located_angles(self) -> WorstAndBest: ...  # noqa: D102
         @property
@@ -75,6 +83,39 @@ class LabelledGrasps:
         if self.model.method == "extremes" and self.computed("label") is None:
             self.compute("label")
             report_progress(1.0)
+
+    @property
+    def letter(self) -> Bytes:
+        """`Label` codes of everything that is stated.
+
+        With a load whose mass and force are known, whether it is held. Where one of these is not
+        known, a grasp that no force surely makes hold it is M at most, and U where none does at
+        any normals; without a load it is `label`.
+        """
+        holding = self.holding
+        if holding is None:
+            return self.label
+        if holding.label is not None:
+            return holding.label
+        most = np.where(np.isfinite(holding.grip_force_largest), Label.S, Label.M)
+        most[~np.isfinite(holding.grip_force_least)] = Label.U
+        return locked(np.minimum(self.label, most).astype(np.uint8))
+
+    @cached_property
+    def quality(self) -> Floats:
+        """How far each grasp is from failing, from -1 to 1; see `quality_of_contacts`."""
+        holding, held = self.holding, self.epsilon
+        if holding is not None and holding.has_payload and holding.mass:
+            held = holding.payload / holding.mass
+        return locked(quality_of_contacts(self.margin, held))
+
+    @cached_property
+    def score(self) -> Floats:
+        """The one number of each grasp, from 0 to 1: its letter, and within that its quality.
+
+        Lists are in its order, and every file has it; see `written_scores`.
+        """
+        return written_scores(self.letter, self.quality)
 
     @cached_property
     def margin(self) -> Floats:

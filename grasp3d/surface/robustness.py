@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 from scipy.special import ndtr
 
-from grasp3d.arrays import Bools, Bytes, Floats, locked, short_repr
+from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts, evenly_pressed_radius
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws
@@ -27,16 +27,14 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.quality.critical_angle import critical_friction_angle
-from grasp3d.quality.ferrari_canny import epsilon_with
-from grasp3d.quality.force_ranges import force_at_worst, payload
+from grasp3d.quality.force_ranges import force_at_worst, least_force, payload
 from grasp3d.quality.patch_lines import best_line_angles
-from grasp3d.quality.tasks import STANDARD_GRAVITY, Weight
-from grasp3d.quality.wrenches import EpsilonOptions
+from grasp3d.quality.tasks import STANDARD_GRAVITY, Task, Weight
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
 from grasp3d.stability.thresholds import label_angles, margins
 from grasp3d.surface.contacts import JawContacts
-from grasp3d.surface.grasp_numbers import EPSILON_RTOL, hull_labels, located_angles_of
+from grasp3d.surface.grasp_numbers import hull_labels, located_angles_of
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.context import unreported
 
@@ -45,9 +43,6 @@ PAYLOAD_RTOL = 1e-2
 
 CHUNK = 8192
 """Poses whose errors are tried at a time."""
-
-CUT = 1e-9
-"""Distance of a patch from the border [m] that is a rounding error."""
 
 LOST = -1.0
 """Score of a pose at which the jaws do not close on the object."""
@@ -62,25 +57,20 @@ class ClosedNumbers:
     clear: Bools
     """Whether they do, and no finger started in it (`ClosedJaws.shift` is 0)."""
     label: Bytes
-    """`Label` codes at the contacts; U where the jaws do not close."""
+    """`Label` codes of the pose; U where the jaws do not close. See `Robustness.label`."""
     margin: Floats
     """[rad]; -inf where the jaws do not close."""
-    epsilon: Floats
-    """At the nominal normals; 0 where the jaws do not close; nan: not computed."""
     payload: Floats
-    """What the patches hold at the worst normals [kg], with the force at hand or, where none is
-    known, with 1 N of each finger; nan: the task does not depend on the mass."""
+    """What the patches, pressed evenly, hold at the worst normals [kg], with the force at hand or,
+    where none is known, with 1 N of each finger; nan: the task does not depend on the mass."""
+    grip_force: Floats
+    """Force that each finger needs for that at these normals [N], for the mass or, where it is not
+    known, for 1 kg; inf: no force suffices, or the jaws do not close."""
     ratio: Floats
-    """Force at hand over the force that the patches need at the worst normals to hold what must be
-    held; where mass or force are not known, the weight that they hold per newton of each finger."""
-    even_ratio: Floats
-    """The same of patches that are pressed evenly, and so resist no more torsion than soft pads;
-    where mass or force are not known, `ratio`."""
+    """Force at hand over `grip_force`; where mass or force are not known, the weight that is held
+    per newton of each finger."""
     score: Floats
-    """See `Robustness.robust_score`."""
-    spare: Floats
-    """How far normals may tilt until the patches do not hold what must be held, or do not close,
-    where mass or force are not known [rad]; -inf where the jaws do not close."""
+    """See `Robustness.score`."""
 
     __repr__ = short_repr
 
@@ -91,8 +81,6 @@ class ClosedNumbers:
         jaws: ClosedJaws,
         model: GraspModel,
         case: LoadCase | None,
-        *,
-        with_epsilon: bool,
     ) -> "ClosedNumbers":
         """The numbers of closed jaws, shape (k,) each.
 
@@ -101,36 +89,32 @@ class ClosedNumbers:
             jaws: What the jaws touch.
             model: Friction, sensor resolution and errors, with lengths in the mesh's unit.
             case: What must be held, and with which force; None: nothing is stated.
-            with_epsilon: Whether `epsilon` is computed; else it is nan.
         """
         closes = jaws.closed
         shape, contacts = closes.shape, JawContacts.of(mesh, jaws)
         label, found = np.zeros(shape, dtype=np.uint8), contacts.contacts(model)
-        margin, spare = np.full((2, *shape), -math.inf)
-        epsilon, held, ratio, even, score = np.zeros((5, *shape))
-        if not with_epsilon:
-            epsilon[:] = math.nan
-        score[~closes] = LOST
+        margin, (held, ratio) = np.full(shape, -math.inf), np.zeros((2, *shape))
+        force, score = np.full(shape, math.inf), np.full(shape, LOST)
         if contacts.size:
             allowed = allowed_contacts(mesh, contacts.points)
             angles = np.where(allowed, critical_friction_angle(found), math.inf)
             located, _ = both = located_angles_of(contacts, (angles, angles), model)
             exact = model.method == "exact"
-            label[closes] = label_angles(*both, model) if exact else hull_labels(contacts, model)
+            codes = label_angles(*both, model) if exact else hull_labels(contacts, model)
             margin[closes] = margins(located, model)
-            if with_epsilon:
-                options = EpsilonOptions.of_model(
-                    model, torque_scale=mesh.torque_scale, rtol=EPSILON_RTOL
-                )
-                epsilon[closes] = epsilon_with(found, options).lower
-            forces = _patch_forces(contacts, angles, model, case)
-            for values, own in zip((held, ratio, even, score, spare), forces, strict=True):
-                values[closes] = own
+            patches = _Patches.of(contacts, model, case)
+            own = patches.numbers(angles)
+            codes = patches.label(codes, own[2])
+            for values, known in zip((held, force, ratio, score), own, strict=True):
+                values[closes] = known
+            label[closes] = codes
             outside = np.flatnonzero(closes)[~allowed]
-            label[outside], score[outside], spare[outside] = Label.U, LOST, -math.inf
-            held[outside] = ratio[outside] = even[outside] = 0.0
+            label[outside], score[outside], force[outside] = Label.U, LOST, math.inf
+            held[outside] = ratio[outside] = 0.0
         clear = closes & (jaws.shift == 0.0)
-        return cls(closes, clear, label, margin, epsilon, held, ratio, even, score, spare)
+        # Where a finger started in the object it may hold, but this is not sure.
+        label = np.where(clear, label, np.minimum(label, Label.M))
+        return cls(closes, clear, label, margin, held, force, ratio, score)
 
     def reshaped(self, *shape: int) -> "ClosedNumbers":
         """The same in another shape."""
@@ -140,94 +124,163 @@ class ClosedNumbers:
         """The chosen rows."""
         return ClosedNumbers(**{name: locked(one[rows]) for name, one in vars(self).items()})
 
+    def tried(self, rows: Ints, others: "ClosedNumbers") -> "ClosedNumbers":
+        """These of one pose each, (k, 1), with t others of some rows; elsewhere t times the same.
+
+        Args:
+            rows: The rows, shape (r,).
+            others: Numbers of their other poses, shape (r, t).
+        """
+        every = {}
+        for name, one in vars(self).items():
+            added = vars(others)[name]
+            every[name] = np.repeat(one, 1 + added.shape[1], axis=1)
+            every[name][rows, 1:] = added
+        return ClosedNumbers(**every)
+
     @staticmethod
-    def joined(parts: "Sequence[ClosedNumbers]", axis: int = 0) -> "ClosedNumbers":
-        """Several as one, along an axis."""
+    def joined(parts: "Sequence[ClosedNumbers]") -> "ClosedNumbers":
+        """Several as one."""
         names = vars(parts[0])
         return ClosedNumbers(
-            **{name: np.concatenate([vars(one)[name] for one in parts], axis) for name in names}
+            **{name: np.concatenate([vars(one)[name] for one in parts]) for name in names}
         )
 
 
-def _patch_forces(
-    contacts: JawContacts, angles: Floats, model: GraspModel, case: LoadCase | None
-) -> tuple[Floats, ...]:
-    """What the patches of closed jaws hold, with critical angles of points (b,).
+@dataclass(frozen=True, eq=False)
+class _Patches:
+    """What jaws touch: points of each patch that share the force of its jaw.
 
-    Payload, ratio, even_ratio, score and spare of `ClosedNumbers`, shape (b,) each.
+    Scores are of the extreme points, at which a jaw may press; payloads, forces and letters of
+    those drawn toward the centre: a patch that is pressed evenly resists no more torsion than they.
     """
-    jaws = contacts.jaws
-    decided = case is not None and case.complete
-    held, ratio = _held(jaws.corners, contacts, model, case)
-    even = ratio
-    if decided:
+
+    contacts: JawContacts
+    model: GraspModel
+    case: LoadCase | None
+    points: Floats
+    """Their extreme points, relative to the centre of mass, shape (b, n, m, 3)."""
+    pressed: Floats
+    """These drawn toward the centre of each patch."""
+
+    @classmethod
+    def of(cls, contacts: JawContacts, model: GraspModel, case: LoadCase | None) -> "_Patches":
+        """The patches of closed jaws."""
+        jaws = contacts.jaws
         middle = jaws.points[:, :, None]
         arms = jaws.corners - middle  # (b, n, m, 3)
         farthest = np.linalg.norm(arms, axis=-1).max(axis=-1)
         radius = evenly_pressed_radius(0.5 * jaws.extents, jaws.area)
         share = np.minimum(radius / np.where(farthest > 0.0, farthest, math.inf), 1.0)
-        pressed = middle + share[..., None, None] * arms
-        enough = np.flatnonzero(ratio > 0.0)
-        even = ratio.copy()
-        if len(enough):
-            some = contacts.take(enough)
-            _, even[enough] = _held(pressed[enough], some, model, case)
-        _, nominal = _held(pressed, contacts, model, case, tilted=False)
-    least = angles  # of the patches, no larger
-    if contacts.count == 2:
-        normals = jaws.normals[:, :, None]  # (b, 2, 1, 3)
-        y_and_z = np.swapaxes(jaws.poses[:, None, :3, 1:3], 2, 3)  # (b, 1, 2, 3)
-        across = y_and_z - (y_and_z * normals).sum(axis=-1, keepdims=True) * normals
-        ellipses = 0.5 * jaws.extents[..., None] * across
-        least = best_line_angles(jaws.points, jaws.normals, ellipses, angles)
-    tilt = model.tilt
-    spare = model.effective_friction_angle - least + tilt
-    holds = ratio > 0.0
-    if decided:
-        # With the tilt the payload falls about in proportion, to 0 where they do not close;
-        # no more lacks than to 90 degrees of friction.
+        middle = middle - contacts.mesh.center_mass
+        return cls(contacts, model, case, middle + arms, middle + share[..., None, None] * arms)
+
+    @property
+    def decided(self) -> bool:
+        """Whether mass and force are known, or a task without a mass and the force."""
+        return self.case is not None and self.case.complete
+
+    @property
+    def task(self) -> Task:
+        """What must be held; the weight in any direction where nothing is stated."""
+        return Weight() if self.case is None else self.case.task
+
+    @property
+    def force(self) -> float:
+        """Force at hand [N], 1 where it is not known."""
+        return 1.0 if self.case is None or self.case.available is None else self.case.available
+
+    def numbers(self, angles: Floats) -> tuple[Floats, ...]:
+        """Payload, grip force, ratio and score of `ClosedNumbers`, shape (b,) each.
+
+        Args:
+            angles: Critical angles of points (b,).
+        """
+        tilt = self.model.tilt
+        held, needed, most = self._held(self.points, tilt)
+        ratio, score = most, 1.0 - 1.0 / (1.0 + most)
+        if self.case is not None:
+            held, needed, ratio = self._held(self.pressed, tilt)
+        short = np.flatnonzero(most < 1.0 if self.decided else most <= 0.0)
+        if len(short):
+            lacks = np.minimum(self._spare(short, angles[short]) - tilt, 0.0)
+            score[short] = np.maximum(lacks / math.pi, LOST)
+        return held, needed, ratio, score
+
+    def _spare(self, rows: Ints, angles: Floats) -> Floats:
+        """How far normals may tilt until the patches do not hold what must be held, or close [rad].
+
+        Args:
+            rows: The chosen ones (r,).
+            angles: Critical angles of their points (r,).
+        """
+        contacts, model = self.contacts, self.model
+        jaws = contacts.jaws.take(rows)
+        least = angles  # of the patches, no larger
+        if contacts.count == 2:
+            normals = jaws.normals[:, :, None]  # (b, 2, 1, 3)
+            y_and_z = np.swapaxes(jaws.poses[:, None, :3, 1:3], 2, 3)  # (b, 1, 2, 3)
+            across = y_and_z - (y_and_z * normals).sum(axis=-1, keepdims=True) * normals
+            ellipses = 0.5 * jaws.extents[..., None] * across
+            least = best_line_angles(jaws.points, jaws.normals, ellipses, angles)
+        friction = model.effective_friction_angle + model.tilt
+        spare = friction - least
+        if not self.decided:
+            return spare
+        _, _, nominal = self._held(self.points[rows], 0.0, rows)
+        # With the tilt the payload falls about in proportion, to 0 where they do not close; no more
+        # lacks than to 90 degrees of friction.
         with np.errstate(divide="ignore", invalid="ignore"):
             loaded = np.where(spare > 0.0, spare * (1.0 - 1.0 / nominal), -math.inf)
-        friction = model.effective_friction_angle + tilt
-        lowest = friction - 0.5 * math.pi + np.minimum(spare, 0.0)
-        spare, holds = np.clip(loaded, lowest, spare), ratio >= 1.0
-    short = np.maximum(np.minimum(spare - tilt, 0.0) / math.pi, LOST)
-    score = np.where(holds, ratio / (1.0 + ratio), short)
-    return held, ratio, even, score, spare
+        return np.clip(loaded, friction - 0.5 * math.pi + np.minimum(spare, 0.0), spare)
 
+    def label(self, codes: Bytes, ratio: Floats) -> Bytes:
+        """Labels of points (b,) with the load: S only where the patches surely hold it.
 
-def _held(
-    corners: Floats,
-    contacts: JawContacts,
-    model: GraspModel,
-    case: LoadCase | None,
-    *,
-    tilted: bool = True,
-) -> tuple[Floats, Floats]:
-    """Payload [kg] and ratio of patches that are pressed at corners (b, n, m, 3).
+        U also where they do not hold it whichever the normals are (Wan & Howe 2018, Sec. III, with
+        the force at hand as a bound on what each jaw presses along its normal).
 
-    As in `ClosedNumbers`; `tilted`: at the worst normals, or at the nominal ones.
-    """
-    count = corners.shape[2]
-    pressed = Contacts(
-        (corners - contacts.mesh.center_mass).reshape(len(corners), -1, 3),
-        np.repeat(contacts.jaws.normals, count, axis=1),
-        model.friction_interval[0],
-    )
-    task = Weight() if case is None else case.task
-    force = 1.0 if case is None or case.available is None else case.available
-    options: dict[str, Any] = {
-        "tilt": model.tilt * tilted,
-        "bound": "norm", "rtol": PAYLOAD_RTOL, "group": count,
-    }  # fmt: skip
-    if task.mass is None:
+        Args:
+            codes: `Label` codes of points.
+            ratio: What `numbers` returned.
+        """
+        if self.case is None:
+            return codes
+        codes = np.where(ratio < 1.0 if self.decided else ratio <= 0.0,
+                         np.minimum(codes, Label.M), codes)  # fmt: skip
+        if self.decided and len(rows := np.flatnonzero((ratio < 1.0) & (codes > Label.U))):
+            needed = least_force(
+                self._contacts(self.points[rows], self.model.friction_interval[1], rows), self.task,
+                tilt=self.model.tilt, rtol=PAYLOAD_RTOL, group=self.points.shape[2],
+            )  # fmt: skip
+            codes[rows[needed > self.force]] = Label.U
+        return codes
+
+    def _contacts(self, points: Floats, friction: float, rows: Any) -> Contacts:
+        """Points (b, n, m, 3) as contacts, those of one patch after those of another."""
+        normals = np.repeat(self.contacts.jaws.normals[rows], points.shape[2], axis=1)
+        return Contacts(points.reshape(len(points), -1, 3), normals, friction)
+
+    def _held(
+        self, points: Floats, tilt: float, rows: Any = slice(None)
+    ) -> tuple[Floats, Floats, Floats]:
+        """Payload [kg], grip force [N] and ratio of points of rows, at the worst of a tilt."""
+        contacts = self._contacts(points, self.model.friction_interval[0], rows)
+        options: dict[str, Any] = {
+            "tilt": tilt,
+            "bound": "norm", "rtol": PAYLOAD_RTOL, "group": points.shape[2],
+        }  # fmt: skip
+        task, force = self.task, self.force
         with np.errstate(divide="ignore"):
-            ratio = force / force_at_worst(pressed, task, **options)
-        return np.full(len(ratio), math.nan), ratio
-    held = payload(pressed, task, force, **options)
-    known = case.mass if case is not None and case.complete else None
-    mass = known or force / STANDARD_GRAVITY
-    return held, held / mass
+            if task.mass is None:
+                needed = force_at_worst(contacts, task, **options)
+                return np.full(len(needed), math.nan), needed, force / needed
+            held = payload(contacts, task, force, **options)
+            mass = self.case.mass if self.case is not None and self.case.mass else 1.0
+            of = mass if self.decided else force / STANDARD_GRAVITY
+            grows = all(term.mass is not None for term in task.terms())
+            needed = force * mass / held if grows else force_at_worst(contacts, task, **options)
+            return held, needed, held / of
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,23 +298,13 @@ class Robustness:
     pad_margin: Floats | None
     """Distance of the contacts from the border of flat pads [m], the smaller one of both jaws,
     below 0 beside them, shape (k,); nan where a jaw touches nothing; None: no flat pads."""
-    pad_edge: Floats | None
-    """The same of the nearest points of the patches; 0 where the border cuts one off."""
     pressure: Floats | None
     """Force at hand over the smaller patch [Pa], shape (k,); None: the force is not known."""
     closing_share: Floats
     """Share of the poses tried at which the jaws close on the object, shape (k,)."""
     margin_worst: Floats
     """Smallest margin of the poses tried [rad], shape (k,); -inf: at one the jaws do not close."""
-    margin_mean: Floats
-    """Mean of those at which they close [rad], shape (k,); nan: they close at none."""
-    epsilon_worst: Floats
-    """Smallest epsilon, shape (k,); 0: at one the jaws do not close; nan: one pose is tried."""
-    epsilon_mean: Floats
-    """Mean epsilon, shape (k,); nan: one pose is tried."""
-    score_worst: Floats
-    """Smallest score, shape (k,)."""
-    robust_score: Floats
+    score: Floats
     """Mean score, shape (k,), less what contacts near the border of flat pads may lose.
 
     It is the mean times the probability that the contacts stay on the pads, and -1 times that of
@@ -275,33 +318,16 @@ class Robustness:
     Where mass or force are not known, r is the weight that is held per newton of each finger, any
     above 0, and beta* that with which the patches close. It is -1 where the jaws do not close on
     the object."""
-    label_tried: Bytes
-    """`Label` codes: the worst of the poses tried, shape (k,).
+    label: Bytes
+    """`Label` codes of everything that is stated, shape (k,): the worst of the poses tried.
 
-    S also requires that the patches, pressed evenly, hold the load at the worst normals, where mass
-    and force are known, and that contacts stay on the pads wherever the position error shifts
-    them. A pose at which a finger starts in the object is M at most. Without errors and without a
-    load it is the label."""
-    success_probability: Floats
-    """Probability that the grasp holds the load (or closes, where mass or force are not known), for
-    normally distributed errors, shape (k,).
-
-    Of normals and poses two standard deviations are what is stated of them, pose errors beyond that
-    are left out; a tilted normal counts as if tilted the worst way. Nothing is fitted."""
-    by_mass: bool
-    """Whether scores are relative to the mass of the object."""
+    That of the contacts at which the jaws have closed. S also requires that the patches, pressed
+    evenly, hold the load at the worst normals, where mass and force are known; where they do not
+    hold it at any it is U. A pose at which a finger starts in the object is M at most, as is one
+    whose contacts leave the pads where the position error shifts them. Other poses are tried only
+    where the jaws close at the stated one, and it is not U."""
 
     __repr__ = short_repr
-
-    @property
-    def even_ratio(self) -> Floats:
-        """That of evenly pressed patches at the stated pose, shape (k,); see `ClosedNumbers`."""
-        return self.stated.even_ratio
-
-    @property
-    def patch_payload(self) -> Floats:
-        """What the patches hold at the stated pose [kg], shape (k,); see `ClosedNumbers`."""
-        return self.stated.payload
 
     def take(self, rows: Any) -> "Robustness":
         """The chosen grasps."""
@@ -337,7 +363,7 @@ def robustness_of(
     assert mesh.unit is not None
     offsets = scene.pose_error.offsets(mesh.unit)
     several = len(offsets.poses) > 1 and len(poses) > 0
-    stated = ClosedNumbers.of(mesh, jaws, model, case, with_epsilon=several)
+    stated = ClosedNumbers.of(mesh, jaws, model, case)
     every = stated.reshaped(-1, 1)
     if several:
         close = partial(
@@ -345,49 +371,33 @@ def robustness_of(
             friction=model.nominal_friction,
             **({"give_way": offsets.position} if offsets.position else {}),
         )  # fmt: skip
-        others = _tried(mesh, poses, offsets.poses[1:], close, model, case)
-        every = ClosedNumbers.joined([every, others], axis=1)
-    weights = offsets.weights if several else np.ones(1)
-    by_mass = case is not None and case.complete
-    # Where a finger started in the object it may hold, but this is not sure.
-    codes = np.where(every.clear, every.label, np.minimum(every.label, Label.M))
-    if by_mass:
-        codes = np.where(every.even_ratio < 1.0, np.minimum(codes, Label.M), codes)
-    codes = codes.min(axis=1)
-    metres, margin, edge = metres_per_unit(mesh), None, None
+        rows = np.flatnonzero(stated.closes & (stated.label > Label.U))
+        others = _tried(mesh, poses[rows], offsets.poses[1:], close, model, case)
+        every = every.tried(rows, others)
+    codes = every.label.min(axis=1)
+    metres, margin = metres_per_unit(mesh), None
     stay = np.ones(len(poses))
     if (pads := scene.jaws) and not pads.round_tips:
-        margin, edge = _to_border(jaws, pads, metres)
+        margin = _to_border(jaws, pads, metres)
         if offsets.position:
             # Two standard deviations are the error; a contact that leaves the pad is lost.
             deviation = 0.5 * metres * offsets.position
             stay = np.where(np.isnan(margin), 1.0, ndtr(margin / deviation))
             stays = margin >= metres * offsets.position
             codes = np.where(stays, codes, np.minimum(codes, Label.M))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        pressure = None
-        if case is not None and case.available is not None:
-            smaller = jaws.area.min(axis=1) * metres**2
-            area = np.where(smaller > 0.0, smaller, math.nan)
-            pressure = locked(case.available / area)
-        margins_closed = np.where(every.closes, every.margin, 0.0)
-        margin_mean = margins_closed.sum(axis=1) / every.closes.sum(axis=1)
+    pressure = None
+    if case is not None and case.available is not None:
+        smaller = jaws.area.min(axis=1) * metres**2
+        pressure = locked(case.available / np.where(smaller > 0.0, smaller, math.nan))
     return Robustness(
         stated=stated,
         tried=len(offsets.poses),
         pad_margin=None if margin is None else locked(margin),
-        pad_edge=None if edge is None else locked(edge),
         pressure=pressure,
         closing_share=locked(every.closes.mean(axis=1)),
         margin_worst=locked(np.where(every.clear, every.margin, -math.inf).min(axis=1)),
-        margin_mean=locked(margin_mean),
-        epsilon_worst=locked(np.where(every.clear, every.epsilon, 0.0).min(axis=1)),
-        epsilon_mean=locked(every.epsilon.mean(axis=1)),
-        score_worst=locked(np.where(every.clear, every.score, LOST).min(axis=1)),
-        robust_score=locked((every.score.mean(axis=1) - LOST) * stay + LOST),
-        label_tried=locked(codes.astype(np.uint8)),
-        success_probability=locked(_probabilities(every.spare, model, jaws) @ weights),
-        by_mass=by_mass,
+        score=locked((every.score.mean(axis=1) - LOST) * stay + LOST),
+        label=locked(codes.astype(np.uint8)),
     )
 
 
@@ -402,18 +412,16 @@ def _tried(
     """Numbers at the poses moved by each of t offsets, shape (k, t)."""
     parts, count = [], len(offsets)
     step = max(1, CHUNK // count)
-    for first in range(0, len(poses), step):
+    for first in range(0, max(len(poses), 1), step):
         moved = np.matmul(poses[first : first + step, None], offsets)  # (r, t, 4, 4)
         with unreported():
             jaws = close(moved.reshape(-1, 4, 4))
-            parts.append(
-                ClosedNumbers.of(mesh, jaws, model, case, with_epsilon=True).reshaped(-1, count)
-            )
+            parts.append(ClosedNumbers.of(mesh, jaws, model, case).reshaped(-1, count))
     return ClosedNumbers.joined(parts)
 
 
-def _to_border(closed: ClosedJaws, pads: Jaws, metres: float) -> tuple[Floats, Floats]:
-    """Least distances of contacts, and of their patches, from the borders of pads [m].
+def _to_border(closed: ClosedJaws, pads: Jaws, metres: float) -> Floats:
+    """Least distances of contacts from the borders of pads [m], the smaller one of both jaws, (k,).
 
     Borders are those of all inner faces of a finger together, seen along the closing axis.
 
@@ -421,26 +429,9 @@ def _to_border(closed: ClosedJaws, pads: Jaws, metres: float) -> tuple[Floats, F
         closed: Where they touch, k rows.
         pads: The gripper.
         metres: Metres per unit of the mesh.
-
-    Returns:
-        Shape (k,) each, the smaller distance of both jaws; nan where a jaw touches nothing.
     """
     corners = np.concatenate([np.array(face) for face in inner_faces(pads)])[:, 1:]
     sides = ConvexHull(corners).equations  # (s, 3): outward normals, and minus their distances
-
-    def distance(points: Floats) -> Floats:
-        arms = metres * (points - closed.poses[:, None, None, :3, 3])  # (k, n, m, 3)
-        beyond = arms @ closed.poses[:, None, :3, 1:3] @ sides[:, :2].T + sides[:, 2]
-        return np.asarray(-beyond.max(axis=(1, 2, 3)))
-
-    edge = distance(closed.corners)
-    return distance(closed.points[:, :, None]), np.where(edge < CUT, 0.0, edge)
-
-
-def _probabilities(spare: Floats, model: GraspModel, jaws: ClosedJaws) -> Floats:
-    """Probability that no normal tilts by more than what is to spare, shape (k, t)."""
-    deviation = 0.5 * model.tilt  # of the tilt about each of two axes
-    if deviation == 0.0:
-        return np.asarray(spare > 0.0, dtype=np.float64)
-    each = -np.expm1(-0.5 * (np.maximum(spare, 0.0) / deviation) ** 2)
-    return np.asarray(each ** jaws.area.shape[1])
+    arms = metres * (closed.points - closed.poses[:, None, :3, 3])  # (k, n, 3)
+    beyond = arms @ closed.poses[:, :3, 1:3] @ sides[:, :2].T + sides[:, 2]
+    return np.asarray(-beyond.max(axis=(1, 2)))

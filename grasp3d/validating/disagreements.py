@@ -66,7 +66,7 @@ class Numbers:
             touch=poses.jaws.touch,
             hand=poses.hand,
             size=poses.mesh.size * metres_per_unit(poses.mesh),
-            available=None if poses.holding is None else poses.holding.available,
+            available=None if poses.load_case is None else poses.load_case.available,
             friction=poses.model.nominal_friction,
         )
 
@@ -110,7 +110,7 @@ def _area(numbers: Numbers, row: int) -> str:
 
 def _force(numbers: Numbers, row: int) -> str:
     needed, payload = numbers["grip_force"][row], numbers["payload"][row]
-    force = "no force suffices" if math.isinf(needed) else f"{short_number(needed)} N nominally"
+    force = "no force suffices" if math.isinf(needed) else f"{short_number(needed)} N"
     return f"{force}, {short_number(numbers.available or 0.0)} N at hand" + (
         "" if math.isnan(payload) else f", payload {short_number(payload)} kg"
     )
@@ -135,7 +135,8 @@ REASONS = (
            lambda numbers: numbers["center_of_mass_distance"] > FAR_ARM * numbers.size,
            _length("center_of_mass_distance")),
     Reason("payload below the load", "at the worst normals the force at hand does not hold it",
-           "failed", lambda numbers: numbers["label_with_force"] < Label.S, _force),
+           "failed", lambda numbers: numbers["grip_force"] > (numbers.available or math.inf),
+           _force),
     Reason("little room for the open gripper", "a small error of its pose pushes the object",
            "failed", lambda numbers: numbers.clearance < TIGHT,
            lambda numbers, row: f"{1e3 * numbers.clearance[row]:.2g} mm on each side"),

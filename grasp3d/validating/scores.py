@@ -14,7 +14,7 @@ import numpy as np
 from grasp3d.arrays import Floats, angles_between
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.jaws import metres_per_unit
-from grasp3d.surface.fields import AREA, FORCES, LENGTH, ROBUST, Array, given_poses, present
+from grasp3d.surface.fields import AREA, LENGTH, Array, given_poses, present
 
 Better = Literal["larger", "smaller"]
 Quantity = Literal["angle", "length", "area", "force", "mass", "number"]
@@ -30,7 +30,7 @@ class Score:
     Example:
         >>> from grasp3d.validating import SCORES
         >>> print(*(score.name for score in SCORES))
-        robust_score patch_payload pad_margin success_probability margin critical_angle label ...
+        quality score payload pad_margin margin critical_angle label ...
     """
 
     name: str
@@ -75,24 +75,24 @@ def _arm(poses: EvaluatedPoses) -> Floats:
     return np.asarray(np.linalg.norm(away, axis=1) * metres_per_unit(poses.mesh))
 
 
-def _named(name: str) -> Of:
-    """A column of grip forces and payloads, or a number of the touched patches."""
-    (one,) = (each for each in (*FORCES, *ROBUST) if each.name == name)
-    return one.values_of
+def _loaded(name: str) -> Of:
+    """A number of poses that they have under a load."""
+    return lambda poses: None if poses.load is None else np.asarray(getattr(poses, name))
 
 
 SCORES = (
-    Score("robust_score", "robust score", "larger", "number",
+    Score("quality", "quality", "larger", "number",
           "what the touched patches hold at the worst normals, over the mass, r / (1 + r), mean "
           "over the poses tried; below 0 where they do not hold it, -1 where the jaws do not close",
-          of=_named("robust_score"), always=True),
-    Score("patch_payload", "patch payload", "larger", "mass",
-          "mass that the touched patches hold at the worst normals", of=_named("patch_payload")),
+          of=attrgetter("quality"), always=True),
+    Score("score", "score", "larger", "number",
+          "what files have: the letter, and within that the quality", of=attrgetter("score"),
+          always=True),
+    Score("payload", "payload", "larger", "mass",
+          "mass that the force at hand holds at the worst normals", of=_loaded("payload")),
     Score("pad_margin", "pad margin", "larger", "length",
-          "distance of the contacts from the border of the pads", of=_named("pad_margin")),
-    Score("success_probability", "success probability", "larger", "number",
-          "of holding the load, for normally distributed errors",
-          of=_named("success_probability"), always=True),
+          "distance of the contacts from the border of the pads",
+          of=attrgetter("robustness.pad_margin")),
     Score("margin", "margin", "larger", "angle",
           "β - α/2 - β* less all other uncertainties; S above 0",
           of=attrgetter("margin")),
@@ -100,18 +100,13 @@ SCORES = (
           "critical friction angle: friction must exceed it",
           of=attrgetter("critical_angle")),
     Score("label", "label", "larger", "number",
-          "2: S, 1: M, 0: U, at the friction and resolution",
+          "2: S, 1: M, 0: U, of everything that is stated",
           of=attrgetter("label"), always=True),
-    Score("label_with_force", "label with force", "larger", "number",
-          "the same with the force at hand: whether it holds the load",
-          of=_named("label_with_force"), always=True),
     Score("epsilon", "ε", "larger", "number", "Ferrari & Canny 1992, at the nominal normals",
           of=attrgetter("epsilon")),
     Score("grip_force", "grip force", "smaller", "force",
-          "force that each finger needs to hold the load; inf: none suffices",
-          of=_named("grip_force")),
-    Score("payload", "payload", "larger", "mass",
-          "mass that the force at hand holds at the worst normals", of=_named("payload")),
+          "force that each finger needs at the worst normals; inf: none suffices",
+          of=_loaded("grip_force")),
     Score("reachable", "reachable", "larger", "number",
           "1: the jaws close, within the stroke, without collision",
           of=attrgetter("reachable"), always=True),

@@ -8,7 +8,7 @@ from functools import partial
 from importlib import import_module
 
 from grasp3d.errors import SettingError
-from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
+from grasp3d.grasps.evaluated_poses import GivenGrasps
 from grasp3d.mesh import MeshSource, load_mesh
 from grasp3d.settings import AnySampling, GraspModel
 from grasp3d.surface.grasp_table import GraspTable
@@ -38,7 +38,7 @@ class NotebookView:
 
 
 def show(
-    shown: SurfaceLabels | GraspTable | EvaluatedHandGrasps | MeshSource,
+    shown: SurfaceLabels | GraspTable | GivenGrasps | MeshSource,
     settings: ViewSettings | None = None,
     *,
     model: GraspModel | None = None,
@@ -52,9 +52,8 @@ def show(
     machine, forward that port, or use jupyter-server-proxy.
 
     Args:
-        shown: Labels; grasps, or evaluated poses of a hand with joints, of which one is shown at a
-            time; or a mesh, as in `load_mesh`, which
-            is labelled first.
+        shown: Labels; grasps, or evaluated poses, of which one is shown at a time; or a mesh, as in
+            `load_mesh`, which is labelled first.
         settings: Initial view; None: the defaults.
         model: For a mesh: friction, sensor resolution and fingers of its labels.
         sampling: For a mesh: how grasps are searched for.
@@ -86,11 +85,11 @@ def show(
 
 
 def _collection(
-    shown: SurfaceLabels | GraspTable | EvaluatedHandGrasps | MeshSource,
+    shown: SurfaceLabels | GraspTable | GivenGrasps | MeshSource,
     model: GraspModel | None,
     sampling: AnySampling | None,
 ) -> Collection:
-    if not isinstance(shown, SurfaceLabels | GraspTable | EvaluatedHandGrasps):
+    if not isinstance(shown, SurfaceLabels | GraspTable | GivenGrasps):
         return collection_of_mesh(load_mesh(shown), model, sampling)
     if not (model is None and sampling is None):
         raise SettingError("labels and grasps have a model already; give one for a mesh only")

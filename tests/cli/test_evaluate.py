@@ -52,9 +52,10 @@ def test_labels_and_numbers_of_given_grasps(folder: Path) -> None:
     assert rows[0]["distance1"] == pytest.approx(0.005)
     assert "distance of the contacts from the surface: median 0, at most 0.005 m" in run.stdout
     first = next(line for line in run.stdout.splitlines() if re.match(r" +1 +■ S", line))
-    assert first.split()[3] == f"{math.degrees(rows[0]['critical_angle']):.1f}°"
+    assert first.split()[3] == f"{rows[0]['score']:.2f}"
+    assert first.split()[4] == f"{math.degrees(rows[0]['critical_angle']):.1f}°"
     assert first.split()[-1] == "0.005"
-    assert re.search(r"3 +■ U +none +none +0.000", run.stdout)
+    assert re.search(r"3 +■ U +[\d.]+ +none +none +0.000", run.stdout)
     assert "written: my box_grasps.csv" in run.stdout
     assert len(list(folder.iterdir())) == 4
 
@@ -120,12 +121,10 @@ def test_poses_of_a_gripper_are_evaluated(posed: Path) -> None:
     assert (run.returncode, run.stderr) == (0, "")
     assert "small.stl: 3 poses of gripper franka; friction 0.5" in run.stdout
     for text in (
-        "■ S  surely stable +2 +66.7 %",
-        "the jaws close on nothing +1 +33.3 %",
-        "closed, but the gripper collides +0",
-        "closed and reachable +2",
+        "■ S +surely stable +2 +66.7 %",
+        "1 of 3: the jaws close on nothing",
         "held when tried: S 100.0 % of 2, U 0.0 % of 1",
-        "3 +■ U +none +none +none +none +-1.00 +nothing",
+        "3 +■ U +0.00 +the jaws close on nothing",
         "opening in mm",
     ):
         assert re.search(text, run.stdout), text
@@ -159,7 +158,7 @@ def test_the_best_grasps_evaluated_again_are_the_same(
     text = printed("label", "my box.stl", *options, *output, "--best", "5", cwd=folder)
     assert "the 5 best distinct grasps" in text
     assert "no pictures: they need OpenGL" in text
-    assert f"written: {Path('out/labels_grasps.json')}" in text
+    assert f"written: {Path('out/labels.npz')}, {Path('out/labels_grasps.json')}" in text
     assert {path.name for path in (folder / "out").iterdir()} == {
         "labels.npz",
         "labels_grasps.json",
@@ -189,10 +188,10 @@ def test_fewer_grasps_than_requested_are_reported(
     text = printed("label", "my box.stl", *TWO_FINGERS, "--best", "5000", cwd=folder)
     count = len(json.loads((folder / "my box_grasps.json").read_text())["grasps"])
     assert f"the {count} best distinct grasps" in text
-    assert "5000 were requested; all others are similar to one of these" in text
+    assert "5000 were requested; no others that may hold are distinct" in text
     few = ("--max-opening", "0.01", "--best", "3", "--overwrite")
     text = printed("label", "my box.stl", *TWO_FINGERS, *few, cwd=folder)
-    assert "best grasps: none found" in text
+    assert "best grasps: none may hold" in text
     assert "OpenGL" not in text
     assert json.loads((folder / "my box_grasps.json").read_text())["grasps"] == []
 
@@ -201,7 +200,7 @@ def test_fewer_grasps_than_requested_are_reported(
 @needs_opengl
 def test_the_best_grasps_are_drawn(folder: Path) -> None:
     text = printed("label", "my box.stl", *TWO_FINGERS, "--best", "2", cwd=folder)
-    assert "written: my box_grasps.json, my box_grasps.png" in text
+    assert "written: my box_labeled.ply, my box_grasps.json, my box_grasps.png" in text
     with Image.open(folder / "my box_grasps.png") as image:
         pixels = np.asarray(image.convert("RGB"))
     assert (pixels == 255).all(axis=2).mean() > 0.3

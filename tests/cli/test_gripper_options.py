@@ -33,7 +33,7 @@ def test_label_prints_the_verdict_and_writes_poses(box: Path) -> None:
     assert holds_poses(path)
     poses = read_poses(path)
     assert poses.count == 4
-    assert (poses.poses[:, 2, 2] < -0.7).all()  # from above
+    assert (poses.poses[:, 2, 2] < 1e-6).all()  # from above, or from the side
     labels = label_surface(
         load_mesh(box / "box.stl", unit="mm", max_edge=10.0), sampling=Sampling(rays=8),
         hand=ParallelGripper.preset("franka"), table=Table(np.array([0.0, 0.0, 1.0]), -10.0),
@@ -54,8 +54,7 @@ def test_nothing_reached_is_a_verdict_and_no_error(tmp_path: Path) -> None:
     plate.export(tmp_path / "plate.stl")
     text = printed("label", "plate.stl", *OPTIONS, *FRANKA, "--best", "3", cwd=tmp_path)
     assert "Not held by franka: the table is in the way" in text
-    assert "U, of the area: the table is in the way (" in text
-    assert "none found" in text
+    assert "best grasps: none may hold" in text
     assert not (tmp_path / "plate_grasps.json").exists()
 
 

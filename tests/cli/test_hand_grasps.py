@@ -122,11 +122,11 @@ def test_load(folder: Path) -> None:
     assert held[0] > surely[0] > 0.0
     assert held[1] is None
     assert columns["limit"][0].startswith("slide_")
-    assert (columns["label"][0], columns["label_with_force"][0]) == ("S", "S")
+    assert columns["label"][0] == "S"
     assert "surely held and reached: 1 of " in text
     row = next(line.split() for line in text.splitlines() if re.match(" +1 .* slide_", line))
     assert f"{100.0 * columns['load_fraction'][0]:.0f}" in row
-    assert row.count("S") == 2  # without and with the mass
+    assert row.count("S") == 1
 
 
 def test_options_and_descriptions_that_no_hand_has_are_named(folder: Path) -> None:
@@ -144,14 +144,14 @@ def test_what_motors_do_not_hold_is_not_surely_held(folder: Path) -> None:
     assert "surely held and reached: 0 of " in text
     columns = pc.read_csv(folder / "box_grasps.csv").to_pydict()
     assert columns["payload"][0] < columns["payload_possible"][0] < 5.0
-    assert (columns["label"][0], columns["label_with_force"][0]) == ("S", "U")
+    assert columns["label"][0] == "U"
     assert re.fullmatch(r"holds [\d.]+ kg at most", columns["reason"][0])
     assert "1 of 3: the motors do not surely hold it" in text
     between = f"{(columns['payload_sure'][0] + columns['payload_possible'][0]) / 2:.3f}kg"
     words = ("--mass", between, "--torque-limits", "10", "--overwrite")
     printed("evaluate", *POSES, *words, cwd=folder)
     columns = pc.read_csv(folder / "box_grasps.csv").to_pydict()
-    assert (columns["label"][0], columns["label_with_force"][0]) == ("S", "M")
+    assert columns["label"][0] == "M"
     assert re.fullmatch(r"surely holds [\d.]+ kg only", columns["reason"][0])
 
 

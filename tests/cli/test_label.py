@@ -101,6 +101,7 @@ def test_a_vertex_is_explained_as_in_the_viewer(tmp_path: Path) -> None:
     at = ("--at", "0,2cm,0", "--at", "30,20,-10")
     options = ("--unit", "mm", "--max-edge", "10", "--hand", "franka", "--table", "as-is")
     text = printed("label", source, *options, *at, "-o", "out.npz", cwd=tmp_path)
+    text = text[: text.index("written: ")]
     side, corner = text.split("at 0,2cm,0: ")[1].split("at 30,20,-10: ")
     labels = read_labels(tmp_path / "out.npz")
     vertex = int(re.search(r"vertex +(\d+)", side)[1])  # type: ignore[index]

@@ -30,7 +30,7 @@ def test_label_end_to_end(tmp_path: Path) -> None:
     written = json.loads((tmp_path / "block_grasps.json").read_text())
     assert written["grasp3d"]["object_mass"] == 0.5
     best = written["grasps"][0]
-    assert best["label_with_force"] == "S"
+    assert best["label"] == "S"
     assert best["payload"] == pytest.approx(40.0 * 0.5 / best["grip_force_largest"])
 
 
@@ -56,4 +56,4 @@ def test_evaluate_contacts(tmp_path: Path) -> None:
     assert table["grip_force"][0] == pytest.approx(side, rel=0.01)
     # From below one finger carries the weight.
     assert table["grip_force"][1] == pytest.approx(0.5 * 9.80665, rel=0.01)
-    assert table["label_with_force"] == ["S", "S"]
+    assert table["label"] == ["S", "S"]

@@ -67,7 +67,7 @@ def test_the_report_of_labels_has_the_uncertainties_and_the_mean_budget(tmp_path
     (margins,) = [line for line in lines if line.startswith("margin, 10/50/90 % of the area: ")]
     assert margins.endswith("(S: above 0)")
     (heading,) = [line for line in lines if line.startswith("grasp  label")]
-    assert heading.split()[:5] == ["grasp", "label", "β*", "α*", "margin"]
+    assert heading.split()[:6] == ["grasp", "label", "score", "β*", "α*", "margin"]
 
 
 @pytest.mark.slow

@@ -16,7 +16,6 @@ from grasp3d.export.ply import HIDDEN
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.surface.fields import (
     CONTACTS,
-    FOUND_POSES,
     GRASPS,
     HAND_GRASPS,
     ROBUST,
@@ -208,11 +207,8 @@ TABLES = {
     "grasps, gripper": column_table(GRASPS, "gripper", "column"),
     "forces": column_table(GRASPS, "load", "column, in JSON key of each grasp"),
     "contacts": contact_table(),
-    "found poses": column_table(
-        [one for one in FOUND_POSES if one.when != "load"], "always", "column"
-    ),
-    "found poses, gripper": column_table(FOUND_POSES, "gripper", "column"),
     "given poses": column_table(given_poses(), "always", "column"),
+    "given poses, load": column_table(given_poses(), "load", "column"),
     "hands with joints": column_table(HAND_GRASPS, "always", "column"),
     "motors": column_table(HAND_GRASPS, "load", "column"),
     "patches": column_table(ROBUST, "gripper", "column"),

@@ -19,7 +19,6 @@ from grasp3d import (
     ParallelGripper,
     Sampling,
     SurfaceLabels,
-    best_grasps,
     label_surface,
     load_mesh,
     sweep,
@@ -226,7 +225,7 @@ def test_grasps(tmp_path: Path, suffix: str, also: str) -> None:
     path = tmp_path / f"out{suffix}"
     written_grasps = replace(grasps(), load=LOAD if also == "load" else None)
     write_grasps(path, written_grasps, metrics=grasps().metrics() if also == "metrics" else None)
-    whole, _, of_load, of_metrics, of_contact, settings = tables("Grasps")
+    whole, of_load, of_metrics, of_contact, settings = tables("Grasps")
     in_json = {field.name for field in CONTACTS}
     whole |= {"load": of_load, "metrics": of_metrics}.get(also, set())
     if also == "load":  # whose density and torques are not given
@@ -241,12 +240,6 @@ def test_grasps(tmp_path: Path, suffix: str, also: str) -> None:
     table = pc.read_csv(path) if suffix == ".csv" else pq.read_table(path)
     assert first_finger(table.column_names) == whole | of_contact
     assert suffix == ".csv" or metadata(path) == settings
-
-
-def test_tables_of_grasps_with_a_gripper() -> None:
-    whole, of_gripper, _, _, of_contact, *_ = tables("Grasps")
-    names = best_grasps(with_gripper(), 2).to_table().column_names
-    assert first_finger(names) == whole | of_gripper | of_contact
 
 
 def test_sweeps(tmp_path: Path) -> None:

@@ -14,10 +14,9 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from grasp3d import GraspModel, ParallelGripper, best_grasps, label_surface, load_mesh
+from grasp3d import GraspModel, Load, ParallelGripper, best_grasps, label_surface, load_mesh
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.grasp_files import poses_of
 from grasp3d.grasps.pose_files import SUFFIXES, write_poses
 from grasp3d.grasps.poses import STAGES, GraspPoses
 from grasp3d.grasps.postures import POSTURES
@@ -76,7 +75,7 @@ def found() -> GraspPoses:
     """Poses of grasps that were found."""
     mesh = load_mesh(shapes.box(), unit="cm", max_edge=0.5)
     labels = label_surface(mesh, GraspModel(), hand=GRIPPER)
-    return poses_of(best_grasps(labels, 2))
+    return best_grasps(labels, 2).to_poses()
 
 
 @cache
@@ -130,18 +129,16 @@ def test_tables(tmp_path: Path) -> None:
 
 
 def test_further_columns() -> None:
-    of_found, of_closed, of_evaluated, *of_hands, of_patches, of_tried = tables("Further columns")
+    of_poses, of_load, *of_hands, of_patches, of_tried = tables("Further columns")
     assert set.union(*of_hands) == {field.name for field in HAND_GRASPS}
-    of_found |= of_closed
-    of_evaluated |= of_patches
-    vectors = {"contacts", "normals"}
-    assert set(found().columns) - vectors == of_found
-    columns = set(evaluated().to_poses().columns)
-    assert columns - vectors - (of_found - of_evaluated) == of_evaluated
-    tried = evaluate_grasps(
-        load_mesh(shapes.box(), unit="cm"), found(), hand=GRIPPER, pose_error="1deg"
-    )
+    known, vectors = of_poses | of_patches, {"contacts", "normals", "score"}
+    for poses in (found(), evaluated().to_poses()):
+        assert set(poses.columns) | vectors == known | vectors
+    mesh, columns = load_mesh(shapes.box(), unit="cm"), set(found().columns)
+    tried = evaluate_grasps(mesh, found(), hand=GRIPPER, pose_error="1deg")
     assert set(tried.to_poses().columns) - columns == of_tried
+    loaded = evaluate_grasps(mesh, found(), hand=GRIPPER, load=Load(mass=0.1))
+    assert set(loaded.to_poses().columns) - columns == of_load
     named = set(re.findall("`(.+?)`", sections_of(PAGE)["Further columns"].split("`closing` |")[1]))
     assert {state.name.lower() for state in Closing} <= named
 

@@ -15,7 +15,6 @@ from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import ContactError
 from grasp3d.grasps.audit import FEWEST, READING, PoseReading, audit_poses, explained
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.grasp_files import poses_of
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
@@ -94,7 +93,7 @@ def found_on(file: str) -> tuple[ObjectMesh, GraspPoses]:
     """A shipped mesh, and the best grasps on it, in metres."""
     mesh = load_mesh(MESHES / file, unit="m")
     best = grasp3d.best_grasps(grasp3d.label_surface(mesh, hand=HAND), 100)
-    return mesh, GraspPoses(poses=poses_of(best).poses, unit="m", hand=HAND)
+    return mesh, GraspPoses(poses=best.poses, unit="m", hand=HAND)
 
 
 @pytest.fixture(scope="module")

@@ -16,17 +16,14 @@ from grasp3d import (
     scan_surface,
 )
 from grasp3d.errors import SettingError
-from grasp3d.grasps.distinct import DISTINCT, best_grasps, matched_distance
-from grasp3d.grasps.ranking import STEP, margins_in_units
+from grasp3d.grasps.best import best_grasps
+from grasp3d.grasps.distinct import DISTINCT, matched_distance
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
 
 Floats = NDArray[np.float64]
 
 ALL = 10_000
-
-ANGLE_STEP = 0.5 * STEP * GraspModel().sensor_resolution
-"""Critical angles are compared in steps of this size [rad]."""
 
 
 @cache
@@ -74,28 +71,21 @@ def test_best_grasps_are_distinct_and_every_other_is_near_a_better_one(fingers: 
     for first, second in itertools.combinations(points, 2):
         assert farthest_pair(first, second) >= limit
     vertices = np.flatnonzero(labelled.reason == Reason.FOUND)
-    worst = found.critical_angle
-    for vertex in vertices[::7]:
+    scores = labelled.grasps.score[labelled.row[vertices]]
+    may_hold = labelled.grasps.letter[labelled.row[vertices]] > 0
+    for vertex, score in zip(vertices[may_hold][::7], scores[may_hold][::7], strict=True):
         grasp = np.concatenate([labelled.mesh.vertices[vertex, None], labelled.partners[vertex]])
         near = np.array([farthest_pair(grasp, kept) for kept in points]) < limit + 1e-9
-        assert (worst[near] < labelled.critical_angle[vertex] + ANGLE_STEP + 3e-4).any()
+        assert (found.score[near] >= score - 1e-9).any()
 
 
 @pytest.mark.parametrize("fingers", [2, 3])
-def test_best_grasps_are_sorted_by_margin_and_then_by_epsilon(fingers: int) -> None:
-    found = best_grasps(labels(fingers), ALL, distance=0.0)
-    step = -np.floor(margins_in_units(found)["resolution"] / STEP)
-    assert found.critical_angle.min() == found.critical_angle[step == step[0]].min()
-    # The angles were computed again, within a tolerance.
-    assert (np.diff(step) >= -1.0).all()
-    assert len(set(step)) > 2
-    first = best_grasps(labels(fingers), 5, distance=0.0)
-    assert first.size == 5
+def test_best_grasps_are_in_the_order_of_the_score(fingers: int) -> None:
+    found = best_grasps(labels(fingers), ALL)
+    assert (np.diff(found.score) <= 1e-12).all()
+    assert found.score[0] >= labels(fingers).grasps.score.max() - 1e-12
+    first = best_grasps(labels(fingers), 5)
     assert np.array_equal(first.contacts.points, found.contacts.points[:5])
-    on_box = best_grasps(box_labels(), 20, distance=0.0)
-    assert on_box.critical_angle == pytest.approx(np.zeros(20), abs=ANGLE_STEP)
-    assert (np.diff(on_box.epsilon) <= 0.01 * on_box.epsilon[:-1]).all()
-    assert on_box.epsilon[0] >= 0.99 * np.nanmax(box_labels().epsilon)
 
 
 @pytest.mark.parametrize("fingers", [2, 3])
@@ -134,10 +124,7 @@ def test_a_surface_without_grasps_has_no_best_grasps() -> None:
         assert getattr(found, name).shape == (0,)
 
 
-def test_invalid_counts_and_distances_are_refused() -> None:
+def test_invalid_counts_are_refused() -> None:
     for count in (0, -3):
         with pytest.raises(SettingError, match="at least 1"):
             best_grasps(box_labels(), count)
-    for distance in (-1.0, math.nan, math.inf):
-        with pytest.raises(SettingError, match="distance must be"):
-            best_grasps(box_labels(), 2, distance=distance)

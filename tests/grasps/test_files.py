@@ -24,7 +24,7 @@ GRASPS = [
     [[0.5, 0.5, 0.125], [0.5, 0.5, 0.125], [0.5, 0.5, 0.125]],
 ]
 GRASP_COLUMNS = [
-    "grasp", "label", "critical_angle", "critical_angle_best", "max_resolution", "margin",
+    "grasp", "label", "score", "critical_angle", "critical_angle_best", "max_resolution", "margin",
     "epsilon", "epsilon_min", "epsilon_max", "rank", "opening", "separation",
 ]  # fmt: skip
 CONTACT_COLUMNS = ["x", "y", "z", "nx", "ny", "nz", "distance", "on_crease"]

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 import grasp3d
 from grasp3d.errors import ContactError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.grasp_files import poses_of, read_grasps, write_grasps
+from grasp3d.grasps.grasp_files import read_grasps, write_grasps
 from grasp3d.grasps.pose_files.files import read_poses, write_poses
 from grasp3d.grasps.pose_files.frames import read_object_pose
 from grasp3d.grasps.poses import GraspPoses
@@ -167,10 +167,10 @@ def test_contacts_in_the_robots_frame_are_where_the_box_stands(tmp_path: Path, s
         each = [[f"{axis}{number}" for axis in "xyz"] for number in (1, 2)]
         points = np.stack([table[names] for names in each], axis=1)
         normals = np.stack([table[[f"n{name}" for name in names]] for names in each], axis=1)
-    x, y, z = np.moveaxis(grasps.contacts.points, 2, 0)
+    x, y, z = np.moveaxis(grasps.jaws.points, 2, 0)
     # A quarter turn about z, then to (400, -50, 100) mm.
     equal(points, np.stack([400.0 - y, x - 50.0, z + 100.0], axis=2), 1e-10)
-    nx, ny, nz = -np.moveaxis(grasps.contacts.normals, 2, 0)
+    nx, ny, nz = -np.moveaxis(grasps.jaws.normals, 2, 0)
     equal(normals, np.stack([-ny, nx, nz], axis=2), 1e-12)
     # The closing axis joins the contacts there, too.
     poses = grasps.poses_in(TEXT)
@@ -181,12 +181,12 @@ def test_contacts_in_the_robots_frame_are_where_the_box_stands(tmp_path: Path, s
 @pytest.mark.slow
 def test_poses_in_are_in_metres_whatever_the_unit(tmp_path: Path) -> None:
     grasps = box()
-    in_metres = poses_of(grasps).in_unit("m").poses
+    in_metres = grasps.to_poses().in_unit("m").poses
     for given_pose in (TEXT, QUARTER, ObjectPose.of(TEXT)):
         equal(grasps.poses_in(given_pose), QUARTER @ in_metres, 1e-15)
-        equal(poses_of(grasps).poses_in(given_pose), QUARTER @ in_metres, 1e-15)
+        equal(grasps.to_poses().poses_in(given_pose), QUARTER @ in_metres, 1e-15)
     write_grasps(tmp_path / "box.json", grasps, object_pose=QUARTER)
-    results = grasp3d.evaluate_grasps(grasps.mesh, poses_of(grasps), hand=FRANKA)
+    results = grasp3d.evaluate_grasps(grasps.mesh, grasps.to_poses(), hand=FRANKA)
     read = grasp3d.evaluate_grasps(grasps.mesh, read_grasps(tmp_path / "box.json"), hand=FRANKA)
     assert isinstance(read, EvaluatedPoses)
     equal(results.poses_in(TEXT), QUARTER @ in_metres, 1e-14)

@@ -27,9 +27,8 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.cli.report import force_text
-from grasp3d.grasps import verdict_of
+from grasp3d.grasps import EvaluatedPoses, verdict_of
 from grasp3d.grasps.causes import Cause, cause_fractions
-from grasp3d.grasps.ranking import stated_label
 from grasp3d.grasps.verdict import HoldingVerdict, Remedy, Verdict
 from grasp3d.hand.table import Approach
 from grasp3d.stability.label import Label
@@ -66,18 +65,17 @@ no_mass = loaded(holds=None, mass=None, what="hold each kilogram in any orientat
 
 CASES = {
     "sure, gripper": (
-        best("surely", count=37, approach_margin=1.38),
-        ("Surely held by franka: 37 distinct grasps; the best has 5.7° of resolution and ±79° of "
-        "approach to spare."),
+        best("surely", count=37),
+        "Surely held by franka: 37 distinct grasps; the best has 5.7° of resolution to spare.",
     ),
     "sure, of a table": (
         best("surely", count=3, of=12),
         "Surely held by franka: 3 of 12 grasps; the best has 5.7° of resolution to spare.",
     ),
     "sure, load": (
-        best("surely", count=5, holding=loaded(), grip_force=8.6, approach_margin=1.2),
+        best("surely", count=5, holding=loaded(), grip_force=8.6),
         ("Surely held by franka: 5 distinct grasps; the best needs 8.6 N of 10 N to hold 0.5 kg in "
-        "any orientation and has ±69° of approach to spare."),
+        "any orientation."),
     ),
     "sure, wrench": (
         best("surely", count=5, holding=pushed, grip_force=7.0),
@@ -166,22 +164,20 @@ def changed(labels: SurfaceLabels, remedy: Remedy) -> SurfaceLabels:
         load = replace(load, **{remedy.setting: remedy.value})
     else:
         assert scene is not None
-        palm = max(scene.hand.palm_thickness, remedy.value)
-        hand = replace(scene.hand, max_opening=remedy.value, palm_thickness=palm)
-        scene = replace(scene, hand=hand)
+        scene = replace(scene, hand=scene.hand.opening_to(remedy.value))
     return label_surface(labels.mesh, model, sampling=labels.sampling, scene=scene, load=load)
 
 
 def check(labels: SurfaceLabels) -> Verdict:
     """Check a verdict against the figures beside it, and that its remedies help."""
-    verdict, holding, best = verdict_of(labels), labels.holding, best_grasps(labels, 1000)
+    verdict, holding, best = verdict_of(labels), labels.holding, best_grasps(labels, 10)
     decided = holding is not None and holding.label is not None
     codes = holding.label if decided else labels.label
     ideal = WORDS[int(codes[labels.mesh.on_surface].max())]
-    if best.closed is not None:
-        stated = stated_label(best, best.closed)
-        assert verdict.word == WORDS[max(stated, default=0)]
-        assert verdict.count == (stated == Label.S).sum()
+    posed = isinstance(best, EvaluatedPoses)
+    if posed:
+        assert verdict.word == WORDS[max(best.letter, default=0)]
+        assert verdict.count >= (best.letter == Label.S).sum()
         if holding is None or decided:
             assert verdict.lost == (WORDS.index(verdict.word) < WORDS.index(ideal))
     elif holding is None or decided or math.isfinite(verdict.holding.needed):
@@ -195,8 +191,9 @@ def check(labels: SurfaceLabels) -> Verdict:
         if verdict.word == "surely" and labels.model.method == "exact":
             assert verdict.spare_resolution > 0.0
     elif verdict.word == "surely" and decided:
+        needed = best.grip_force if posed else best.holding.grip_force_largest
         assert verdict.grip_force <= holding.available
-        assert verdict.grip_force == best.holding.grip_force_largest[0]
+        assert verdict.grip_force == needed[0]
     text = str(verdict)
     assert not re.search(r"-\d|nan|\binf\b|None|±0°| 0\.0°", text)
     assert text.count(". ") <= 2
@@ -211,7 +208,7 @@ def test_a_block_is_held() -> None:
     # Opposite sides: the critical angle is 0, and alpha* twice the friction angle.
     assert verdict.max_resolution == pytest.approx(2.0 * math.atan(0.4), abs=1e-6)
     assert verdict.spare_resolution == pytest.approx(verdict.max_resolution - math.radians(15.0))
-    assert verdict.count >= (best_grasps(labels, 1000).label == 2).sum() > 10
+    assert verdict.count >= (best_grasps(labels, 10).letter == Label.S).sum() == 10
     assert str(verdict).startswith(
         f"Surely held by {HAND.name}: {verdict.count} distinct grasps; the best has 28.6° of"
     )
@@ -240,7 +237,6 @@ def test_what_is_not_reached_has_the_cause_of_most_of_the_surface() -> None:
         assert f"Not held by {HAND.name}: {cause}" in str(verdict)
         assert (verdict.count, verdict.max_resolution, verdict.remedies) == (0, 0.0, ())
         assert math.isnan(verdict.spare_resolution)
-        assert math.isnan(verdict.approach_margin)
 
 
 @pytest.mark.slow
@@ -265,7 +261,7 @@ def test_a_slippery_cone_needs_friction() -> None:
 def test_without_a_gripper_limits_of_openings_are_no_stroke() -> None:
     verdict = check(beside(block(), hand=None, sampling=Sampling(max_opening=5.0)))
     assert str(verdict).startswith(f"Not held by two fingers: {Cause.LIMITS}")
-    assert "approach" not in str(check(beside(block(), hand=None)))
+    check(beside(block(), hand=None))
 
 
 @cache
@@ -347,16 +343,6 @@ def test_closing_may_make_sure_what_points_are_not() -> None:
     vars(labels)["label"] = np.zeros_like(labels.label)
     assert str(verdict_of(labels)) == str(expected)
     assert (expected.word, expected.causes) == ("surely", {})
-
-
-def test_the_word_is_that_of_what_the_jaws_touch() -> None:
-    """Points on a cone that the friction just holds; flat jaws touch it where it is wider."""
-    apex = load_mesh(shapes.cone(math.radians(14.0), 80.0, 24), unit="mm", max_edge=12.0)
-    labels = beside(apex, replace(MODEL, friction=0.4))
-    verdict = check(labels)
-    assert (labels.label == Label.S).any()
-    assert verdict.lost
-    assert "once the jaws close, no grasp is surely stable" in str(verdict)
 
 
 @pytest.mark.slow

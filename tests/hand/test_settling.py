@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d import ObjectMesh, best_grasps, label_surface, load_mesh
 from grasp3d._kernels.jaws.settling import lowest_point
-from grasp3d.grasps import poses_of
 from grasp3d.hand.closed_jaws import ClosedJaws, Closing, Touch, centres_of_pressure
 from grasp3d.hand.closing import close_jaws
 from grasp3d.hand.parallel_gripper import ParallelGripper
@@ -193,7 +192,7 @@ def test_rounding_does_not_choose_what_is_touched_of_a_symmetric_object() -> Non
     """Faces that lie flat on a pad, and equal motions to either side, are tied."""
     mesh, hand = load_mesh(shapes.LIBRARY / "bulb.glb"), ParallelGripper.preset("franka")
     labels = label_surface(mesh, hand=hand)
-    poses = poses_of(best_grasps(labels, 60, distance=0.02 * mesh.size)).poses
+    poses = best_grasps(labels, 60).poses
     expected, rng = free(mesh, poses, hand), np.random.default_rng(1)
     for _ in range(3):
         noise = rng.normal(0.0, 1e-14 * mesh.size, mesh.vertices.shape)

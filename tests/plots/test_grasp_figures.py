@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
-from grasp3d.grasps.distinct import best_grasps
+from grasp3d.grasps.best import best_grasps
 from grasp3d.plots.grasps import grasp_figure
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.viewer.scene.sheets import MOST_PICTURES
@@ -31,15 +31,17 @@ def grasps() -> GraspTable:
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 7])
 def test_text_fits_and_vertex_graspsare_numbered(count: int) -> None:
-    figure = grasp_figure(labels(), grasps(), [BLANK] * count)
+    figure = grasp_figure(grasps(), [BLANK] * count)
     check_texts(figure)
     texts = [text for text, _ in drawn_texts(figure)]
-    titles = [text for text in texts if "varepsilon" in text]
-    assert len(titles) == count
-    for number, title in enumerate(titles):
-        assert rf"\bf{{{number + 1}}}" in title
+    titles = [text for text in texts if r"\bf" in text]
+    lines = [text for text in texts if "varepsilon" in text]
+    assert len(titles) == len(lines) == count
+    for number, (head, title) in enumerate(zip(titles, lines, strict=True)):
+        assert rf"\bf{{{number + 1}}}" in head
+        assert f"{grasps().score[number]:.2f}" in head
         angle = math.degrees(grasps().critical_angle[number])
         assert f"{angle:.1f}°" in title
         assert f"{grasps().epsilon[number]:.3f}" in title
     assert any("2 fingers" in text for text in texts)
-    assert any("no grasp found" in text for text in texts)
+    assert any("surely unstable" in text for text in texts)

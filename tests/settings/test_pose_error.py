@@ -42,38 +42,23 @@ def test_what_is_no_error_is_refused(text: str) -> None:
 
 @given(LENGTHS, ANGLES)
 def test_poses_are_within_the_error_and_the_stated_one_is_first(position: float, a: float) -> None:
-    poses, weights, radius = PoseError(position, a).offsets("m")
+    poses, radius = PoseError(position, a).offsets("m")
     shifts = np.linalg.norm(poses[:, :3, 3], axis=1)
     turns = Rotation.from_matrix(poses[:, :3, :3]).magnitude()
     assert (shifts <= position * (1.0 + 1e-6)).all()
     assert (turns <= a * (1.0 + 1e-6) + 1e-12).all()
     np.testing.assert_array_equal(poses[0], np.eye(4))
-    assert (weights >= 0.0).all()
-    assert weights.sum() == pytest.approx(1.0)
+    assert len(poses) == (3 if position or a else 1)
+    assert shifts.max() == pytest.approx(position)
+    assert turns.max() == pytest.approx(a)
     assert radius == position
 
 
-@given(LENGTHS, ANGLES, st.floats(1.0, 3.0), st.floats(1.0, 3.0))
-def test_larger_errors_try_what_smaller_ones_try(
-    position: float, angle: float, farther: float, wider: float
-) -> None:
-    few = PoseError(position, angle).offsets("m").poses
-    many = PoseError(position * farther, angle * wider).offsets("m").poses
-    known = {pose.tobytes() for pose in many}
-    assert all(pose.tobytes() in known for pose in few)
-
-
-def test_tried_poses_are_spread_in_all_directions_up_to_the_error() -> None:
-    error = PoseError.of("5mm,3deg")
-    poses = error.offsets("m").poses
-    assert len(poses) == 32
-    shifts = poses[:, :3, 3]
-    lengths = np.linalg.norm(shifts, axis=1)
-    assert lengths.max() == pytest.approx(5e-3, rel=1e-6)
-    directions = shifts[lengths > 0.0] / lengths[lengths > 0.0, None]
-    octants = {tuple(one) for one in np.sign(directions).astype(int).tolist()}
-    assert len(octants) == 8
-    assert np.linalg.norm(directions.mean(axis=0)) < 0.3
+def test_tried_poses_are_opposite_and_along_the_pads() -> None:
+    one, other = PoseError.of("5mm,3deg").offsets("m").poses[1:]
+    np.testing.assert_allclose(one[:3, 3], -other[:3, 3])
+    np.testing.assert_allclose(one[:3, :3] @ other[:3, :3], np.eye(3), atol=1e-12)
+    assert one[0, 3] == 0.0
 
 
 def test_units_are_those_of_the_poses() -> None:

@@ -11,7 +11,7 @@ from grasp3d.validating.disagreements import REASONS, Kind, Numbers, causes_of, 
 FRANKA = ParallelGripper.preset("franka")
 GOOD = {
     "contact_area": 200e-6, "center_of_mass_distance": 0.01, "opening": 0.05, "grip_force": 5.0,
-    "reachable": 1.0, "critical_angle": 0.2, "label_with_force": 2.0, "payload": 1.5,
+    "reachable": 1.0, "critical_angle": 0.2, "payload": 1.5,
 }  # fmt: skip
 
 
@@ -45,15 +45,15 @@ def test_each_reason_of_a_failure_has_its_sentence() -> None:
         "centre of mass far off the contacts (30 mm): the weight twists the object"
     )
     assert failed(opening=0.078)[0].startswith("little room for the open gripper (1 mm on each s")
-    assert failed(label_with_force=1.0, grip_force=50.0, payload=0.4)[0].startswith(
-        "payload below the load (50 N nominally, 70 N at hand, payload 0.4 kg)"
+    assert failed(grip_force=90.0, payload=0.4)[0].startswith(
+        "payload below the load (90 N, 70 N at hand, payload 0.4 kg)"
     )
-    assert "(no force suffices, 70 N" in failed(label_with_force=0.0, grip_force=math.inf)[0]
+    assert "(no force suffices, 70 N" in failed(grip_force=math.inf)[0]
     assert failed(reachable=0.0)[0].startswith("not reachable: the gripper collides, or")
     assert failed(touch=Touch.PAD_RIM)[0].startswith("contact on the pad's rim only: it holds by")
     assert failed(pad_margin=0.002)[0].startswith("contact near the pad's end (2 mm): a small er")
     assert len(failed(contact_area=5e-6, reachable=0.0)) == 2
-    assert failed(label_with_force=math.nan) == failed()
+    assert failed(grip_force=math.nan) == failed()
 
 
 def test_each_reason_of_a_success_has_its_sentence() -> None:

@@ -15,12 +15,14 @@ from hypothesis.extra.numpy import arrays
 
 from grasp3d import SurfaceLabels, best_grasps, write_ply
 from grasp3d.errors import SettingError
+from grasp3d.grasps.best import first_vertices
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene as HandScene
 from grasp3d.hand.scene import scene_settings
 from grasp3d.rendering.opengl import View, view_axes
 from grasp3d.settings import Sampling
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.viewer.scene.framing import MOST_BESIDE, extents, frame_of, middle_of
 from grasp3d.viewer.scene.pictures import open_renderer
 from grasp3d.viewer.scene.scene import Scene, new_plotter
@@ -28,7 +30,6 @@ from grasp3d.viewer.session import collection, computations, planning
 from grasp3d.viewer.session.collection import collection_of, open_collection
 from grasp3d.viewer.session.computations import search_grasps
 from grasp3d.viewer.session.controls import handle_key
-from grasp3d.viewer.session.inspection import best_vertices
 from grasp3d.viewer.session.painting import ramp_of, texture_coordinates
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import BEST, Session
@@ -205,7 +206,8 @@ def test_a_labelled_file_brings_its_gripper_and_margins(tmp_path: Path) -> None:
     )
     assert subject.labels.reach is not None
     assert np.array_equal(subject.labels.reach.poses, labels.reach.poses, equal_nan=True)
-    assert np.array_equal(best_vertices(subject, 1), best_vertices(subject_of(labels), 1))
+    best = (best_grasps(one, 2).poses for one in (subject.labels, labels))
+    np.testing.assert_allclose(*best, atol=1e-5)
 
 
 def test_another_gripper_than_in_the_file_starts_a_search(
@@ -235,7 +237,7 @@ def test_another_gripper_than_in_the_file_starts_a_search(
 @needs_opengl
 def test_a_picture_shows_the_best_grasp_that_is_reached() -> None:
     with open_renderer(collection_of(held_box()), ViewSettings()) as renderer:
-        assert renderer.session.state.vertex == best_vertices(subject_of(held_box()), 1)[0]
+        assert renderer.session.state.grasp == 0
         assert renderer.session.inspection is not None
         assert renderer.session.inspection.held is not None
     chosen = ViewSettings(vertex=held_vertex())
@@ -246,18 +248,29 @@ def test_a_picture_shows_the_best_grasp_that_is_reached() -> None:
 @pytest.mark.parametrize("labels", [held_box, viewing.labels, viewing.three_fingers, viewing.scan])
 def test_the_best_grasps_are_stepped_through(labels: Callable[[], SurfaceLabels]) -> None:
     session, subject = ready_session(labels()), subject_of(labels())
-    expected = best_vertices(subject, BEST).tolist()
-    best = best_grasps(labels(), BEST).contacts.points[:, 0]
-    np.testing.assert_allclose(subject.mesh.vertices[expected], best)
+    best = best_grasps(labels(), BEST)
+    of_vertices = isinstance(best, GraspTable)
+    expected = first_vertices(best).tolist() if of_vertices else list(range(best.size))
+    if of_vertices:
+        np.testing.assert_allclose(subject.mesh.vertices[expected], best.contacts.points[:, 0])
     assert len(expected) > 1
+
+    def shown() -> int | None:
+        return session.state.vertex if of_vertices else session.state.grasp
+
     seen = []
     for number in range(len(expected) + 1):
         handle_key(session, "b")
         assert session.message == f"{number % len(expected) + 1} of the {len(expected)} best grasps"
-        seen.append(session.state.vertex)
+        seen.append(shown())
     assert seen == [*expected, expected[0]]
     handle_key(session, "v")
-    assert session.state.vertex == expected[-1]
+    assert shown() == expected[-1]
+    if not of_vertices:
+        assert session.inspection is not None
+        np.testing.assert_array_equal(session.inspection.points, best.jaws.points[-1])
+        session.click(3)
+        assert shown() is None
     session.close()
 
 

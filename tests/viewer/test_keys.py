@@ -56,8 +56,8 @@ KEYS_AND_EFFECTS: dict[str, Callable[[ViewState], object]] = {
     "i": lambda state: state.section is not None and state.section.flipped,
     "j": lambda state: not state.show_gripper,
     "t": lambda state: not state.show_table,
-    "b": lambda state: state.vertex is not None,
-    "v": lambda state: state.vertex is not None,
+    "b": lambda state: state.grasp is not None,
+    "v": lambda state: state.grasp is not None,
     "f": lambda state: state.click == "fix",
 }
 

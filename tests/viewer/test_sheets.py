@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from grasp3d import GraspModel, Label, Sampling, label_surface, load_mesh
-from grasp3d.grasps.distinct import best_grasps
+from grasp3d.grasps.best import best_grasps
 from grasp3d.hand.parallel_gripper import preset
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.shapes import ARC_COLOR
@@ -18,7 +18,7 @@ from grasp3d.plots.grasps import grasp_figure
 from grasp3d.viewer.scene import panes
 from grasp3d.viewer.scene.sheets import PIXELS, draw_grasps
 from tests.helpers.figures import check_texts, drawn_texts
-from tests.helpers.held_grasps import held_box, neighbours_grasps, reached
+from tests.helpers.held_grasps import held_box
 from tests.rendering.test_opengl import needs_opengl
 
 COUNT = 2
@@ -48,7 +48,7 @@ def test_the_table_is_below_the_object_and_the_approach_is_drawn(
     assert scene.table is not None
     monkeypatch.setattr(panes, "TABLE_COLOR", MAGENTA)
     monkeypatch.setattr(panes, "TABLE_OPACITY", 1.0)
-    for image in draw_grasps(labels, grasps):
+    for image in draw_grasps(grasps, labels):
         red, green, blue = np.moveaxis(image.astype(int), 2, 0)
         plate = (red - green > 60) & (blue - green > 60)
         painted = (red - blue > 60) | (green - blue > 60)
@@ -64,8 +64,8 @@ def test_the_table_is_below_the_object_and_the_approach_is_drawn(
 @pytest.mark.slow
 def test_the_gripper_is_drawn_at_each_grasp() -> None:
     labels = held_box()
-    grasps = neighbours_grasps(labels, int(reached(labels)[7]), COUNT)
-    pictures = draw_grasps(labels, grasps)
+    grasps = best_grasps(labels, COUNT)
+    pictures = draw_grasps(grasps, labels)
     assert len(pictures) == COUNT
     for image in pictures:
         assert image.shape == (*PIXELS, 3)
@@ -74,13 +74,12 @@ def test_the_gripper_is_drawn_at_each_grasp() -> None:
         grey = (np.ptp(image.astype(int), axis=2) < 25) & (image.mean(axis=2) < 230)
         assert grey.mean() > 0.05
         assert (np.ptp(image.astype(int), axis=2) > 60).mean() > 0.02
-    figure = grasp_figure(labels, grasps, pictures)
+    figure = grasp_figure(grasps, pictures)
     check_texts(figure)
-    assert grasps.reach is not None
-    texts = [text for text, _ in drawn_texts(figure)]
-    assert grasps.closed is not None
-    for margin, code in zip(grasps.reach.approach_margin, grasps.closed.label, strict=True):
-        assert f"approach ±{math.degrees(margin):.0f}°, closed {Label(code).name}" in texts
+    texts = " ".join(text for text, _ in drawn_texts(figure))
+    for row in range(COUNT):
+        assert f"{Label(int(grasps.letter[row])).name}   {grasps.score[row]:.2f}" in texts
+        assert f"approach ±{math.degrees(grasps.approach_margin[row]):.0f}°" in texts
 
 
 def test_without_a_table_up_is_the_stated_axis() -> None:

@@ -15,6 +15,7 @@ from grasp3d._kernels.jaws.gripper_parts import (
     NONE,
     OPENING,
     PALM,
+    PARTS,
     PREGRASP,
     RADIUS,
     REACHED,
@@ -332,7 +333,7 @@ def _boxes_inside(frame, parts, triangles):
 
 
 @part
-def _pose_collides(pose, opening, sign, swept, shape, limits, tree, workspace):
+def _pose_collides(pose, opening, sign, swept, only, shape, limits, tree, workspace):
     """Whether a gripper at a pose collides; see `collide_poses`."""
     frame, parts = workspace.frame, workspace.parts
     for i in range(3):
@@ -341,6 +342,9 @@ def _pose_collides(pose, opening, sign, swept, shape, limits, tree, workspace):
             frame[k + 1, i] = pose[i, k]
     top = 0.5 * shape.pad_height
     write_parts(opening, sign if swept else 0, top, math.inf if swept else 0.0, shape, parts)
+    for i in range(PARTS):
+        if only >= 0 and i != only:
+            parts[i, LOW], parts[i, HIGH] = 1.0, -1.0
     way = 0.0
     if swept:
         way = top + shape.tip_radius + RADIUS
@@ -359,6 +363,8 @@ def _pose_collides(pose, opening, sign, swept, shape, limits, tree, workspace):
     if blocked != NONE:
         return True
     axis = 0.5 * opening + shape.tip_radius
+    if only >= 0:
+        return False
     if shape.tip_radius > 0.0:
         if not tips_open(axis, sign if swept else 0, shape, tree, workspace):
             return True
@@ -368,7 +374,7 @@ def _pose_collides(pose, opening, sign, swept, shape, limits, tree, workspace):
 
 
 @kernel
-def collide_poses(poses, openings, signs, swept, shape, limits, tree, workspace, collides):
+def collide_poses(poses, openings, signs, swept, only, shape, limits, tree, workspace, collides):
     """Test grippers at given poses, one after the other.
 
     Args:
@@ -376,6 +382,7 @@ def collide_poses(poses, openings, signs, swept, shape, limits, tree, workspace,
         openings: Distance between the inner faces of the fingers or of round tips (b,).
         signs: +1 external grasp, -1 internal, which says where the clearance is (b,).
         swept: Whether the approach and the opening are tested too, else the final pose only.
+        only: FINGER_1, FINGER_2 or PALM: the only part that is tested, without the table; -1: all.
         shape: `GripperShape`.
         limits: `ApproachLimits`; only its table counts.
         tree: `BoxTree`.
@@ -384,5 +391,5 @@ def collide_poses(poses, openings, signs, swept, shape, limits, tree, workspace,
     """
     for i in range(poses.shape[0]):
         collides[i] = _pose_collides(
-            poses[i], openings[i], signs[i], swept, shape, limits, tree, workspace
+            poses[i], openings[i], signs[i], swept, only, shape, limits, tree, workspace
         )

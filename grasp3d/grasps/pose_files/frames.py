@@ -197,6 +197,24 @@ def from_quaternions(positions: Floats, xyzw: Floats, where: str = "") -> Floats
     return poses
 
 
+STEPS, NUDGE = 10, 1e-13
+"""Steps after which a pose that is still not read as it is written is turned by a little [rad]."""
+
+
+def as_read_again(poses: Floats) -> Floats:
+    """Poses (k, 4, 4) that files of quaternions give back bit for bit; nearly the given ones."""
+    nudged = Rotation.from_rotvec([NUDGE, 0.0, 0.0]).as_matrix()
+    for step in range(1, 10 * STEPS):
+        again = from_quaternions(poses[:, :3, 3], quaternions(poses))
+        changed = (again != poses).any(axis=(1, 2))
+        if not changed.any():
+            break
+        poses = again
+        if step % STEPS == 0:
+            poses[changed, :3, :3] = poses[changed, :3, :3] @ nudged
+    return poses
+
+
 def joint_values(hand: ParallelGripper, openings: Floats, what: str) -> Floats:
     """Values of the finger joints at openings [m] of (k,), shape (k, joints); nan: not known.
 

@@ -130,8 +130,8 @@ def _caption(session: Session, subject: Subject) -> tuple[str, ...]:
     resolution = f"α {round(math.degrees(model.sensor_resolution), 2):g}°"
     unit, limit, scene = subject.mesh.unit, session.state.max_opening, session.scene
     parts = [resolution, f"μ {friction_text(model)}", *location_texts(model, unit)]
-    if subject.hand_grasps is not None:
-        return (*parts, f"hand {subject.hand_grasps.hand.name}")
+    if subject.poses is not None:
+        return (*parts, subject.poses.hand.name)
     parts.append(finger_words(model.fingers))
     if subject.labels.mode != "scan" and math.isfinite(limit):  # the search had a limit
         name = sampling_kind(subject.labels.model.fingers).span

@@ -118,7 +118,10 @@ class GripperActors:
         if pose.has_joints:
             colors[parts != Part.PALM, 3] = OPAQUE
         for link, color in pose.colors.items():
-            colors[solid.links == link] = (*color, OPAQUE)
+            if pose.has_joints:
+                colors[solid.links == link] = (*color, OPAQUE)
+            else:
+                colors[parts != Part.PALM, :3] = color
         opaque = colors[:, 3] == OPAQUE
         for actor, chosen in ((self._gripper, ~opaque), (self._links, opaque)):
             if not chosen.any():

@@ -13,13 +13,13 @@ from PIL.PngImagePlugin import PngInfo
 
 from grasp3d.arrays import Bytes
 from grasp3d.errors import GraspError, SettingError
+from grasp3d.grasps.best import best_grasps
 from grasp3d.rendering.opengl import check_rendering, choose_window
 from grasp3d.system.context import report_progress, within
 from grasp3d.system.files import atomic_write, check_suffix, check_writable
 from grasp3d.system.names import safe_stem
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session.collection import Collection
-from grasp3d.viewer.session.inspection import best_vertices
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import MIN_HEIGHT, MIN_WIDTH, ViewSettings
 
@@ -178,10 +178,10 @@ def _choose_grasp(session: Session) -> None:
     if vertex is not None and session.state.vertex is None:
         raise SettingError(session.message)
     session.check_paint(session.state.paint)
-    if vertex is None and subject.labels.approach_margin is not None:
-        for best in best_vertices(subject, 1):
-            session.click(int(best), inspect=True)
-            _wait(session)
+    gripped = vertex is None and subject.labels.approach_margin is not None
+    if gripped and best_grasps(subject.labels, 1).size:
+        session.show_best(0)
+        _wait(session)
 
 
 def _written_by() -> PngInfo:

@@ -1,10 +1,9 @@
-"""Pictures of a surface's best grasps for a sheet: each as the viewer draws it, at one scale."""
+"""Pictures of grasps for a sheet: each as the viewer draws it, at one scale."""
 
 from collections.abc import Sequence
 
 from grasp3d.arrays import Bytes, Floats
-from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
-from grasp3d.hand.gripper_pose import GripperPose
+from grasp3d.grasps.evaluated_poses import GivenGrasps
 from grasp3d.hand.scene import Scene
 from grasp3d.rendering.grasp_views import grasp_view
 from grasp3d.rendering.opengl import UPRIGHT, view_axes
@@ -13,8 +12,8 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import report_progress
 from grasp3d.viewer.scene.framing import Frame, FreeArea, frame_of, parallel_scale
 from grasp3d.viewer.scene.stills import still_pane
-from grasp3d.viewer.session.hand_inspection import held_by, subject_of_hand
 from grasp3d.viewer.session.inspection import MarkedContacts
+from grasp3d.viewer.session.pose_inspection import marked_pose, subject_of_mesh, subject_of_poses
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 
 PIXELS = (512, 512)
@@ -23,38 +22,18 @@ MOST_PICTURES = 40
 """Most pictures in one figure."""
 
 
-def draw_grasps(labels: SurfaceLabels, grasps: GraspTable) -> list[Bytes]:
-    """Render the labelled surface with each grasp, at most `MOST_PICTURES` of them.
+def draw_grasps(
+    grasps: GraspTable | GivenGrasps, labels: SurfaceLabels | None = None
+) -> list[Bytes]:
+    """Render the object with each grasp, at most `MOST_PICTURES` of them.
 
-    Where a gripper reaches a grasp it is drawn with its approach, and the table; else arrows and
-    friction cones are. The table is level, and the camera looks across the closing axis, from
-    above. All pictures have the same scale.
-
-    Args:
-        labels: The labelled surface.
-        grasps: Grasps on it.
-
-    Returns:
-        Red, green, blue from 0 to 255, shape (height, width, 3) each.
-
-    Raises:
-        OutputError: OpenGL is not available.
-    """
-    contacts = grasps.contacts.take(slice(MOST_PICTURES))
-    marked = [
-        MarkedContacts(points, normals, labels.model, GripperPose.of(grasps.reach, row))
-        for row, (points, normals) in enumerate(zip(contacts.points, contacts.normals, strict=True))
-    ]
-    return _drawn(subject_of(labels), grasps.scene, marked)
-
-
-def draw_hand_grasps(grasps: EvaluatedHandGrasps) -> list[Bytes]:
-    """Render the object with the hand at each grasp, as `draw_grasps` does.
-
-    Links that touch have the colours of the margins of their contacts.
+    At poses the hand is drawn, with its approach, and the table; else arrows and friction cones
+    are. The table is level, and the camera looks across the closing axis, from above. All pictures
+    have the same scale.
 
     Args:
-        grasps: Evaluated poses of a hand with joints.
+        grasps: The grasps.
+        labels: The labelled surface that they are on; None: it has no labels.
 
     Returns:
         Red, green, blue from 0 to 255, shape (height, width, 3) each.
@@ -63,10 +42,17 @@ def draw_hand_grasps(grasps: EvaluatedHandGrasps) -> list[Bytes]:
         OutputError: OpenGL is not available.
     """
     rows = range(min(grasps.size, MOST_PICTURES))
-    marked = [
-        MarkedContacts(*grasps.contacts_of(row), grasps.model, held_by(grasps, row)) for row in rows
-    ]
-    return _drawn(subject_of_hand(grasps), grasps.scene, marked)
+    if isinstance(grasps, GivenGrasps):
+        marked = [marked_pose(grasps, row) for row in rows]
+        subject = subject_of_poses(grasps)
+    else:
+        contacts = grasps.contacts
+        marked = [
+            MarkedContacts(contacts.points[row], contacts.normals[row], grasps.model)
+            for row in rows
+        ]
+        subject = subject_of_mesh(grasps.mesh, grasps.model, grasps.scene)
+    return _drawn(subject if labels is None else subject_of(labels), grasps.scene, marked)
 
 
 def _drawn(subject: Subject, scene: Scene | None, grasps: Sequence[MarkedContacts]) -> list[Bytes]:

@@ -15,8 +15,8 @@ from grasp3d.viewer.scene.framing import Frame, FreeArea, aim, frame_of, paralle
 from grasp3d.viewer.scene.marks import NO_POINTS
 from grasp3d.viewer.scene.panes import Pane
 from grasp3d.viewer.scene.pictures import averaged, off_screen
-from grasp3d.viewer.session.hand_inspection import subject_of_mesh
 from grasp3d.viewer.session.inspection import MarkedContacts
+from grasp3d.viewer.session.pose_inspection import subject_of_mesh
 from grasp3d.viewer.subjects.subject import subject_of
 
 

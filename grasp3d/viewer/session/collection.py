@@ -17,7 +17,7 @@ from grasp3d.batch.store import read_summary
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.export.read_labels import READERS, labels_in, read_labels
 from grasp3d.export.stored import settings_from, stored_settings
-from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
+from grasp3d.grasps.evaluated_poses import GivenGrasps
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
@@ -33,8 +33,8 @@ from grasp3d.system.context import report_progress, within
 from grasp3d.system.documents import is_file, is_folder
 from grasp3d.system.names import as_unicode, printable
 from grasp3d.viewer.session.computations import scan_of_grasp, search_grasps
-from grasp3d.viewer.session.hand_inspection import subject_of_hand
 from grasp3d.viewer.session.inspection import warm_up
+from grasp3d.viewer.session.pose_inspection import subject_of_poses
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 
 READ = 0.2
@@ -119,12 +119,12 @@ def collection_of_mesh(
     return _single(mesh.report.source, partial(_label_mesh, mesh, *settings), *settings)
 
 
-def collection_of_grasps(grasps: GraspTable | EvaluatedHandGrasps) -> Collection:
+def collection_of_grasps(grasps: GraspTable | GivenGrasps) -> Collection:
     """Collection of grasps on one surface, an item for each.
 
     The surface has the labels that the first finger would have at every vertex, with the others
-    fixed; the grasp itself is shown until a vertex is inspected. At poses of a hand with joints it
-    has none, and the links have colours.
+    fixed; the grasp itself is shown until a vertex is inspected. At poses it has none, and the hand
+    has colours.
 
     Raises:
         SettingError: There are no grasps.
@@ -133,12 +133,12 @@ def collection_of_grasps(grasps: GraspTable | EvaluatedHandGrasps) -> Collection
         raise SettingError("there are no grasps to view")
     last, source = LastOpened(), as_unicode(grasps.mesh.report.source)
     names = [f"grasp {row + 1}" for row in range(grasps.size)]
-    if isinstance(grasps, EvaluatedHandGrasps):
+    if isinstance(grasps, GivenGrasps):
         names = [as_unicode(name) for name in grasps.given.names]
 
     def opened(row: int) -> Subject:
-        if isinstance(grasps, EvaluatedHandGrasps):
-            return subject_of_hand(grasps.take(np.array([row])))
+        if isinstance(grasps, GivenGrasps):
+            return subject_of_poses(grasps.take(np.array([row])))
         return scan_of_grasp(grasps, row)
 
     items = tuple(

@@ -170,7 +170,7 @@ def check_savable(subject: Subject, model: GraspModel, path: Path) -> None:
         OutputError: No writer has that suffix.
     """
     writer_for(path)
-    if subject.hand_grasps is not None:
+    if subject.poses is not None:
         raise SettingError(NO_LABELS)
     if not subject.covers(model):
         raise SettingError(

@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints
+from grasp3d.arrays import Floats
 from grasp3d.grasps.causes import cause_at
-from grasp3d.grasps.distinct import best_grasps, first_vertices
 from grasp3d.grasps.explanations import PAIR, Case, explain
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.mesh import ObjectMesh
@@ -136,11 +135,6 @@ class HeldGrasp:
                 )
             return "these contacts resist no torque about one axis"
         return "the fingers can only push, and the contacts cannot push against all of the load"
-
-
-def best_vertices(subject: Subject, count: int) -> Ints:
-    """Vertices of the best distinct grasps, best first; see `best_grasps`."""
-    return first_vertices(best_grasps(subject.labels, count))
 
 
 UNKNOWN = "–"

@@ -14,6 +14,7 @@ from matplotlib import colormaps
 
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.grasps.explanations import UNSEARCHED
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.rendering.margin_colors import BOTH_SIDES, STEPS, margin_colors, most_margin
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import epsilon_min_text
@@ -197,7 +198,7 @@ def texture_image(subject: Subject, paint: Paint, model: GraspModel) -> Bytes:
         paint: The quantity that is shown.
         model: Friction and resolution.
     """
-    if subject.hand_grasps is not None:
+    if subject.poses is not None:
         return np.full((2, 2, 3), NEUTRAL, dtype=np.uint8)
     ramp = ramp_of(subject, paint, model)
     if ramp is None:
@@ -230,10 +231,12 @@ def faded(image: Bytes) -> Bytes:
 
 def ramp_of(subject: Subject, paint: Paint, model: GraspModel) -> Ramp | None:
     """Legend of the quantity that is shown; None: labels."""
-    if subject.hand_grasps is not None:
+    if isinstance(subject.poses, EvaluatedHandGrasps):
         note = "of each link: by how much its cone could be narrower (green), or is too narrow"
         return replace(_margin_ramp(model, "does not touch"), note=note)
-    return None if paint == "label" else _surface_ramp(subject, paint, model)
+    if subject.poses is not None or paint == "label":
+        return None
+    return _surface_ramp(subject, paint, model)
 
 
 def _surface_ramp(subject: Subject, paint: Paint, model: GraspModel) -> Ramp:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from grasp3d.grasps.explanations import UNSEARCHED
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import SAFE_LABELS
 from grasp3d.stability.label import MEANING, Label
@@ -26,6 +27,7 @@ HINTS = {
 """What a click does, by `ViewState.click`."""
 
 OF_HAND = "Links that touch have the colours of the margins of their contacts."
+OF_GRIPPER = "The fingers have the colour of the letter of the pose."
 
 NOTHING, EVERYTHING = "0.0 %", "100.0 %"
 ROUNDING = 1e-9
@@ -81,12 +83,12 @@ def panel_text(session: Session) -> PanelText:
     count = len(session.collection.items)
     title = session.name if count == 1 else f"{session.name} ({session.number + 1} of {count})"
     stale = session.stale
-    of_hand = subject is not None and subject.hand_grasps is not None
-    current = None if stale or of_hand else subject
+    posed = subject is not None and subject.poses is not None
+    current = None if stale or posed else subject
     return PanelText(
         title=title,
         facts=_facts(subject, len(session.state.fixed), stale=stale) if subject else "",
-        rule="" if of_hand else _rule(session),
+        rule="" if posed else _rule(session),
         fractions=_fractions(current, model) if current else (),
         ramp=ramp_of(subject, session.state.paint, model) if subject else None,
         notes=(*_notes(session), *(subject.notes if subject else ()), *session.collection.notes),
@@ -108,11 +110,12 @@ def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
     )
     if subject.labels.scene is not None:
         table = "" if subject.labels.scene.table is None else " and a table"
-        kind = "gripper" if subject.hand_grasps is None else "hand"
-        facts += f"; {kind} {subject.labels.scene.hand.name}{table}"
+        hand = subject.labels.scene.hand
+        kind = "hand" if isinstance(hand, ArticulatedHand) else "gripper"
+        facts += f"; {kind} {hand.name}{table}"
     if subject.labels.load_case is not None:
         facts += f"; load {subject.labels.load_case}"
-    if subject.labels.mode == "scan" and not stale and subject.hand_grasps is None:
+    if subject.labels.mode == "scan" and not stale and subject.poses is None:
         count = fixed or subject.labels.model.fingers - 1
         facts += f", {counted(count, 'fingers')} fixed"
     return facts
@@ -131,7 +134,7 @@ def _notes(session: Session) -> Iterator[str]:
         yield f"fix {more}: these are labels for {len(state.fixed) + 1} fingers"
     if session.model.location_error != 0.0:
         yield f"labels are safe: {SAFE_LABELS}"
-    if subject.hand_grasps is None and not subject.covers(session.model):
+    if subject.poses is None and not subject.covers(session.model):
         yield (
             f"grasps were searched up to β* = {math.degrees(subject.cone):.1f}°; grey vertices "
             "need a wider search"

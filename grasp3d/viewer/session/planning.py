@@ -79,7 +79,7 @@ def next_job(
     if saving is not None:
         run = partial(write_labels, saving.subject, saving.model, saving.path)
         return Job(("save", number, saving.path, saving.model), f"saving {saving.path.name}", run)
-    if subject.hand_grasps is not None:
+    if subject.poses is not None:
         return None
     if state.fixed:
         if viewed.scan is None or viewed.fixed != state.fixed:

@@ -4,16 +4,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from grasp3d.errors import SettingError
+from grasp3d.grasps.best import best_grasps, first_vertices, has_poses
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.scene import Scene
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.viewer.session.background import Run, Worker
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.computations import check_savable
-from grasp3d.viewer.session.hand_inspection import inspect_hand
 from grasp3d.viewer.session.inspection import (
     Inspection,
-    best_vertices,
     inspect,
     inspect_given,
 )
@@ -28,6 +31,7 @@ from grasp3d.viewer.session.planning import (
     needs_search,
     next_job,
 )
+from grasp3d.viewer.session.pose_inspection import inspect_pose
 from grasp3d.viewer.session.state import ViewState, changed_state
 from grasp3d.viewer.subjects.subject import NO_LABELS, Subject
 from grasp3d.viewer.view_settings import Paint, ViewSettings
@@ -146,13 +150,16 @@ class Session:
         subject, vertex, model = self.subject, self.state.vertex, self.model
         if subject is None or self.stale:
             return None
-        if vertex is None and subject.hand_grasps is None:
+        shown = subject.poses
+        if shown is None and vertex is None and self.state.grasp is not None:
+            shown = self._best_poses(subject, self.state.grasp)
+        if vertex is None and shown is None:
             return inspect_given(subject, model)
         last = self._last_inspection
-        key = (vertex, model)
+        key = (vertex, self.state.grasp, model)
         if last is None or last[0] is not subject or last[1] != key:
-            if subject.hand_grasps is not None:
-                found = inspect_hand(subject.hand_grasps, model)
+            if shown is not None:
+                found = inspect_pose(shown, model)
             else:
                 assert vertex is not None
                 found = inspect(subject, vertex, model)
@@ -178,10 +185,10 @@ class Session:
         if state.paint != self.state.paint:
             self.check_paint(state.paint)
         subject = self.subject
-        of_hand = subject is not None and subject.hand_grasps is not None
+        of_hand = subject is not None and subject.poses is not None
         if of_hand and OF_FINGERS & changes.keys():
             name = min(OF_FINGERS & changes.keys()).replace("_", " ")
-            raise SettingError(f"{name} does not apply to poses of a hand with joints")
+            raise SettingError(f"{name} does not apply to given poses")
         if "fingers" in changes and not 2 <= state.model.fingers <= MAX_SEARCHED_FINGERS:
             raise SettingError(
                 f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {state.model.fingers}"
@@ -219,14 +226,14 @@ class Session:
         if vertex is not None and not 0 <= vertex < len(subject.mesh.vertices):
             count = len(subject.mesh.vertices)
             raise SettingError(f"there is no vertex {vertex}; there are {count:,}, from 0")
-        if vertex is not None and subject.hand_grasps is not None:
+        if vertex is not None and subject.poses is not None:
             raise SettingError(NO_LABELS)
         if vertex is None or inspect or self.state.click == "inspect":
-            self._set_state(replace(self.state, vertex=vertex))
+            self._set_state(replace(self.state, vertex=vertex, grasp=None))
             return
         x, y, z = (float(value) for value in subject.mesh.vertices[vertex])
         others = self.state.fixed[: max(0, self.state.model.fingers - 2)]
-        self._set_state(replace(self.state, fixed=(*others, (x, y, z)), vertex=None))
+        self._set_state(replace(self.state, fixed=(*others, (x, y, z)), vertex=None, grasp=None))
 
     def step_best(self, by: int) -> None:
         """Inspect another of the best distinct grasps of the surface, cyclically.
@@ -238,21 +245,40 @@ class Session:
             SettingError: There is no grasp, or they are still searched.
         """
         subject = self.subject
-        if subject is not None and subject.hand_grasps is not None:
+        if subject is not None and subject.poses is not None:
             self.step(by)
             return
         if subject is None or self.stale:
             raise SettingError("the grasps are not known yet; wait until they are searched")
-        best = [int(vertex) for vertex in best_vertices(subject, BEST)]
-        if not best:
+        best = best_grasps(subject.labels, BEST)
+        if not best.size:
             raise SettingError("there is no grasp on this surface")
-        row = -1 if by > 0 else 0
-        if self.state.vertex in best:
-            row = best.index(self.state.vertex)
-        row = (row + by) % len(best)
+        row, vertices = self.state.grasp, None
+        if isinstance(best, GraspTable):
+            vertices = first_vertices(best).tolist()
+            row = vertices.index(self.state.vertex) if self.state.vertex in vertices else None
+        row = ((-1 if by > 0 else 0) if row is None else row) + by
+        self.show_best(row % best.size)
+
+    def show_best(self, row: int) -> None:
+        """Inspect one of the best distinct grasps of the surface, from 0."""
+        subject = self.subject
+        assert subject is not None
+        best = best_grasps(subject.labels, BEST)
         self.steps += 1
-        self.click(best[row], inspect=True)
-        self.show_message(f"{row + 1} of the {len(best)} best grasps")
+        if isinstance(best, GraspTable):
+            self.click(int(first_vertices(best)[row]), inspect=True)
+        else:
+            self._set_state(replace(self.state, vertex=None, grasp=row))
+        self.show_message(f"{row + 1} of the {best.size} best grasps")
+
+    def _best_poses(self, subject: Subject, row: int) -> EvaluatedPoses | None:
+        """One of the best poses of a gripper; None: there is no such one."""
+        if not has_poses(subject.labels):
+            return None
+        best = best_grasps(subject.labels, BEST)
+        assert isinstance(best, EvaluatedPoses)
+        return best.take(np.array([row])) if row < best.size else None
 
     def check_gripper(self, *, table: bool = False) -> None:
         """Check that the current object has a gripper.
@@ -316,7 +342,7 @@ class Session:
         self._failed.clear()
         self._cached = []
         self._saving = None
-        self.state = replace(self.state, vertex=None, fixed=(), section=None)
+        self.state = replace(self.state, vertex=None, grasp=None, fixed=(), section=None)
         self._go_on()
 
     def save(self, path: Path) -> None:

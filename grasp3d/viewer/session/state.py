@@ -65,6 +65,8 @@ class ViewState:
     """Action of a click on the surface: inspect a vertex, or fix a finger there."""
     vertex: int | None = None
     """The inspected vertex."""
+    grasp: int | None = None
+    """Number of the best pose of a gripper that is shown, from 0."""
     show_gripper: bool = True
     """Whether the gripper is drawn at the inspected grasp, if there is one."""
     show_table: bool = True

@@ -9,7 +9,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts
-from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
+from grasp3d.grasps.evaluated_poses import GivenGrasps
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
@@ -26,7 +26,7 @@ from grasp3d.surface.vertex_grasps import Reason
 
 PAIR = 2
 
-NO_LABELS = "the surface has no labels: poses of a hand with joints are shown"
+NO_LABELS = "the surface has no labels: poses of a hand are shown"
 """Why it cannot be clicked or saved."""
 
 KEPT = 2
@@ -64,8 +64,8 @@ class Subject:
     yet."""
     given: GivenGrasp | None = None
     """The grasp whose surface it is; None: there is none."""
-    hand_grasps: EvaluatedHandGrasps | None = None
-    """Poses of a hand with joints, of which the first one is shown; the surface has no labels."""
+    poses: GivenGrasps | None = None
+    """Poses of a hand, of which the first one is shown; the surface has no labels."""
     located: Mapping[float, WorstAndBest] = field(default_factory=dict)
     """Located angles that took a computation, by the location error."""
     _recent: dict[float, WorstAndBest] = field(init=False, repr=False, default_factory=dict)
@@ -170,8 +170,8 @@ class Subject:
         return model.fingers == PAIR or model.location_error in known
 
     def covers(self, model: GraspModel) -> bool:
-        """Whether the search went far enough for a model: no, where poses of a hand are given."""
-        if self.hand_grasps is not None:
+        """Whether the search went far enough for a model: no, where poses are given."""
+        if self.poses is not None:
             return False
         needed, searched = search_cone(model), search_cone(self.labels.model)
         return needed <= max(self.cone, searched) + 1e-9  # rounding

@@ -2,12 +2,14 @@
 
 from typing import Any
 
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.session.controls import CONTROLS, KEYS, PAINTS, control_values
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.painting import HEX_PALETTE, Ramp
 from grasp3d.viewer.session.panel_text import (
     HINTS,
+    OF_GRIPPER,
     OF_HAND,
     PanelText,
     interval_text,
@@ -63,7 +65,7 @@ def page_state(session: Session) -> dict[str, Any]:
         "message": session.message,
         "notes": list(text.notes),
         "ready": subject is not None,
-        "labelled": subject is None or subject.hand_grasps is None,
+        "labelled": subject is None or subject.poses is None,
         "unit": (subject and subject.mesh.unit) or "",
         "trame__title": f"{session.name} · grasp3d",
     }
@@ -108,8 +110,9 @@ def click_hint(session: Session) -> str:
     if session.stale and session.working is not None:
         then = " Then the grasp of the clicked vertex is shown."
         return f"{session.working[0]} …{then if session.state.vertex is not None else ''}"
-    if session.subject is not None and session.subject.hand_grasps is not None:
-        return OF_HAND
+    if session.subject is not None and session.subject.poses is not None:
+        of_hand = isinstance(session.subject.poses, EvaluatedHandGrasps)
+        return OF_HAND if of_hand else OF_GRIPPER
     count, missing = len(session.state.fixed), session.state.model.fingers - 1
     if not count:
         return HINTS[session.state.click]

@@ -1,24 +1,27 @@
-"""A given pose of a hand with joints: what it holds, as it is listed and drawn."""
+"""A pose of a gripper, or of a hand with joints: what it holds, as it is listed and drawn."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
 
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses, GivenGrasps
+from grasp3d.grasps.evaluation import using
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.motor_holding import load_text
 from grasp3d.hand.gripper_pose import GripperPose
+from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.rendering.margin_colors import margin_colors
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import small_length
-from grasp3d.stability.label import Label
+from grasp3d.stability.label import COLORS, Label
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason, SearchReport
 from grasp3d.system.counts import short_number
-from grasp3d.viewer.session.inspection import UNKNOWN, Inspection, signed_angle
+from grasp3d.viewer.session.inspection import UNKNOWN, Inspection, MarkedContacts, signed_angle
 from grasp3d.viewer.session.painting import ROUNDING
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 
@@ -30,14 +33,14 @@ WHY = {
 """Reasons of grasps that the hand can reach."""
 
 
-def subject_of_hand(grasps: EvaluatedHandGrasps) -> Subject:
-    """The object of poses of a hand, of which the first one is shown; its surface has no labels.
+def subject_of_poses(grasps: GivenGrasps) -> Subject:
+    """The object of evaluated poses, of which the first one is shown; its surface has no labels.
 
     Args:
-        grasps: Evaluated poses.
+        grasps: The poses.
     """
     subject = subject_of_mesh(grasps.mesh, grasps.model, grasps.scene)
-    return replace(subject, hand_grasps=grasps)
+    return replace(subject, poses=grasps)
 
 
 def subject_of_mesh(mesh: ObjectMesh, model: GraspModel, scene: Scene | None = None) -> Subject:
@@ -65,8 +68,37 @@ def subject_of_mesh(mesh: ObjectMesh, model: GraspModel, scene: Scene | None = N
     return subject_of(labels)
 
 
-def held_by(grasps: EvaluatedHandGrasps, row: int) -> GripperPose:
-    """The hand at a pose, with colours of the links that touch by the margins of their contacts."""
+def marked_pose(grasps: GivenGrasps, row: int) -> MarkedContacts:
+    """The contacts of a pose, with the hand that makes them.
+
+    Links of a hand with joints have colours by the margins of their contacts, the fingers of a
+    gripper that of the letter.
+
+    Args:
+        grasps: Evaluated poses.
+        row: Number of the pose.
+    """
+    if isinstance(grasps, EvaluatedHandGrasps):
+        return MarkedContacts(*grasps.contacts_of(row), grasps.model, _hand_at(grasps, row))
+    assert isinstance(grasps, EvaluatedPoses)
+    jaws, given, touching = grasps.jaws, grasps.given, np.array([], dtype=np.int64)
+    opening = grasps.hand.max_opening / metres_per_unit(grasps.mesh)
+    if jaws.closed[row]:
+        opening, touching = float(jaws.opening[row]), np.arange(2)
+    held = GripperPose(
+        jaws.poses[row] if jaws.closed[row] else given.poses[row],
+        opening,
+        float(given.pregrasp_opening[row]),
+        float(grasps.approach_margin[row]),
+        math.nan,
+        colors={0: COLORS[Label(int(grasps.label[row]))]},
+    )
+    return MarkedContacts(
+        jaws.points[row, touching], jaws.normals[row, touching], grasps.model, held
+    )
+
+
+def _hand_at(grasps: EvaluatedHandGrasps, row: int) -> GripperPose:
     contacts, margins = grasps.contacts, grasps.link_margin[row]
     known = np.flatnonzero(~np.isnan(margins))
     colors = margin_colors(margins[known], grasps.model)
@@ -78,28 +110,71 @@ def held_by(grasps: EvaluatedHandGrasps, row: int) -> GripperPose:
     )  # fmt: skip
 
 
-def inspect_hand(grasps: EvaluatedHandGrasps, model: GraspModel) -> Inspection:
-    """Inspect the first pose of a hand at another friction and sensor resolution.
+def inspect_pose(grasps: GivenGrasps, model: GraspModel) -> Inspection:
+    """Inspect the first pose at another friction and sensor resolution.
 
     Args:
         grasps: Evaluated poses.
-        model: Friction and resolution; the contacts remain.
+        model: Friction and resolution.
     """
-    found = grasps.using(model)
-    points, normals = found.contacts_of(0)
+    if isinstance(grasps, EvaluatedHandGrasps):
+        found: EvaluatedPoses | EvaluatedHandGrasps = grasps.using(model)
+    else:
+        assert isinstance(grasps, EvaluatedPoses)
+        same = grasps.model == replace(model, fingers=grasps.model.fingers)
+        model = grasps.model if same else replace(model, fingers=grasps.model.fingers)
+        again = grasps if same else using(grasps, model=model, load=grasps.load)
+        assert isinstance(again, EvaluatedPoses)
+        found = again
+    marked = marked_pose(found, 0)
+    listed = _numbers(found) if isinstance(found, EvaluatedHandGrasps) else _gripper_numbers(found)
     return Inspection(
-        points, normals, model, held_by(found, 0), vertex=None, code=int(found.label[0]),
-        numbers=tuple(_numbers(found)), reason=reason_of(found, 0),
+        marked.points, marked.normals, model, marked.held, vertex=None,
+        code=int(found.letter[0]),
+        numbers=tuple(listed),
+        reason=reason_of(found, 0),
     )  # fmt: skip
 
 
-def reason_of(grasps: EvaluatedHandGrasps, row: int) -> str:
+def reason_of(grasps: GivenGrasps, row: int) -> str:
     """Why a pose is S, M or U, or what is wrong with it, in one sentence."""
     reason = str(grasps.reason[row])
     text = f"{reason[:1].upper()}{reason[1:]}." if reason else ""
     if text and not grasps.reachable[row]:
         return f"Not a grasp as it is: {reason}."
-    return text or WHY[Label(int(grasps.label[row]))]
+    return text or WHY[Label(int(grasps.letter[row]))]
+
+
+def _gripper_numbers(grasps: EvaluatedPoses) -> list[tuple[str, str]]:
+    """Names and values of the first pose of a gripper; those that are not known are left out."""
+    unit, numbers = grasps.mesh.unit, [("pose", str(grasps.given.names[0]))]
+    numbers.append(("score", f"{grasps.score[0]:.2f}"))
+    if not grasps.jaws.closed[0]:
+        return numbers
+    numbers += _angles(grasps)
+    numbers.append(("ε", f"{grasps.epsilon[0]:.3g}"))
+    if grasps.load is not None:
+        force, payload = float(grasps.grip_force[0]), float(grasps.payload[0])
+        text = f"{short_number(force)} N" if math.isfinite(force) else "no force suffices"
+        numbers.append(("needs", text))
+        numbers += [("holds", f"{short_number(payload)} kg")] if math.isfinite(payload) else []
+    numbers.append(("opening", f"{grasps.opening[0]:.4g} {unit}"))
+    if math.isfinite(turn := float(grasps.approach_margin[0])):
+        numbers.append(("approach may turn", f"±{math.degrees(turn):.1f}°"))
+    return numbers
+
+
+def _angles(grasps: GivenGrasps) -> list[tuple[str, str]]:
+    """Critical angle, coarsest resolution and margin of the first pose, as far as known."""
+    return [
+        (name, signed_angle(float(value), always=name == "margin"))
+        for name, value in (
+            ("β*", grasps.critical_angle[0]),
+            ("α*", grasps.max_resolution[0]),
+            ("margin", grasps.margin[0]),
+        )
+        if math.isfinite(value)
+    ]
 
 
 def _numbers(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
@@ -110,15 +185,7 @@ def _numbers(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
         ("pose", str(grasps.given.names[0])),
         ("contacts", contacts.rule),
         ("links", ", ".join(links) or "none"),
-        *(
-            (name, signed_angle(float(value), always=name == "margin"))
-            for name, value in (
-                ("β*", grasps.critical_angle[0]),
-                ("α*", grasps.max_resolution[0]),
-                ("margin", grasps.margin[0]),
-            )
-            if math.isfinite(value)
-        ),
+        *_angles(grasps),
         ("ε", f"{grasps.epsilon[0]:.3g}" if math.isfinite(grasps.epsilon[0]) else UNKNOWN),
         ("rank", str(grasps.rank[0])),
         *_held(grasps),
@@ -145,16 +212,13 @@ def _held(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
     holding = grasps.motor_holding
     if holding is None or math.isnan(holding.payload[0]):
         return []
-    numbers = [
+    load = load_text(holding.load_fraction[0]) if holding.load.decided else ""
+    return [
         ("holds", f"{short_number(holding.payload[0])}{holding.unit}"),
         ("holds surely", f"{short_number(holding.payload_sure[0])}{holding.unit}"),
         ("limited by", str(holding.limit[0]) or UNKNOWN),
+        *([(holding.load.to_hold, f"load {load}")] if load else []),
     ]
-    if grasps.label_with_force is not None:
-        held = Label(int(grasps.label_with_force[0])).name
-        load = load_text(holding.load_fraction[0])
-        numbers.append((holding.load.to_hold, f"{held}, load {load}"))
-    return numbers
 
 
 def margin_text(margin: float) -> str:

@@ -1,0 +1,157 @@
+"""The best distinct grasps of a labelled surface."""
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from grasp3d.arrays import Ints
+from grasp3d.errors import SettingError
+from grasp3d.grasps.best_poses import PoseSearch, most_distinct
+from grasp3d.grasps.distinct import MOST_DISTINCT, distance_of_distinct, distinct_rows
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.ranking import ranked_rows
+from grasp3d.settings import AnySampling, Sampling
+from grasp3d.settings.checks import check_range
+from grasp3d.stability.label import Label
+from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.labels import SurfaceLabels
+
+LISTED = 10
+"""Poses that are refined at least, so that shorter lists are the beginnings of longer ones."""
+
+
+def best_grasps(
+    labels: SurfaceLabels, count: int, *, unstable: bool = False
+) -> GraspTable | EvaluatedPoses:
+    """The best distinct grasps of a labelled surface that may hold, best first.
+
+    Without a gripper they are those of the vertices. With a parallel gripper they are poses: those
+    that `evaluate_grasps` finds best of a fixed pool, each refined; settings of the approach, the
+    stroke, the load and the sensor only choose among them. A grasp is omitted if its contacts can
+    be matched with those of a better one so that all pairs are nearer than 1/8 of the object's
+    size.
+
+    Args:
+        labels: The labelled surface.
+        count: Largest number of grasps; there may be fewer.
+        unstable: Whether grasps that are U follow those that may hold.
+
+    Returns:
+        At most `count` grasps, none of which is U unless that is asked for. With a gripper what
+        `evaluate_grasps` returns of their poses; else each with its first contact at a vertex.
+
+    Raises:
+        SettingError: A count below 1, or internal grasps of a gripper.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
+        >>> labels = grasp3d.label_surface(grasp3d.load_mesh(box, unit="m", max_edge=0.02))
+        >>> grasps = grasp3d.best_grasps(labels, 3)
+        >>> grasps.contacts.points.shape, grasps.opening.round(3).tolist()
+        ((3, 2, 3), [0.08, 0.08, 0.08])
+    """
+    check_range("the number of best grasps", count, 1)
+    if labels.scene is not None and labels.scene.jaws is not None:
+        check_external(labels.sampling)
+    if has_poses(labels):
+        known = _NAMED.setdefault(labels, {})
+        if unstable not in known or known[unstable][0] < count:
+            most = max(count, LISTED)
+            best = PoseSearch.of(labels).best(pool_of(labels), most, unstable=unstable)
+            known[unstable] = most, best
+        poses = known[unstable][1]
+        return poses.take(np.arange(min(count, poses.size)))
+    distinct = distinct_grasps(labels, unstable=unstable)
+    return distinct.take(np.arange(min(count, distinct.size))).whole()
+
+
+def has_poses(labels: SurfaceLabels) -> bool:
+    """Whether the grasps of a surface are made by a gripper that has poses for them."""
+    scene = labels.scene
+    return (
+        scene is not None
+        and scene.jaws is not None
+        and labels.mode == "label"
+        and labels.model.fingers in scene.hand.fingers
+        and not _internal(labels.sampling)
+    )
+
+
+def check_external(sampling: AnySampling | None) -> None:
+    """Refuse the best internal grasps of a gripper, whose jaws would have to move apart.
+
+    Args:
+        sampling: Settings of the search for them.
+
+    Raises:
+        SettingError: They are internal.
+    """
+    if _internal(sampling):
+        raise SettingError(
+            "the best grasps of a gripper press from outside; those that push outward are labelled "
+            "only (grip expand): leave out --best, or --grip"
+        )
+
+
+def _internal(sampling: AnySampling | None) -> bool:
+    return isinstance(sampling, Sampling) and sampling.grip == "expand"
+
+
+_POOLS: WeakKeyDictionary[SurfaceLabels, EvaluatedPoses] = WeakKeyDictionary()
+_NAMED: WeakKeyDictionary[SurfaceLabels, dict[bool, tuple[int, EvaluatedPoses]]] = (
+    WeakKeyDictionary()
+)
+_DISTINCT: WeakKeyDictionary[SurfaceLabels, dict[bool, GraspTable]] = WeakKeyDictionary()
+
+
+def pool_of(labels: SurfaceLabels) -> EvaluatedPoses:
+    """The evaluated poses among which the best of a surface are sought; found once.
+
+    Args:
+        labels: Labels with a gripper; see `has_poses`.
+    """
+    found = _POOLS.get(labels)
+    if found is None:
+        found = _POOLS[labels] = PoseSearch.of(labels).pool()
+    return found
+
+
+def distinct_grasps(labels: SurfaceLabels, *, unstable: bool = False) -> GraspTable:
+    """The distinct grasps of the vertices that may hold, best first, 1,000 at most; found once.
+
+    Args:
+        labels: The labelled surface.
+        unstable: As in `best_grasps`.
+    """
+    known = _DISTINCT.setdefault(labels, {})
+    if unstable not in known:
+        grasps = labels.grasps
+        rows = ranked_rows(grasps)
+        if not unstable:
+            rows = rows[grasps.letter[rows] > Label.U]
+        points = grasps.contacts.take(rows).points
+        limit = distance_of_distinct(labels.mesh)
+        known[unstable] = grasps.take(rows[distinct_rows(points, MOST_DISTINCT, limit)])
+    return known[unstable]
+
+
+def first_vertices(grasps: GraspTable) -> Ints:
+    """The vertices at which grasps of a labelled surface have their first contact, shape (b,)."""
+    contacts, mesh = grasps.contacts.surface_points, grasps.mesh
+    corners = contacts.weights[:, 0].argmax(axis=1)
+    return np.asarray(mesh.canonical[mesh.faces[contacts.faces[:, 0], corners]])
+
+
+def count_sure(labels: SurfaceLabels) -> int:
+    """Number of distinct poses of the pool that are S, 1,000 at most.
+
+    Args:
+        labels: Labels with a gripper; see `has_poses`.
+    """
+    pool = pool_of(labels)
+    rows = ranked_rows(pool)
+    rows = rows[pool.letter[rows] == Label.S]
+    limit, scores = distance_of_distinct(labels.mesh), pool.score[rows]
+    return len(most_distinct(pool.jaws.points[rows], scores, limit, MOST_DISTINCT))

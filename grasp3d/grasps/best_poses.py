@@ -1,0 +1,247 @@
+"""The best poses of a parallel gripper on an object, as `evaluate_grasps` says of a fixed pool."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from grasp3d.arrays import Bools, Floats, Ints
+from grasp3d.grasps.candidate_poses import candidate_poses
+from grasp3d.grasps.distinct import distance_of_distinct, matched_distance
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.evaluation import closed_at
+from grasp3d.grasps.pose_files.frames import as_read_again
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.grasps.ranking import ranked_rows
+from grasp3d.hand.jaw_reach import collides
+from grasp3d.hand.jaws import metres_per_unit
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.scene import Scene
+from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.region import allowed_contacts
+from grasp3d.quality.loads import Load
+from grasp3d.settings import GraspModel, Sampling, with_fingers
+from grasp3d.settings.pose_error import PoseError, poses_of
+from grasp3d.stability.label import Label
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.system.context import unreported
+
+MOST_TRIED = 50
+"""Poses of the pool that are also evaluated where poses are wrong."""
+
+TURNS = tuple(map(math.radians, (10.0, 5.0, 5.0)))
+"""First turns about x, y and z of the gripper by which poses are refined [rad]."""
+
+SHIFT = 0.25
+"""First shifts along y and z, in widths and heights of the pads."""
+
+AS_GOOD, STARTS = 0.01, 20
+"""Difference of scores up to which grasps are about as good, and so many of them from which the
+others are chosen."""
+
+EQUAL = 1e-3
+"""Difference of scores up to which a pose is preferred that does not turn the object."""
+
+ROUNDS = 2
+"""Rounds of refinement; each that improves less than half of the poses halves the steps."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseSearch:
+    """The search for poses of a gripper on one object."""
+
+    mesh: ObjectMesh
+    model: GraspModel
+    scene: Scene
+    load: Load | None
+    openings: tuple[float, float] = (0.0, math.inf)
+    """Smallest and largest distance of the closed jaws [mesh unit]."""
+
+    @classmethod
+    def of(cls, labels: SurfaceLabels) -> "PoseSearch":
+        """The search for the gripper, the table and the load of a labelled surface."""
+        assert labels.scene is not None
+        model = with_fingers(labels.model, labels.scene.hand.fingers[-1])
+        limits, sampling = (0.0, math.inf), labels.sampling
+        if isinstance(sampling, Sampling):
+            limits = sampling.min_opening, sampling.max_opening
+        return cls(labels.mesh, model, labels.scene, labels.load, limits)
+
+    @property
+    def jaws(self) -> ParallelGripper:
+        """The gripper."""
+        assert isinstance(self.scene.hand, ParallelGripper)
+        return self.scene.hand
+
+    def pool(self) -> EvaluatedPoses:
+        """All poses of the pool that are free and within the approach, as if they were exact.
+
+        None outside the region of the mesh, or the limits of openings.
+        """
+        found = self.evaluated(candidate_poses(self.mesh, self.scene), PoseError())
+        return found.take(np.flatnonzero(self._allowed(found)))
+
+    def best(self, pool: EvaluatedPoses, count: int, *, unstable: bool = False) -> EvaluatedPoses:
+        """The best distinct poses of a pool that may hold, each refined, best first.
+
+        Args:
+            pool: What `pool` returned.
+            count: Their largest number.
+            unstable: Whether poses that are U follow them.
+        """
+        least = Label.U if unstable else Label.M
+        if self.scene.pose_error:
+            pool = pool.take(self._distinct(pool, max(count, MOST_TRIED), least))
+            pool = self.evaluated(pool.poses)
+        chosen = pool.take(self._distinct(pool, count, least))
+        chosen = self.evaluated(self._refined(chosen))
+        chosen = self.evaluated(as_read_again(self._at_rest(chosen)))
+        return chosen.take(ranked_rows(chosen))
+
+    def _at_rest(self, chosen: EvaluatedPoses) -> Floats:
+        """Poses (k, 4, 4) at which the closing jaws leave the object where it is, if as good."""
+        poses, rest = chosen.poses.copy(), chosen.jaws.poses
+        rows = np.flatnonzero(self._free(rest))
+        found = self.evaluated(rest[rows])
+        better = self._allowed(found) & (found.score >= chosen.score[rows] - EQUAL)
+        poses[rows[better]] = rest[rows[better]]
+        return poses
+
+    def _distinct(self, pool: EvaluatedPoses, count: int, least: Label) -> Ints:
+        """Rows of distinct poses with such a letter or a better one, best first.
+
+        While fewer than `count` are S, an S that shuts out two distinct ones is exchanged for them.
+        """
+        limit = distance_of_distinct(self.mesh)
+        order, points = ranked_rows(pool), pool.jaws.points
+        rows = order[pool.letter[order] == Label.S]
+        sure = most_distinct(points[rows], pool.score[rows], limit, count)
+        sure = rows[sure]
+        others = order[(pool.letter[order] >= least) & (pool.letter[order] < Label.S)]
+        for row in sure.tolist():
+            others = others[matched_distance(points[others], points[row]) >= limit]
+        return np.append(sure, _without_neighbours(points, others, limit, count - len(sure)))
+
+    def _free(self, poses: Floats) -> Bools:
+        """Whether poses (k, 4, 4) have an allowed approach, and the open gripper is free there."""
+        free = self.scene.allows(poses)
+        rows, hand = np.flatnonzero(free), self.jaws
+        wide = hand.limits[1] / metres_per_unit(self.mesh)
+        free[rows] = ~collides(self.mesh, poses[rows], wide, hand, table=self.scene.table)
+        return free
+
+    def evaluated(self, poses: Floats, error: PoseError | None = None) -> EvaluatedPoses:
+        """What `evaluate_grasps` says of poses (k, 4, 4).
+
+        Args:
+            poses: The poses, in the unit of the mesh.
+            error: How wrong they may be; None: as the scene states.
+        """
+        stroke = self.jaws.max_opening / metres_per_unit(self.mesh)
+        given = GraspPoses(
+            poses=poses, pregrasp_opening=np.full(len(poses), stroke), unit=self.mesh.unit,
+            hand=self.jaws, object_file=self.mesh.report.source,
+        )  # fmt: skip
+        scene = self.scene if error is None else replace(self.scene, pose_error=error)
+        with unreported():
+            return closed_at(self.mesh, given, self.model, scene, load=self.load)
+
+    def _allowed(self, found: EvaluatedPoses) -> Bools:
+        """Whether the jaws close where contacts may be, within the limits of openings."""
+        least, most = self.openings
+        # The object yields to the pads, as in the test of the stroke.
+        soft = 2.0 * self.jaws.compliance / metres_per_unit(self.mesh)
+        within = (found.opening >= least - soft) & (found.opening - soft <= most)
+        return found.jaws.closed & within & allowed_contacts(self.mesh, found.jaws.points)
+
+    def _refined(self, chosen: EvaluatedPoses) -> Floats:
+        """Poses (k, 4, 4) improved by small turns and shifts.
+
+        One that comes upon another stays as it was.
+        """
+        limit, scale = distance_of_distinct(self.mesh), 1.0
+        for _ in range(ROUNDS if chosen.size else 0):
+            tried = chosen.poses[:, None] @ self._moves(scale)  # (k, m, 4, 4)
+            flat = tried.reshape(-1, 4, 4)
+            free = np.flatnonzero(self._free(flat))
+            found = self.evaluated(flat[free])
+            scores, number = np.full(len(flat), -1.0), np.zeros(len(flat), dtype=np.int64)
+            scores[free], number[free] = found.score, np.arange(len(free))
+            scores[free[~self._allowed(found)]] = -1.0
+            best = scores.reshape(tried.shape[:2]).argmax(axis=1)
+            best += tried.shape[1] * np.arange(len(tried))
+            poses, points, moved = chosen.poses.copy(), chosen.jaws.points.copy(), 0
+            for row in np.flatnonzero(scores[best] > chosen.score).tolist():
+                own = found.jaws.points[number[best[row]]]
+                gaps = np.delete(matched_distance(points, own), row)
+                if gaps.min(initial=math.inf) >= limit:
+                    poses[row], points[row] = flat[best[row]], own
+                    moved += 1
+            if moved:
+                chosen = self.evaluated(poses)
+            if 2 * moved <= chosen.size:
+                scale *= 0.5
+        return chosen.poses
+
+    def _moves(self, scale: float) -> Floats:
+        """Small motions in the frame of the gripper, shape (m, 4, 4)."""
+        turns = np.kron(np.diag(TURNS), [[1.0], [-1.0]])
+        sizes = np.array([0.0, self.jaws.pad_width, self.jaws.pad_height])
+        shifts = np.kron(np.diag(SHIFT * sizes / metres_per_unit(self.mesh))[1:], [[1.0], [-1.0]])
+        still = np.zeros_like
+        turned = poses_of(still(turns), np.asarray(scale * turns))[1:]
+        return np.concatenate([turned, poses_of(np.asarray(scale * shifts), still(shifts))[1:]])
+
+
+def _without_neighbours(points: Floats, rows: Ints, limit: float, count: int) -> Ints:
+    """Of rows, best first, those that are not near a better one; `count` at most."""
+    chosen: list[int] = []
+    while len(rows) and len(chosen) < count:
+        chosen.append(int(rows[0]))
+        rows = rows[1:][matched_distance(points[rows[1:]], points[rows[0]]) >= limit]
+    return np.array(chosen, dtype=np.int64)
+
+
+def most_distinct(points: Floats, scores: Floats, limit: float, count: int) -> Ints:
+    """Numbers of distinct grasps (b, 2, 3), `count` at most: a best one and many others.
+
+    Where the best ones shut out so many that fewer than `count` are left, those that shut out
+    fewest are taken first, beside each of those that are about as good as the best one, and each is
+    exchanged that shuts out two others.
+    """
+    greedy = _without_neighbours(points, np.arange(len(points)), limit, count)
+    if len(greedy) == min(count, len(points)):
+        return greedy
+    near = np.stack([matched_distance(points, one) < limit for one in points])
+    choices = [_exchanged(near, greedy.tolist())]
+    for first in np.flatnonzero(scores >= scores[0] - AS_GOOD)[:STARTS].tolist():
+        sparse, left = [first], ~near[first]
+        while left.any():
+            crowds = np.where(left, (near & left).sum(axis=1), len(points))
+            sparse.append(int(crowds.argmin()))
+            left &= ~near[sparse[-1]]
+        choices.append(_exchanged(near, sparse))
+    most = max(choices, key=len)
+    return np.array([most[0], *sorted(most[1:])][:count])
+
+
+def _exchanged(near: Bools, chosen: list[int]) -> list[int]:
+    """Numbers with those but the first exchanged that shut out two others, distinct from all.
+
+    Args:
+        near: Which of n are near each other, shape (n, n).
+        chosen: Numbers of those that are chosen.
+    """
+    changed = True
+    while changed:
+        changed, blocked = False, near[chosen].sum(axis=0)
+        for one in chosen[1:]:
+            alone = np.flatnonzero((blocked == 1) & near[one])
+            apart = ~near[np.ix_(alone, alone)]
+            first = np.flatnonzero(apart.any(axis=1))
+            if len(first):
+                pair = alone[[first[0], apart[first[0]].argmax()]]
+                chosen = [*(other for other in chosen if other != one), *pair.tolist()]
+                changed = True
+                break
+    return chosen

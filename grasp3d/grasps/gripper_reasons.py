@@ -1,0 +1,245 @@
+"""Why a pose of a gripper is not surely a grasp: one sentence for each."""
+
+import math
+from itertools import product
+from typing import Protocol
+
+import numpy as np
+
+from grasp3d.arrays import Bools, Bytes, Floats, angles_between
+from grasp3d.grasps.reasons import Reasons
+from grasp3d.hand.closed_jaws import MEANING, ClosedJaws, Closing
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.jaw_reach import collides
+from grasp3d.hand.jaws import metres_per_unit
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.scene import Scene
+from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.measures import Triangles
+from grasp3d.mesh.region import allowed_contacts
+from grasp3d.mesh.surface_points import nearest_surface_points
+from grasp3d.stability.label import Label
+from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.robustness import Robustness
+from grasp3d.system.context import unreported
+from grasp3d.system.counts import short_number
+
+PARTS = ("finger 1", "finger 2", "palm")
+"""Parts of a gripper by their numbers."""
+
+SAMPLES = (3, 5, 9)
+"""Points along x, y and z of a part at which its depth in the object is measured."""
+
+
+class Evaluated(Protocol):
+    """What reasons follow from, a row for each pose; see `EvaluatedPoses`."""
+
+    @property
+    def mesh(self) -> ObjectMesh: ...  # noqa: D102
+    @property
+    def hand(self) -> Hand: ...  # noqa: D102
+    @property
+    def scene(self) -> Scene | None: ...  # noqa: D102
+    @property
+    def poses(self) -> Floats: ...  # noqa: D102
+    @property
+    def jaws(self) -> ClosedJaws: ...  # noqa: D102
+    @property
+    def collides(self) -> Bools: ...  # noqa: D102
+    @property
+    def label(self) -> Bytes: ...  # noqa: D102
+    @property
+    def margin(self) -> Floats: ...  # noqa: D102
+    @property
+    def grip_force(self) -> Floats: ...  # noqa: D102
+    @property
+    def robustness(self) -> Robustness: ...  # noqa: D102
+    @property
+    def load_case(self) -> LoadCase | None: ...  # noqa: D102
+
+
+class GripperReasons(Reasons):
+    """Sentences on evaluated poses of a parallel gripper.
+
+    Args:
+        poses: The poses.
+    """
+
+    def __init__(self, poses: Evaluated) -> None:
+        self._size = len(poses.poses)
+        super().__init__(self._size, poses.mesh)
+        assert isinstance(poses.hand, ParallelGripper)
+        self._poses, self._hand, self._metres = poses, poses.hand, metres_per_unit(poses.mesh)
+        with unreported():
+            self._add_direction()
+            self._add_wide()
+            self._add_parts()
+            self._add_states()
+            self._add_numbers()
+
+    def _add_direction(self) -> None:
+        poses, scene = self._poses, self._poses.scene
+        assert scene is not None
+        wrong = ~scene.allows(poses.poses)
+        limit = math.degrees(scene.approach.within)
+        self.add("comes from another direction", wrong, [
+            f"comes {math.degrees(angle):.0f}° from the approach direction, more than {limit:.0f}°"
+            for angle in scene.approach_angles(poses.poses[wrong])
+        ])  # fmt: skip
+
+    def _add_wide(self) -> None:
+        """Add where fingers start in an object that is wider than the stroke."""
+        poses, most = self._poses, self._hand.limits[1]
+        rows = self.without(poses.jaws.state == Closing.STARTS_INSIDE)
+        if not len(rows):
+            return
+        wider = self._hand.opening_to(most + poses.mesh.size * self._metres)
+        closed = wider.close(poses.mesh, poses.poses[rows], object_motion="fixed")
+        excess = closed.opening - most / self._metres
+        wide = excess > 0.0  # nan: they do not close there either
+        self.add("wider than the stroke", rows[wide], [
+            f"wider than the stroke by {self.length(value)}" for value in excess[wide]
+        ])  # fmt: skip
+
+    def _add_parts(self) -> None:
+        """Add which part of the open gripper is in the object, or else in the table."""
+        poses, jaws, scene = self._poses, self._poses.jaws, self._poses.scene
+        assert scene is not None
+        inside = poses.jaws.state == Closing.STARTS_INSIDE
+        rows = self.without(inside | (poses.collides & jaws.closed))
+        if not len(rows):
+            return
+        at, wide = poses.poses[rows], self._hand.limits[1] / self._metres
+        meets = np.stack(
+            [collides(poses.mesh, at, wide, self._hand, only=part) for part in range(len(PARTS))],
+            axis=1,
+        )
+        depths = self._depths(at)  # (r, 3)
+        for part, name in enumerate(PARTS):
+            kind = name.split()[0]
+            mine = (depths.argmax(axis=1) == part) & (depths[:, part] > 0.0)
+            self.add(f"{kind} is inside the object", rows[mine], [
+                f"{name} is {self.length(depth)} inside the object" for depth in depths[mine, part]
+            ])  # fmt: skip
+            kind = f"{kind} meets the object on the way"
+            self.add(
+                kind, rows[meets[:, part]], [f"{name} meets the object on the way"] * len(rows)
+            )
+        if scene.table is None:
+            return
+        heights = np.full((len(rows), len(PARTS)), math.inf)
+        for part in range(len(PARTS)):
+            corners = np.array(list(product(*np.transpose(self._box(part)))))  # (8, 3)
+            points = corners @ at[:, :3, :3].swapaxes(1, 2) + at[:, None, :3, 3]
+            heights[:, part] = (points @ scene.table.normal - scene.table.offset).min(axis=1)
+        for part, name in enumerate(PARTS):
+            mine = heights.argmin(axis=1) == part
+            self.add(f"{name.split()[0]} meets the table", rows[mine], [
+                f"{name} meets the table" + (f", by {self.length(-height)}" if height < 0.0 else "")
+                for height in heights[mine, part]
+            ])  # fmt: skip
+
+    def _box(self, part: int) -> tuple[Floats, Floats]:
+        """Lowest and highest corner of a part of the open gripper in its frame [mesh unit]."""
+        hand = self._hand
+        top = 0.0 if hand.round_tips else 0.5 * hand.pad_height
+        bottom = top - hand.finger_length
+        if part == len(PARTS) - 1:
+            half = 0.5 * np.array([hand.palm_thickness, hand.palm_width])
+            low, high = [*-half, bottom - hand.palm_length], [*half, bottom]
+        else:
+            inner = 0.5 * hand.limits[1] + hand.compliance
+            outer = 0.5 * hand.limits[1] + hand.finger_thickness
+            near, far = (-outer, -inner) if part == 0 else (inner, outer)
+            half_width = 0.5 * hand.finger_width
+            low, high = [near, -half_width, bottom], [far, half_width, top]
+        return np.array(low) / self._metres, np.array(high) / self._metres
+
+    def _depths(self, poses: Floats) -> Floats:
+        """How deep each part is in the object at poses (r, 4, 4) [mesh unit], shape (r, 3).
+
+        Measured at points of a grid; 0 where none is inside, or the object is open.
+        """
+        mesh, depths = self._poses.mesh, np.zeros((len(poses), len(PARTS)))
+        if not mesh.report.closed:
+            return depths
+        inward = Triangles(mesh.vertices, mesh.faces).normals
+        for part in range(len(PARTS)):
+            low, high = self._box(part)
+            axes = [np.linspace(0.0, 1.0, count) for count in SAMPLES]
+            grid = low + np.array(list(product(*axes))) * (high - low)  # (s, 3)
+            points = grid @ poses[:, :3, :3].swapaxes(1, 2) + poses[:, None, :3, 3]
+            near = np.linalg.norm(points - mesh.center, axis=2) < 0.5 * mesh.size
+            row, sample = np.nonzero(near)
+            if not len(row):
+                continue
+            chosen = points[row, sample]
+            nearest, surface, distance = nearest_surface_points(mesh, chosen)
+            inside = np.vecdot(chosen - surface, inward[nearest.faces]) > 0.0
+            np.maximum.at(depths[:, part], row[inside], distance[inside])
+        return depths
+
+    def _add_states(self) -> None:
+        """Add where the jaws do not close on the object."""
+        poses = self._poses
+        for state, meaning in MEANING.items():
+            if state != Closing.CLOSED:
+                self.add(meaning, poses.jaws.state == state)
+        jaws = poses.jaws
+        shut = jaws.closed & ~self._hand.opens_to(poses.mesh, jaws)
+        least, most = (limit / self._metres for limit in self._hand.limits)
+        texts = [
+            f"wider than the stroke by {self.length(opening - most)}" if opening > most
+            else f"narrower than the smallest opening by {self.length(least - opening)}"
+            for opening in jaws.opening[shut]
+        ]  # fmt: skip
+        self.add("outside the stroke", shut, texts)
+        self.add("the gripper collides", jaws.closed & poses.collides)
+
+    def _add_numbers(self) -> None:
+        """Add why closed jaws do not surely hold the object."""
+        poses, jaws, robust = self._poses, self._poses.jaws, self._poses.robustness
+        outside = np.zeros(self._size, dtype=np.bool_)
+        outside[jaws.closed] = ~allowed_contacts(poses.mesh, jaws.points[jaws.closed])
+        self.add("touches outside --region", outside)
+        rows = self.without((poses.label < Label.S) & (poses.margin <= 0.0))
+        line = jaws.points[rows, 1] - jaws.points[rows, 0]
+        normals = jaws.normals[rows]
+        off = np.maximum(angles_between(normals[:, 0], line), angles_between(normals[:, 1], -line))
+        for label, word in ((Label.U, "slips"), (Label.M, "may slip")):
+            mine = poses.label[rows] == label
+            self.add(word, rows[mine], [
+                f"{word}: contact {math.degrees(angle):.0f}° off the line" for angle in off[mine]
+            ])  # fmt: skip
+        left = poses.label < Label.S
+        self._add_forces(left)
+        self.add("gives way, as a finger starts in the object", left & (jaws.shift != 0.0))
+        if robust.tried > 1:
+            missed = robust.closing_share < 1.0
+            self.add("closes on nothing where the pose is wrong", left & missed)
+            self.add("contacts may leave the pads", left & self._off_pads())
+            self.add("not sure where the pose is wrong", left)
+
+    def _off_pads(self) -> Bools:
+        scene, robust = self._poses.scene, self._poses.robustness
+        assert scene is not None
+        if robust.pad_margin is None:
+            return np.zeros(self._size, dtype=np.bool_)
+        unit = self._poses.mesh.unit
+        assert unit is not None
+        position = scene.pose_error.offsets(unit).position
+        return np.asarray(robust.pad_margin < self._metres * position)
+
+    def _add_forces(self, left: Bools) -> None:
+        case, needed = self._poses.load_case, self._poses.grip_force
+        if case is None:
+            return
+        none = left & np.isinf(needed)
+        self.add("no force surely holds the load", none)
+        if not case.complete or case.available is None:
+            return
+        short = left & np.isfinite(needed) & (needed > case.available)
+        at_hand = short_number(case.available)
+        self.add("needs more force", short, [
+            f"needs {short_number(force)} N of {at_hand} N" for force in needed[short]
+        ])  # fmt: skip
