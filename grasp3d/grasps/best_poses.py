@@ -7,7 +7,7 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.grasps.candidate_poses import candidate_poses
-from grasp3d.grasps.distinct import distance_of_distinct, matched_distance
+from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows, matched_distance
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import closed_at
 from grasp3d.grasps.pose_files.frames import as_read_again
@@ -120,7 +120,8 @@ class PoseSearch:
         others = order[(pool.letter[order] >= least) & (pool.letter[order] < Label.S)]
         for row in sure.tolist():
             others = others[matched_distance(points[others], points[row]) >= limit]
-        return np.append(sure, _without_neighbours(points, others, limit, count - len(sure)))
+        apart = distinct_rows(points[others], count - len(sure), limit)
+        return np.append(sure, others[apart])
 
     def _free(self, poses: Floats) -> Bools:
         """Whether poses (k, 4, 4) have an allowed approach, and the open gripper is free there."""
@@ -193,15 +194,6 @@ class PoseSearch:
         return np.concatenate([turned, poses_of(np.asarray(scale * shifts), still(shifts))[1:]])
 
 
-def _without_neighbours(points: Floats, rows: Ints, limit: float, count: int) -> Ints:
-    """Of rows, best first, those that are not near a better one; `count` at most."""
-    chosen: list[int] = []
-    while len(rows) and len(chosen) < count:
-        chosen.append(int(rows[0]))
-        rows = rows[1:][matched_distance(points[rows[1:]], points[rows[0]]) >= limit]
-    return np.array(chosen, dtype=np.int64)
-
-
 def most_distinct(points: Floats, scores: Floats, limit: float, count: int) -> Ints:
     """Numbers of distinct grasps (b, 2, 3), `count` at most: a best one and many others.
 
@@ -209,7 +201,7 @@ def most_distinct(points: Floats, scores: Floats, limit: float, count: int) -> I
     fewest are taken first, beside each of those that are about as good as the best one, and each is
     exchanged that shuts out two others.
     """
-    greedy = _without_neighbours(points, np.arange(len(points)), limit, count)
+    greedy = distinct_rows(points, count, limit)
     if len(greedy) == min(count, len(points)):
         return greedy
     near = np.stack([matched_distance(points, one) < limit for one in points])

@@ -236,12 +236,6 @@ class GraspTable(LabelledGrasps):
         least = better.placed(other.rows, self.size).grip_force_least
         return replace(holding, grip_force_least=locked(np.fmin(holding.grip_force_least, least)))
 
-    @property
-    def has_poses(self) -> bool:
-        """Whether there is a hand that has poses for grasps of so many fingers."""
-        reach, scene = self.reach, self.scene
-        return reach is not None and scene is not None and self.contacts.count in scene.hand.fingers
-
     @cached_property
     def rank(self) -> Ints:
         """Dimension of the span of the wrenches, in which epsilon is computed, shape (b,).
