@@ -27,9 +27,8 @@ def best_grasps(
 
     Without a gripper they are those of the vertices. With a parallel gripper they are poses: those
     that `evaluate_grasps` finds best of a fixed pool, each refined; settings of the approach, the
-    stroke, the load and the sensor only choose among them. A grasp is omitted if its contacts can
-    be matched with those of a better one so that all pairs are nearer than 1/8 of the object's
-    size.
+    load and the sensor only choose among them. A grasp is omitted if its contacts can be matched
+    with those of a better one so that all pairs are nearer than 1/8 of the object's size.
 
     Args:
         labels: The labelled surface.

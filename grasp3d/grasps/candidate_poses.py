@@ -29,8 +29,8 @@ RINGS = ((0.0, 1), (math.radians(8.0), 6), (math.radians(16.0), 6))
 """Angles of the rays from the inward normal [rad], and their numbers."""
 
 WIDEST = math.radians(20.0)
-"""Largest angle of a normal from the line through both places [rad]: jaws turn the object, and
-touch more than points, so that more than the friction angle may do."""
+"""Largest angle of a normal from the line through both places [rad], whatever the friction: jaws
+turn the object, and touch more than points."""
 
 EXITS = 8
 """Most exits of a ray."""
