@@ -295,8 +295,11 @@ def _outside(grasps: GraspTable | EvaluatedPoses) -> tuple[str, ...]:
 
 def print_files(report: Report, poses: GivenGrasps, *outputs: Path) -> None:
     """Print the frame of the poses, how their file was read, and what was written."""
-    report.line(frame_text(poses.given.object_pose))
-    if read := poses.given.settings.get(READING):
+    given = poses.given
+    report.line(frame_text(given.object_pose))
+    why = ", as the file states none" if given.assumes_frame else ""
+    report.line(f"poses read in the gripper's frame '{given.gripper_frame}'{why} (--frame)")
+    if read := given.settings.get(READING):
         report.line(f"{READINGS[READING]}: {escaped(read)}")
     report.written(*outputs)
 

@@ -17,6 +17,7 @@ from grasp3d.hand.articulated.hand_scene import HandScene
 from grasp3d.hand.frames import GripperFrame, frames_of
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaws import Jaws, metres_per_unit
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.table import Table
 from grasp3d.mesh import ObjectMesh
 from grasp3d.system.context import unreported
@@ -25,7 +26,7 @@ FEWEST, TRIED, SCREENED, KEPT = 5, 200, 24, 8
 """Poses below which too few agree by chance, the most that are tried, those of them with which all
 readings are tried, and the readings that are then tried with all poses."""
 
-TIMES, MORE, SHARE = 2, 3, 0.1
+TIMES, MORE, SHARE = 2, 4, 0.1
 """Of another reading at least so many times as many poses must fit as of the stated one, so many
 more, and so many more of those that are tried."""
 
@@ -40,7 +41,10 @@ LEAST_LINKS, DEEPEST = 2, 0.015
 """Links of a hand with joints that touch in a pose that fits, and how deep they may be in the
 object [m]."""
 
-FIT = "the jaws close on the object where it is, each with a twentieth of its pad at least,"
+THIN = 1e-3
+"""Thickness of fingers with which bad poses do not hide a wrong frame [m]."""
+
+FIT = "jaws that are thin close on the object where it is, each with a twentieth of its pad,"
 FIT_OF_LINKS = "at least two links touch the object, and none is deeper than 15 mm in it,"
 """What is the case in poses that fit."""
 
@@ -158,11 +162,13 @@ def audit_poses(
 ) -> PoseReading | None:
     """Count how many poses fit their object as stated and in other readings of their file.
 
-    A pose fits if the gripper, wide open, gets there without collision, its jaws then close on the
-    object, and each touches it with a twentieth of a pad; of a hand with joints if two links touch,
-    and none is deeper than 15 mm in the object. Tried are the frames by name, and their axes with
-    the TCP or the base as origin, each with quaternions in another order and with transposed
-    rotations; and where the TCPs are far apart or all at one point, lengths in other units.
+    A pose fits if the gripper, wide open, gets there without meeting the object, its jaws then
+    close on it, and each touches it with a twentieth of a pad, with its own fingers or with thin
+    ones: so bad poses do not hide a wrong frame. Where nothing is found so, the gripper must not
+    meet the table either. Of a hand with joints two links touch, and none is deeper than 15 mm in
+    the object. Tried are the frames by name, and their axes with the TCP or the base as origin,
+    each with quaternions in another order and with transposed rotations; and where the TCPs are far
+    apart or all at one point, lengths in other units.
 
     Args:
         mesh: The object; its unit is known.
@@ -177,8 +183,17 @@ def audit_poses(
     read = (poses if poses.unit else replace(poses, unit=mesh.unit)).in_unit("m")
     read = matched(read, hand) if isinstance(hand, ArticulatedHand) else read
     read = read.take(_some(read.count, TRIED))
-    if (count := read.count) < FEWEST:
+    if read.count < FEWEST:
         return None
+    readings = (_audited(mesh, read, hand, below) for below in dict.fromkeys((None, table)))
+    return next(filter(None, readings), None)
+
+
+def _audited(
+    mesh: ObjectMesh, read: GraspPoses, hand: Hand, table: Table | None
+) -> PoseReading | None:
+    """The reading of poses [m] in which far more fit beside a table; None: there is none."""
+    count = read.count
 
     def fitting(readings: list[PoseReading], rows: Ints) -> Ints:
         placed = np.concatenate([one.of(read.poses[rows]) for one in readings])
@@ -261,12 +276,25 @@ def _fits(
         gaps = scene.link_gaps(scene.touch(frames, contacts=False, search=CONTACT_DISTANCE))
         touching = (gaps <= CONTACT_DISTANCE).sum(axis=1) >= LEAST_LINKS
         return np.asarray(touching & (gaps.min(axis=1) >= -DEEPEST))
-    placed, held = _longer(poses, 1.0 / metres), np.zeros(len(poses), dtype=np.bool_)
-    with unreported():
-        closed = hand.close(mesh, placed)
-    free = ~hand.blocked(mesh, placed, closed, held=held, table=table)
-    touched = closed.area.min(axis=1) * metres**2 >= LEAST_TOUCH * hand.touch_area
-    return np.asarray(closed.closed & free & touched)
+    placed, fits = _longer(poses, 1.0 / metres), np.zeros(len(poses), dtype=np.bool_)
+    for one in (hand, _thin(hand)):
+        rows = np.flatnonzero(~fits)
+        held = np.zeros(len(rows), dtype=np.bool_)
+        with unreported():
+            closed = one.close(mesh, placed[rows])
+        free = ~one.blocked(mesh, placed[rows], closed, held=held, table=table)
+        touched = closed.area.min(axis=1) * metres**2 >= LEAST_TOUCH * hand.touch_area
+        fits[rows] = closed.closed & free & touched
+    return fits
+
+
+def _thin(hand: Hand) -> Hand:
+    """A gripper with fingers so thin that they fit beside what others would touch."""
+    if not isinstance(hand, ParallelGripper) or hand.round_tips:
+        return hand
+    return replace(
+        hand, finger_thickness=THIN, finger_width=hand.pad_width, tip_thickness=None, inner_faces=()
+    )
 
 
 def _longer(poses: Floats, factor: float) -> Floats:

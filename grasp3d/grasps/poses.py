@@ -112,6 +112,8 @@ class GraspPoses:
     gripper_frame: GripperFrame = FRAMES["tcp"]
     """Frame of the gripper in which the file had the poses; `poses` are those of the TCP in any
     case."""
+    assumes_frame: bool = False
+    """Whether the file does not state that frame, which is then the one of its format."""
 
     def __post_init__(self) -> None:
         poses = checked_poses(self.poses)

@@ -126,6 +126,7 @@ def test_poses_of_a_gripper_are_evaluated(posed: Path) -> None:
         "held when tried: S 100.0 % of 2, U 0.0 % of 1",
         "3 +■ U +0.00 +the jaws close on nothing",
         "opening in mm",
+        r"poses read in the gripper's frame 'tcp', as the file states none \(--frame\)",
     ):
         assert re.search(text, run.stdout), text
     rows = pc.read_csv(posed / "out.csv").to_pylist()

@@ -14,7 +14,7 @@ from tests.helpers import shapes
 from tests.helpers.commands import export, printed
 
 GRASPS = ("box.stl", "--unit", "mm", "--hand", "franka")
-WARNING = "as stated ('hand') the jaws close on the object where it is"
+WARNING = "as stated ('hand') jaws that are thin close on the object where it is"
 
 
 @pytest.fixture(scope="module")
@@ -36,9 +36,11 @@ def test_a_file_in_another_frame_is_doubted_and_read_in_it(folder: Path) -> None
     stated = " ".join(evaluate().split())
     assert WARNING in stated
     assert "with --frame graspgen in" in stated
+    assert "poses read in the gripper's frame 'hand', as the file states none (--frame)" in stated
     wrong = pc.read_csv(folder / "out.csv")
     right = evaluate("--frame", "graspgen", output="right.csv")
     assert "warning" not in right
+    assert "poses read in the gripper's frame 'graspgen' (--frame)" in right
     assert "17   100.0 %" in right
     auto = " ".join(evaluate("--frame", "auto", output="auto.parquet").split())
     assert "--frame auto: as stated ('hand')" in auto

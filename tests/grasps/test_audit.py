@@ -14,12 +14,16 @@ import grasp3d
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import ContactError
 from grasp3d.grasps.audit import FEWEST, READING, PoseReading, audit_poses, explained
+from grasp3d.grasps.candidate_poses import candidate_poses
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
+from grasp3d.hand.jaw_reach import collides
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.parallel_gripper import preset
+from grasp3d.hand.scene import Scene
+from grasp3d.hand.table import Table
 from tests.hand.test_articulated_hand import hand_of
 from tests.helpers import shapes
 from tests.helpers.hand_grasps import touching
@@ -156,7 +160,8 @@ def test_a_mistake_is_named_and_undone(name: str) -> None:
     reading = audit_poses(mesh, wrong, HAND)
     assert reading is not None
     assert words in str(reading)
-    assert reading.fitting >= max(2 * reading.stated, 0.9 * right.count)
+    # Some that are held at an edge touch less than a twentieth of a pad.
+    assert reading.fitting >= max(2 * reading.stated, 0.8 * right.count)
     read = reading.applied(wrong)
     assert any(np.abs(read.poses - one).max() < 1e-9 for one in (right.poses, right.poses @ TURN))
     assert audit_poses(mesh, read, HAND) is None
@@ -206,6 +211,29 @@ def test_there_is_no_alarm_at_poses_of_which_many_miss(file: str) -> None:
             turns = rng.normal(0.0, np.radians(degrees), (count, 3))
             poses[:, :3, :3] = poses[:, :3, :3] @ Rotation.from_rotvec(turns).as_matrix()
             assert audit_poses(mesh, GraspPoses(poses=poses, unit="m", hand=HAND), HAND) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", ["mug.glb", "spray.glb", "bottle.off", "dumbbell.stl"])
+def test_poses_of_a_network_most_of_which_collide_do_not_hide_a_mistake(file: str) -> None:
+    """200 poses, wrong by 6° and 4 mm about each axis, of an object on a table."""
+    mesh, rng = load_mesh(MESHES / file, unit="m"), np.random.default_rng(0)
+    poses = candidate_poses(mesh, Scene.given(HAND, None, None, None))
+    poses = poses[rng.permutation(len(poses))[:200]]
+    turns = rng.normal(0.0, np.radians(6.0), (200, 3))
+    poses[:, :3, :3] @= Rotation.from_rotvec(turns).as_matrix()
+    poses[:, :3, 3] += rng.normal(0.0, 0.004, (200, 3))
+    table = Table.below(mesh, "z")
+    noisy = GraspPoses(poses=poses, unit="m", hand=HAND)
+    assert collides(mesh, poses, HAND.limits[1], HAND, table=table).mean() > 0.3
+    assert audit_poses(mesh, noisy, HAND, table=table) is None
+    for wrong, right in (
+        (mistake("hand", "tcp"), "--frame hand"),
+        (mistake("tcp", "tcp", quaternions(3, 0, 1, 2)), "order (w x y z)"),
+    ):
+        reading = audit_poses(mesh, misread(noisy, wrong), HAND, table=table)
+        assert reading is not None
+        assert right in str(reading) or not reading.stands_out
 
 
 @pytest.mark.slow
@@ -294,7 +322,7 @@ def test_evaluated_poses_are_warned_of(cone: ObjectMesh, good: GraspPoses) -> No
 
     assert "jaws" not in warnings(good)
     wrong = misread(good, mistake("graspgen", "tcp"))
-    assert "as stated ('tcp') the jaws close on the object" in warnings(wrong)
+    assert "as stated ('tcp') jaws that are thin close on the object" in warnings(wrong)
     results = evaluate_grasps(cone, wrong, hand=HAND)
     assert results.to_poses().settings["suspected_reading"] == str(results.reading)
     assert evaluate_grasps(cone, good, hand=HAND).reading is None

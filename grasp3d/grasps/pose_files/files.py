@@ -384,8 +384,11 @@ def _read(path: Path, given: Given, frame: GripperFrame | None) -> GraspPoses:
         poses = entry.read(content, given)
     if entry.title:
         poses = replace(poses, unit="m", hand=given.hand or poses.hand)
-    stated = poses.gripper_frame if entry.states_frame else FRAMES[entry.frame]
-    return replace(poses, gripper_frame=frame or stated)
+    if frame is not None:
+        return replace(poses, gripper_frame=frame, assumes_frame=False)
+    if entry.states_frame:
+        return poses
+    return replace(poses, gripper_frame=FRAMES[entry.frame], assumes_frame=True)
 
 
 def _format_in(suffix: str, content: object) -> PoseFormat | None:

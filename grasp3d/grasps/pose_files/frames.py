@@ -391,6 +391,7 @@ def fields_of(header: Mapping[str, Any], given: Given) -> dict[str, Any]:
         "object_scale": number_or_none(header.get("object_scale"), "object_scale"),
         "object_pose": ObjectPose.of(stated) if stated else None,
         FIELD: GripperFrame.of(text_or_none(header.get(FIELD), FIELD) or "tcp"),
+        "assumes_frame": not header.get(FIELD),
         "settings": other | {name: value for name, value in header.items() if name not in STATED},
     }
 
