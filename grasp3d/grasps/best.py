@@ -6,8 +6,13 @@ import numpy as np
 
 from grasp3d.arrays import Ints
 from grasp3d.errors import SettingError
-from grasp3d.grasps.best_poses import PoseSearch, most_distinct
-from grasp3d.grasps.distinct import MOST_DISTINCT, distance_of_distinct, distinct_rows
+from grasp3d.grasps.best_poses import PoseSearch
+from grasp3d.grasps.distinct import (
+    MOST_DISTINCT,
+    distance_of_distinct,
+    distinct_rows,
+    most_distinct,
+)
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.settings import AnySampling, Sampling

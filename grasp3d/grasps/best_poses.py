@@ -6,14 +6,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints
-from grasp3d.grasps.candidate_poses import candidate_poses
-from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows, matched_distance
+from grasp3d.grasps.candidate_poses import candidate_poses, is_free
+from grasp3d.grasps.distinct import (
+    distance_of_distinct,
+    distinct_rows,
+    matched_distance,
+    most_distinct,
+)
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import closed_at
 from grasp3d.grasps.pose_files.frames import as_read_again
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.ranking import ranked_rows
-from grasp3d.hand.jaw_reach import collides
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.scene import Scene
@@ -34,10 +38,6 @@ TURNS = tuple(map(math.radians, (10.0, 5.0, 5.0)))
 
 SHIFT = 0.25
 """First shifts along y and z, in widths and heights of the pads."""
-
-AS_GOOD, STARTS = 0.01, 20
-"""Difference of scores up to which grasps are about as good, and so many of them from which the
-others are chosen."""
 
 EQUAL = 1e-3
 """Difference of scores up to which a pose is preferred that does not turn the object."""
@@ -126,9 +126,7 @@ class PoseSearch:
     def _free(self, poses: Floats) -> Bools:
         """Whether poses (k, 4, 4) have an allowed approach, and the open gripper is free there."""
         free = self.scene.allows(poses)
-        rows, hand = np.flatnonzero(free), self.jaws
-        wide = hand.limits[1] / metres_per_unit(self.mesh)
-        free[rows] = ~collides(self.mesh, poses[rows], wide, hand, table=self.scene.table)
+        free[free] = is_free(self.mesh, self.scene, poses[free])
         return free
 
     def evaluated(self, poses: Floats, error: PoseError | None = None) -> EvaluatedPoses:
@@ -192,48 +190,3 @@ class PoseSearch:
         still = np.zeros_like
         turned = poses_of(still(turns), np.asarray(scale * turns))[1:]
         return np.concatenate([turned, poses_of(np.asarray(scale * shifts), still(shifts))[1:]])
-
-
-def most_distinct(points: Floats, scores: Floats, limit: float, count: int) -> Ints:
-    """Numbers of distinct grasps (b, 2, 3), `count` at most: a best one and many others.
-
-    Where the best ones shut out so many that fewer than `count` are left, those that shut out
-    fewest are taken first, beside each of those that are about as good as the best one, and each is
-    exchanged that shuts out two others.
-    """
-    greedy = distinct_rows(points, count, limit)
-    if len(greedy) == min(count, len(points)):
-        return greedy
-    near = np.stack([matched_distance(points, one) < limit for one in points])
-    choices = [_exchanged(near, greedy.tolist())]
-    for first in np.flatnonzero(scores >= scores[0] - AS_GOOD)[:STARTS].tolist():
-        sparse, left = [first], ~near[first]
-        while left.any():
-            crowds = np.where(left, (near & left).sum(axis=1), len(points))
-            sparse.append(int(crowds.argmin()))
-            left &= ~near[sparse[-1]]
-        choices.append(_exchanged(near, sparse))
-    most = max(choices, key=len)
-    return np.array([most[0], *sorted(most[1:])][:count])
-
-
-def _exchanged(near: Bools, chosen: list[int]) -> list[int]:
-    """Numbers with those but the first exchanged that shut out two others, distinct from all.
-
-    Args:
-        near: Which of n are near each other, shape (n, n).
-        chosen: Numbers of those that are chosen.
-    """
-    changed = True
-    while changed:
-        changed, blocked = False, near[chosen].sum(axis=0)
-        for one in chosen[1:]:
-            alone = np.flatnonzero((blocked == 1) & near[one])
-            apart = ~near[np.ix_(alone, alone)]
-            first = np.flatnonzero(apart.any(axis=1))
-            if len(first):
-                pair = alone[[first[0], apart[first[0]].argmax()]]
-                chosen = [*(other for other in chosen if other != one), *pair.tolist()]
-                changed = True
-                break
-    return chosen

@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints, locked, short_repr, unit_rows
+from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
 from grasp3d.hand.jaw_reach import collides
 from grasp3d.hand.jaws import Jaws, metres_per_unit
 from grasp3d.hand.scene import Scene
@@ -32,8 +32,8 @@ WIDEST = math.radians(20.0)
 """Largest angle of a normal from the line through both places [rad], whatever the friction: jaws
 turn the object, and touch more than points."""
 
-EXITS = 8
-"""Most exits of a ray."""
+CROSSINGS = 16
+"""Most crossings of a ray with the surface, every other of which is an exit."""
 
 STEP = 1e-4
 """Distance behind a crossing from which a ray goes on, in object sizes."""
@@ -94,7 +94,7 @@ def candidate_poses(mesh: ObjectMesh, scene: Scene) -> Floats:
     """
     hand = scene.jaws
     assert hand is not None
-    stroke, wide = (one / metres_per_unit(mesh) for one in (hand.max_opening, hand.limits[1]))
+    stroke = hand.max_opening / metres_per_unit(mesh)
     if mesh not in _PLACES:
         _PLACES[mesh] = _opposed(mesh)
     places = _PLACES[mesh]
@@ -113,7 +113,7 @@ def candidate_poses(mesh: ObjectMesh, scene: Scene) -> Floats:
         band = np.searchsorted(BANDS, scene.approach_angles(poses))
         poses, band = poses[wanted[band] > 0], band[wanted[band] > 0]
         tested += np.bincount(band, minlength=len(tested))
-        free = ~collides(mesh, poses, wide, hand, table=scene.table)
+        free = is_free(mesh, scene, poses)
         for number in range(len(wanted)):
             mine = np.flatnonzero(free & (band == number))
             # Of more than enough, those are taken that are spread evenly.
@@ -125,6 +125,20 @@ def candidate_poses(mesh: ObjectMesh, scene: Scene) -> Floats:
             break
     poses = np.concatenate(found)
     return poses[scene.allows(poses)]
+
+
+def is_free(mesh: ObjectMesh, scene: Scene, poses: Floats) -> Bools:
+    """Whether a gripper, wide open, touches neither object nor table, shape (k,).
+
+    Args:
+        mesh: The object, whose unit is known.
+        scene: The gripper and the table.
+        poses: Its poses (k, 4, 4).
+    """
+    hand = scene.jaws
+    assert hand is not None
+    wide = hand.limits[1] / metres_per_unit(mesh)
+    return ~collides(mesh, poses, wide, hand, table=scene.table)
 
 
 def _poses(mesh: ObjectMesh, hand: Jaws, places: OpposedPlaces) -> Floats:
@@ -165,7 +179,7 @@ def _opposed(mesh: ObjectMesh) -> OpposedPlaces:
     rays = FaceRays(mesh.normalized, mesh.faces)
     along, going = np.full(len(each), STEP), np.arange(len(each))
     found = [OpposedPlaces(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))]
-    for _ in range(2 * EXITS):
+    for _ in range(CROSSINGS):
         origins = points[each[going]] + along[going, None] * directions[going]
         hits = rays.hits(origins.astype(np.float32), directions[going].astype(np.float32))
         face = hits["primID"].astype(np.int64)

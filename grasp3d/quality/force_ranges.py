@@ -134,42 +134,29 @@ def largest_force(contacts: Contacts, tilts: Floats, options: ForceOptions) -> F
     return largest
 
 
-def force_at_worst(
+def force_within_tilt(
     contacts: Contacts,
     task: Task,
     *,
+    at: Literal["worst", "best"] = "worst",
     tilt: ArrayLike = 0.0,
     bound: ForceBound = "normal",
     rtol: float = 1e-3,
     group: int = 1,
 ) -> Floats:
-    """Force that suffices for a task at all normals within a tilt of the given ones [N].
+    """Force for a task at the worst or the best normals within a tilt of the given ones [N].
 
-    Arguments, shape and errors as for `payload`; inf where no force does.
-    """
-    _check_groups(contacts, group)
-    options = ForceOptions(task, bound, None, rtol, group)
-    needed = largest_force(contacts.reshape((-1,)), tilts_of(tilt, contacts), options)
-    return locked(needed.reshape(contacts.batch))[()]
-
-
-def least_force(
-    contacts: Contacts,
-    task: Task,
-    *,
-    tilt: ArrayLike = 0.0,
-    bound: ForceBound = "normal",
-    rtol: float = 1e-3,
-    group: int = 1,
-) -> Floats:
-    """Force less than which no normals within a tilt of the given ones need for a task [N].
-
-    Arguments, shape and errors as for `payload`; inf where no force suffices at any of them.
+    At the worst ones it suffices at all; at the best ones none needs less. Other arguments, shape
+    and errors as for `payload`; inf where no force suffices there.
     """
     _check_groups(contacts, group)
     flat, tilts = contacts.reshape((-1,)), tilts_of(tilt, contacts)
-    possible = ForceProblem.over_tilts(flat, tilts, "possible", bound=bound, group=group)
-    needed = ForceOptions(task, bound, None, rtol, group).bounds(possible).lower
+    options = ForceOptions(task, bound, None, rtol, group)
+    if at == "worst":
+        needed = largest_force(flat, tilts, options)
+    else:
+        possible = ForceProblem.over_tilts(flat, tilts, "possible", bound=bound, group=group)
+        needed = options.bounds(possible).lower
     return locked(needed.reshape(contacts.batch))[()]
 
 
@@ -219,7 +206,7 @@ def payload(
         raise SettingError("a payload needs a task with a weight or an acceleration")
     task = task.scaled_to(1.0)
     if all(term.mass is not None for term in task.terms()):
-        needed = force_at_worst(contacts, task, tilt=tilt, bound=bound, rtol=rtol, group=group)
+        needed = force_within_tilt(contacts, task, tilt=tilt, bound=bound, rtol=rtol, group=group)
         with np.errstate(divide="ignore"):  # no force is needed where nothing accelerates
             return locked(force / needed)[()]
     _check_groups(contacts, group)

@@ -179,7 +179,8 @@ CRITICAL_ANGLE_BEST = replace(CRITICAL_ANGLE, name="critical_angle_best")
 MAX_RESOLUTION = Field("max_resolution", RADIANS, (), ANGLE, ply=FLOAT)
 MARGIN = Field("margin", RADIANS, (), Allowed(infinite=-math.inf), ply=FLOAT)
 EPSILON = Field("epsilon", "", (), POSITIVE_OR_NAN, ply=DOUBLE)
-DECIDED = (LABEL, CRITICAL_ANGLE, CRITICAL_ANGLE_BEST, MAX_RESOLUTION, MARGIN)
+ANGLES = (CRITICAL_ANGLE, CRITICAL_ANGLE_BEST, MAX_RESOLUTION, MARGIN)
+DECIDED = (LABEL, *ANGLES)
 EPSILONS = (EPSILON, replace(EPSILON, name="epsilon_min"), replace(EPSILON, name="epsilon_max"))
 OPENING = Field("opening", LENGTH, (), POSITIVE_OR_NAN, ply=FLOAT)
 APPROACH_MARGIN = Field(
@@ -192,11 +193,14 @@ DEPTH = Field(
 GRIP_FORCE = Field(
     "grip_force", NEWTONS, (), HELD, of=of_part("holding", "grip_force"), when="load", ply=DOUBLE
 )
-FORCES = (
+HOLDING = (
     GRIP_FORCE,
     replace(GRIP_FORCE, name="grip_force_least", of=of_part("holding", "grip_force_least")),
     replace(GRIP_FORCE, name="grip_force_largest", of=of_part("holding", "grip_force_largest")),
     replace(GRIP_FORCE, name="payload", of=_payload, unit=KILOGRAMS),
+)
+FORCES = (
+    *HOLDING,
     replace(LABEL, name="label_with_force", of=of_part("holding", "label"), when="load"),
 )
 """What a load adds to grasps."""
@@ -211,12 +215,12 @@ GRASPS = (
     Field("grasp", of=lambda one: range(1, one.size + 1), kind="i8"),
     STATED_LABEL,
     SCORE,
-    *DECIDED[1:],
+    *ANGLES,
     *EPSILONS,
     Field("rank", kind="i8"),
     OPENING,
     replace(OPENING, name="separation"),
-    *FORCES[:-1],
+    *HOLDING,
 )
 """Grasps in tables."""
 
@@ -258,7 +262,7 @@ def _jaw(name: str, number: int) -> Callable[[Any], Array]:
     return lambda poses: np.asarray(getattr(poses.jaws, name)[:, number])
 
 
-def _under_load(name: str) -> Callable[[Any], Array | None]:
+def under_load(name: str) -> Callable[[Any], Array | None]:
     """A number that poses have whether there is a load or not."""
     return lambda poses: None if poses.load is None else np.asarray(getattr(poses, name))
 
@@ -270,11 +274,11 @@ def given_poses(fingers: int = 2) -> tuple[Field, ...]:
         Field("closing", of=attrgetter("state"), kind="u1", texts=names_of(Closing)),
         STATED_LABEL,
         SCORE,
-        *(field for field in DECIDED[1:] if field is not CRITICAL_ANGLE_BEST),
+        *(field for field in ANGLES if field is not CRITICAL_ANGLE_BEST),
         *EPSILONS,
         replace(APPROACH_MARGIN, of=None, when="always", ply=""),
-        Field("grip_force", NEWTONS, (), HELD, of=_under_load("grip_force"), when="load"),
-        Field("payload", KILOGRAMS, (), HELD, of=_under_load("payload"), when="load"),
+        Field("grip_force", NEWTONS, (), HELD, of=under_load("grip_force"), when="load"),
+        Field("payload", KILOGRAMS, (), HELD, of=under_load("payload"), when="load"),
         Field("collides", kind="?"),
         Field("reachable", kind="?"),
         Field("reason", kind="U"),

@@ -27,7 +27,7 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.quality.critical_angle import critical_friction_angle
-from grasp3d.quality.force_ranges import force_at_worst, least_force, payload
+from grasp3d.quality.force_ranges import force_within_tilt, payload
 from grasp3d.quality.patch_lines import best_line_angles
 from grasp3d.quality.tasks import STANDARD_GRAVITY, Task, Weight
 from grasp3d.settings import GraspModel
@@ -249,9 +249,9 @@ class _Patches:
         codes = np.where(ratio < 1.0 if self.decided else ratio <= 0.0,
                          np.minimum(codes, Label.M), codes)  # fmt: skip
         if self.decided and len(rows := np.flatnonzero((ratio < 1.0) & (codes > Label.U))):
-            needed = least_force(
+            needed = force_within_tilt(
                 self._contacts(self.points[rows], self.model.friction_interval[1], rows), self.task,
-                tilt=self.model.tilt, rtol=PAYLOAD_RTOL, group=self.points.shape[2],
+                at="best", tilt=self.model.tilt, rtol=PAYLOAD_RTOL, group=self.points.shape[2],
             )  # fmt: skip
             codes[rows[needed > self.force]] = Label.U
         return codes
@@ -273,13 +273,13 @@ class _Patches:
         task, force = self.task, self.force
         with np.errstate(divide="ignore"):
             if task.mass is None:
-                needed = force_at_worst(contacts, task, **options)
+                needed = force_within_tilt(contacts, task, **options)
                 return np.full(len(needed), math.nan), needed, force / needed
             held = payload(contacts, task, force, **options)
             mass = self.case.mass if self.case is not None and self.case.mass else 1.0
             of = mass if self.decided else force / STANDARD_GRAVITY
             grows = all(term.mass is not None for term in task.terms())
-            needed = force * mass / held if grows else force_at_worst(contacts, task, **options)
+            needed = force * mass / held if grows else force_within_tilt(contacts, task, **options)
             return held, needed, held / of
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from grasp3d.arrays import Floats, angles_between
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.jaws import metres_per_unit
-from grasp3d.surface.fields import AREA, LENGTH, Array, given_poses, present
+from grasp3d.surface.fields import AREA, LENGTH, Array, given_poses, present, under_load
 
 Better = Literal["larger", "smaller"]
 Quantity = Literal["angle", "length", "area", "force", "mass", "number"]
@@ -75,11 +75,6 @@ def _arm(poses: EvaluatedPoses) -> Floats:
     return np.asarray(np.linalg.norm(away, axis=1) * metres_per_unit(poses.mesh))
 
 
-def _loaded(name: str) -> Of:
-    """A number of poses that they have under a load."""
-    return lambda poses: None if poses.load is None else np.asarray(getattr(poses, name))
-
-
 SCORES = (
     Score("quality", "quality", "larger", "number",
           "what the touched patches hold at the worst normals, over the mass, r / (1 + r), mean "
@@ -89,7 +84,7 @@ SCORES = (
           "what files have: the letter, and within that the quality", of=attrgetter("score"),
           always=True),
     Score("payload", "payload", "larger", "mass",
-          "mass that the force at hand holds at the worst normals", of=_loaded("payload")),
+          "mass that the force at hand holds at the worst normals", of=under_load("payload")),
     Score("pad_margin", "pad margin", "larger", "length",
           "distance of the contacts from the border of the pads",
           of=attrgetter("robustness.pad_margin")),
@@ -106,7 +101,7 @@ SCORES = (
           of=attrgetter("epsilon")),
     Score("grip_force", "grip force", "smaller", "force",
           "force that each finger needs at the worst normals; inf: none suffices",
-          of=_loaded("grip_force")),
+          of=under_load("grip_force")),
     Score("reachable", "reachable", "larger", "number",
           "1: the jaws close, within the stroke, without collision",
           of=attrgetter("reachable"), always=True),

@@ -30,7 +30,9 @@ from grasp3d import (
 from grasp3d.errors import SettingError
 from grasp3d.grasps import EvaluatedPoses
 from grasp3d.grasps.best import pool_of
+from grasp3d.grasps.best_poses import EQUAL, PoseSearch
 from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows, matched_distance
+from grasp3d.hand.jaw_reach import collides
 from tests.helpers import shapes
 from tests.helpers.random_search import random_poses_on
 
@@ -123,6 +125,19 @@ def test_allowing_more_never_finds_less(name: str) -> None:
     assert_never_worse(with_settings(labels, load=weak), with_settings(labels, load=strong))
     size = labels.mesh.size
     assert_never_worse(with_settings(labels, max_opening=0.4 * size), labels)
+
+
+def test_the_closing_jaws_leave_the_object_where_it_is_if_that_is_as_good() -> None:
+    """So a robot that does not feel the object move grips it where the file says."""
+    labels = base()
+    best, search = best_grasps(labels, 10), PoseSearch.of(labels)
+    assert isinstance(best, EvaluatedPoses)
+    rest = best.jaws.poses
+    there = search.evaluated(rest)
+    free = ~collides(labels.mesh, rest, FRANKA.limits[1], FRANKA, table=labels.scene.table)
+    as_good = free & (there.state == 0) & (there.score >= best.score - EQUAL)
+    assert as_good.sum() > 2
+    np.testing.assert_allclose(rest[as_good], best.poses[as_good], atol=1e-3)
 
 
 def test_what_is_named_may_hold_and_is_distinct() -> None:
