@@ -29,11 +29,13 @@ from grasp3d.cli.report import (
     uncertainty_lines,
 )
 from grasp3d.grasps.audit import READING, READINGS
+from grasp3d.grasps.distinct import distance_of_distinct
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses, GivenGrasps
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
 from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.object_pose import ObjectPose
+from grasp3d.mesh import ObjectMesh
 from grasp3d.settings.model_text import epsilon_min_text
 from grasp3d.stability.label import Label
 from grasp3d.surface.area_statistics import quantiles
@@ -84,6 +86,7 @@ def print_best(
     *,
     can_draw: bool,
     object_pose: ObjectPose | None = None,
+    pool: EvaluatedPoses | None = None,
 ) -> None:
     """Print the best distinct grasps of a surface, best first.
 
@@ -92,6 +95,7 @@ def print_best(
         requested: Number of grasps that the user requested.
         can_draw: Whether pictures can be drawn.
         object_pose: Pose of the object in the frame of the file; None: it has the mesh's.
+        pool: The poses among which they were sought; None: they are those of the vertices.
     """
     report = Report()
     columns, legend = _shown(grasps)
@@ -106,11 +110,21 @@ def print_best(
             report.line(frame_text(object_pose))
         report.warnings(warnings_of_best(grasps, object_pose))
         if grasps.size < requested:
-            report.paragraph(f"{requested} were requested; no others that may hold are distinct")
+            report.paragraph(f"{requested} were requested; {_why_fewer(grasps.mesh, pool)}")
         if not can_draw:
             report.line(
                 "no pictures: they need OpenGL, which is not available (on Debian: libegl1 libgl1)"
             )
+
+
+def _why_fewer(mesh: ObjectMesh, pool: EvaluatedPoses | None) -> str:
+    """Why there are not as many best grasps as were requested."""
+    others = "all others that may hold are"
+    if pool is not None:
+        held = int((pool.letter > Label.U).sum())
+        others = f"of {counted(pool.size, 'free poses')} {held} may hold, the others"
+    apart = f"{distance_of_distinct(mesh):.2g} {mesh.unit or ''}".rstrip()
+    return f"{others} nearer than {apart} to one of these"
 
 
 def _shown(grasps: GraspTable | EvaluatedPoses) -> tuple[list[Column], str]:

@@ -24,7 +24,7 @@ from grasp3d.cli.report import (
 )
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.export.writers import writer_for
-from grasp3d.grasps.best import best_grasps, check_external
+from grasp3d.grasps.best import best_grasps, check_external, pool_of
 from grasp3d.grasps.causes import causes_text
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.grasp_files import SUFFIXES, write_grasps
@@ -166,8 +166,9 @@ def _write_best(
         save_as(grasp_figure(grasps, pictures), written[-1])
     if not command.quiet:
         grasp_report.print_best(
-            grasps, command.best or 0, can_draw=can_draw, object_pose=command.object_pose
-        )
+            grasps, command.best or 0, can_draw=can_draw, object_pose=command.object_pose,
+            pool=pool_of(labels) if isinstance(grasps, EvaluatedPoses) else None,
+        )  # fmt: skip
     return written
 
 
