@@ -219,7 +219,7 @@ def test_with_fixed_fingers_there_are_no_forces(session: Session) -> None:
     wait_until_idle(session)
     ramp = panel_text(session).ramp
     assert ramp is not None
-    assert ramp.text == "payload: needs a load"
+    assert ramp.text == "payload of the contacts: needs a load"
     with pytest.raises(SettingError, match="with fixed fingers"):
         session.change(paint="grip_force")
     session.change(fixed=())
@@ -288,7 +288,7 @@ def test_a_task_of_wrenches_mentions_no_mass(tmp_path: Path, force: float | None
         wait_until_idle(session)
         text = panel_text(session)
         assert text.ramp is not None
-        assert text.ramp.text.startswith("grip force of each finger for given wrenches")
+        assert text.ramp.text.startswith("grip force of each contact for given wrenches")
         assert session.inspection is not None
         numbers = [value for _, value in session.inspection.numbers]
         shown = " ".join([text.facts, session.inspection.reason, *numbers])

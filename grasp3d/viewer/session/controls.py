@@ -185,14 +185,14 @@ def _degrees(angle: float) -> float:
 AXES = ("off", *get_args(Axis))
 
 PAINTS: dict[Paint, str] = {
-    "label": "S, M, U",
+    "label": "S, M, U of the contacts",
     "critical_angle": "β*, critical friction angle",
     "max_resolution": "α*, coarsest resolution at which it is S",
     "epsilon": "ε",
     "epsilon_min": f"{EPSILON_MIN}, over all uncertainties",
     "approach_margin": "approach margin of the gripper",
-    "grip_force": "grip force of each finger",
-    "payload": "payload",
+    "grip_force": "grip force of each contact",
+    "payload": "payload of the contacts",
     "margin": "margin: how far it is S, or fails to be",
 }
 """Quantities that colours can show, as they are listed."""

@@ -291,13 +291,13 @@ def _epsilon_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) 
 
 def _force_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) -> Ramp:
     load, unit = subject.labels.load_case, " N" if paint == "grip_force" else " kg"
-    name = "grip force of each finger" if paint == "grip_force" else "payload"
+    name = "grip force of each contact" if paint == "grip_force" else "payload of the contacts"
     if load is None:
         return Ramp(f"{name}: needs a load", 1.0, unit, "no load")
     if paint == "payload" and load.available is None:
-        return Ramp("payload: needs a force at hand", 1.0, unit, "no force")
+        return Ramp(f"{name}: needs a force at hand", 1.0, unit, "no force")
     if paint == "payload" and not load.by_mass:
-        return Ramp("payload: the task does not depend on the mass", 1.0, unit, "no payload")
+        return Ramp(f"{name}: the task does not depend on the mass", 1.0, unit, "no payload")
     text = f"{name} {_condition(paint, load)}"
     forces = subject.forces
     if forces is None:
