@@ -93,8 +93,7 @@ class PoseSearch:
         if self.scene.pose_error:
             pool = pool.take(self._distinct(pool, max(count, MOST_TRIED), least))
             pool = self.evaluated(pool.poses)
-        chosen = pool.take(self._distinct(pool, count, least))
-        chosen = self.evaluated(self._refined(chosen))
+        chosen = self._refined(pool.take(self._distinct(pool, count, least)))
         chosen = self.evaluated(as_read_again(self._at_rest(chosen)))
         return chosen.take(ranked_rows(chosen))
 
@@ -153,8 +152,8 @@ class PoseSearch:
         within = (found.opening >= least - soft) & (found.opening - soft <= most)
         return found.jaws.closed & within & allowed_contacts(self.mesh, found.jaws.points)
 
-    def _refined(self, chosen: EvaluatedPoses) -> Floats:
-        """Poses (k, 4, 4) improved by small turns and shifts.
+    def _refined(self, chosen: EvaluatedPoses) -> EvaluatedPoses:
+        """Poses improved by small turns and shifts.
 
         One that comes upon another stays as it was.
         """
@@ -162,31 +161,30 @@ class PoseSearch:
         for _ in range(ROUNDS if chosen.size else 0):
             tried = chosen.poses[:, None] @ self._moves(scale)  # (k, m, 4, 4)
             flat = tried.reshape(-1, 4, 4)
-            free = np.flatnonzero(self._free(flat))
+            as_it_was = np.arange(0, len(flat), tried.shape[1])
+            free = np.union1d(as_it_was, np.flatnonzero(self._free(flat)))
             found = self.evaluated(flat[free])
-            scores, number = np.full(len(flat), -1.0), np.zeros(len(flat), dtype=np.int64)
-            scores[free], number[free] = found.score, np.arange(len(free))
-            scores[free[~self._allowed(found)]] = -1.0
-            best = scores.reshape(tried.shape[:2]).argmax(axis=1)
-            best += tried.shape[1] * np.arange(len(tried))
-            poses, points, moved = chosen.poses.copy(), chosen.jaws.points.copy(), 0
+            scores = np.full(len(flat), -1.0)
+            scores[free] = np.where(self._allowed(found), found.score, -1.0)
+            best = as_it_was + scores.reshape(tried.shape[:2]).argmax(axis=1)
+            rows, better = np.searchsorted(free, as_it_was), np.searchsorted(free, best)
+            points, moved = chosen.jaws.points.copy(), 0
             for row in np.flatnonzero(scores[best] > chosen.score).tolist():
-                own = found.jaws.points[number[best[row]]]
+                own = found.jaws.points[better[row]]
                 gaps = np.delete(matched_distance(points, own), row)
                 if gaps.min(initial=math.inf) >= limit:
-                    poses[row], points[row] = flat[best[row]], own
+                    rows[row], points[row] = better[row], own
                     moved += 1
-            if moved:
-                chosen = self.evaluated(poses)
+            chosen = found.take(rows)
             if 2 * moved <= chosen.size:
                 scale *= 0.5
-        return chosen.poses
+        return chosen
 
     def _moves(self, scale: float) -> Floats:
-        """Small motions in the frame of the gripper, shape (m, 4, 4)."""
+        """Small motions in the frame of the gripper, shape (m, 4, 4); the first one is none."""
         turns = np.kron(np.diag(TURNS), [[1.0], [-1.0]])
         sizes = np.array([0.0, self.jaws.pad_width, self.jaws.pad_height])
         shifts = np.kron(np.diag(SHIFT * sizes / metres_per_unit(self.mesh))[1:], [[1.0], [-1.0]])
         still = np.zeros_like
-        turned = poses_of(still(turns), np.asarray(scale * turns))[1:]
+        turned = poses_of(still(turns), np.asarray(scale * turns))
         return np.concatenate([turned, poses_of(np.asarray(scale * shifts), still(shifts))[1:]])

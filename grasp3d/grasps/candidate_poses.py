@@ -3,8 +3,9 @@
 Pairs of opposed places come from one fan of rays at points that are spread over the surface, at all
 of their exits. Each is gripped from a fixed list of approach angles, at a few depths on the pads,
 first widely spaced pairs and then those between them, until enough poses are free for each range of
-approach directions. So none depends on the load, on friction or on how far approaches may be from
-the best direction: these settings leave poses out, and wider ones lose none.
+approach directions, few of them of the same pair. So none depends on the load, on friction or on
+how far approaches may be from the best direction: these settings leave poses out, and wider ones
+lose none.
 """
 
 import math
@@ -44,7 +45,10 @@ CELLS = tuple(0.25 / 1.3**step for step in range(9))
 BANDS = np.radians([30.0, 60.0, 90.0])
 """Angles from the best approach direction that divide it into ranges [rad]."""
 
-FREE = (300, 150, 100, 50)
+OF_PAIR = 2
+"""Free poses of a pair that are taken at most in each range."""
+
+FREE = (240, 120, 80, 40)
 """Free poses in each range that are enough."""
 
 TESTED = 15_000
@@ -101,30 +105,44 @@ def candidate_poses(mesh: ObjectMesh, scene: Scene) -> Floats:
     width = np.linalg.norm(places.ends - places.starts, axis=1) * mesh.size
     places = places.take(np.flatnonzero(width <= stroke))
     left, found = np.ones(len(places.angles), dtype=np.bool_), [np.zeros((0, 4, 4))]
-    wanted, tested = np.array(FREE), np.zeros(len(FREE), dtype=np.int64)
+    wanted, left_to_test = np.array(FREE), np.full(len(FREE), TESTED)
     if best_approach(scene.table, scene.approach) is None:  # all are in the first range
-        wanted[0], wanted[1:] = wanted.sum(), 0
+        for each in (wanted, left_to_test):
+            each[0], each[1:] = each.sum(), 0
     wanted[1:][scene.approach.within <= BANDS] = 0
     for cell in CELLS:
         rows = places.spread(cell)
         rows = rows[left[rows]]
         left[rows] = False
         poses = _poses(mesh, hand, places.take(rows))
+        pair = np.arange(len(poses)) // (ANGLES * len(DEPTHS))
         band = np.searchsorted(BANDS, scene.approach_angles(poses))
-        poses, band = poses[wanted[band] > 0], band[wanted[band] > 0]
-        tested += np.bincount(band, minlength=len(tested))
-        free = is_free(mesh, scene, poses)
+        looked_for = wanted[band] > 0
+        poses, pair, band = poses[looked_for], pair[looked_for], band[looked_for]
+        left_to_test -= np.bincount(band, minlength=len(FREE))
+        free = np.flatnonzero(is_free(mesh, scene, poses))
+        free = free[_few_of_each(pair[free] * len(wanted) + band[free], OF_PAIR)]
         for number in range(len(wanted)):
-            mine = np.flatnonzero(free & (band == number))
+            mine = free[band[free] == number]
             # Of more than enough, those are taken that are spread evenly.
             few = mine[np.linspace(0, len(mine) - 1, min(len(mine), wanted[number])).astype(int)]
             found.append(poses[few])
             wanted[number] -= len(few)
-        wanted[tested > TESTED] = 0
+        wanted[left_to_test < 0] = 0
         if not wanted.any():
             break
     poses = np.concatenate(found)
     return poses[scene.allows(poses)]
+
+
+def _few_of_each(keys: Ints, most: int) -> Ints:
+    """Indices of at most so many of each key (n,), evenly spread among those of the key."""
+    order = np.argsort(keys, kind="stable")
+    _, first, count = np.unique(keys[order], return_index=True, return_counts=True)
+    few = np.minimum(count, most)
+    step = np.arange(few.sum()) - np.repeat(np.cumsum(few) - few, few)
+    within = ((2 * step + 1) * np.repeat(count, few)) // (2 * np.repeat(few, few))
+    return np.sort(order[np.repeat(first, few) + within])
 
 
 def is_free(mesh: ObjectMesh, scene: Scene, poses: Floats) -> Bools:
