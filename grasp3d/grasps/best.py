@@ -22,7 +22,7 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 
 LISTED = 10
-"""Poses that are refined at least, so that shorter lists are the beginnings of longer ones."""
+"""Poses that are chosen at least, so that shorter lists are the beginnings of this one."""
 
 
 def best_grasps(
@@ -60,12 +60,10 @@ def best_grasps(
     if labels.scene is not None and labels.scene.jaws is not None:
         check_external(labels.sampling)
     if has_poses(labels):
-        known = _NAMED.setdefault(labels, {})
-        if unstable not in known or known[unstable][0] < count:
-            most = max(count, LISTED)
-            best = PoseSearch.of(labels).best(pool_of(labels), most, unstable=unstable)
-            known[unstable] = most, best
-        poses = known[unstable][1]
+        known, key = _NAMED.setdefault(labels, {}), (unstable, max(count, LISTED))
+        if key not in known:
+            known[key] = PoseSearch.of(labels).best(pool_of(labels), key[1], unstable=unstable)
+        poses = known[key]
         return poses.take(np.arange(min(count, poses.size)))
     distinct = distinct_grasps(labels, unstable=unstable)
     return distinct.take(np.arange(min(count, distinct.size))).whole()
@@ -104,7 +102,7 @@ def _internal(sampling: AnySampling | None) -> bool:
 
 
 _POOLS: WeakKeyDictionary[SurfaceLabels, EvaluatedPoses] = WeakKeyDictionary()
-_NAMED: WeakKeyDictionary[SurfaceLabels, dict[bool, tuple[int, EvaluatedPoses]]] = (
+_NAMED: WeakKeyDictionary[SurfaceLabels, dict[tuple[bool, int], EvaluatedPoses]] = (
     WeakKeyDictionary()
 )
 _DISTINCT: WeakKeyDictionary[SurfaceLabels, dict[bool, GraspTable]] = WeakKeyDictionary()

@@ -95,7 +95,7 @@ class PoseSearch:
             pool = self.evaluated(pool.poses)
         chosen = self._refined(pool.take(self._distinct(pool, count, least)))
         chosen = self.evaluated(as_read_again(self._at_rest(chosen)))
-        return chosen.take(ranked_rows(chosen))
+        return self.evaluated(chosen.poses[ranked_rows(chosen)])
 
     def _at_rest(self, chosen: EvaluatedPoses) -> Floats:
         """Poses (k, 4, 4) at which the closing jaws leave the object where it is, if as good."""
@@ -103,6 +103,7 @@ class PoseSearch:
         rows = np.flatnonzero(self._free(rest))
         found = self.evaluated(rest[rows])
         better = self._allowed(found) & (found.score >= chosen.score[rows] - EQUAL)
+        better &= found.letter >= chosen.letter[rows]
         poses[rows[better]] = rest[rows[better]]
         return poses
 

@@ -42,6 +42,9 @@ STEP = 1e-4
 CELLS = tuple(0.25 / 1.3**step for step in range(9))
 """Sizes of the cells for both ends of which each keeps one pair [object sizes]."""
 
+DOWN = np.array([0.0, 0.0, -1.0])
+"""Approach direction about which ranges are where none is better than others."""
+
 BANDS = np.radians([30.0, 60.0, 90.0])
 """Angles from the best approach direction that divide it into ranges [rad]."""
 
@@ -105,10 +108,9 @@ def candidate_poses(mesh: ObjectMesh, scene: Scene) -> Floats:
     width = np.linalg.norm(places.ends - places.starts, axis=1) * mesh.size
     places = places.take(np.flatnonzero(width <= stroke))
     left, found = np.ones(len(places.angles), dtype=np.bool_), [np.zeros((0, 4, 4))]
-    wanted, left_to_test = np.array(FREE), np.full(len(FREE), TESTED)
-    if best_approach(scene.table, scene.approach) is None:  # all are in the first range
-        for each in (wanted, left_to_test):
-            each[0], each[1:] = each.sum(), 0
+    wanted, tested = np.array(FREE), np.zeros(len(FREE), dtype=np.int64)
+    toward = best_approach(scene.table, scene.approach)
+    toward = DOWN if toward is None else toward
     wanted[1:][scene.approach.within <= BANDS] = 0
     for cell in CELLS:
         rows = places.spread(cell)
@@ -116,10 +118,10 @@ def candidate_poses(mesh: ObjectMesh, scene: Scene) -> Floats:
         left[rows] = False
         poses = _poses(mesh, hand, places.take(rows))
         pair = np.arange(len(poses)) // (ANGLES * len(DEPTHS))
-        band = np.searchsorted(BANDS, scene.approach_angles(poses))
+        band = np.searchsorted(BANDS, np.arccos(np.clip(poses[:, :3, 2] @ toward, -1.0, 1.0)))
         looked_for = wanted[band] > 0
         poses, pair, band = poses[looked_for], pair[looked_for], band[looked_for]
-        left_to_test -= np.bincount(band, minlength=len(FREE))
+        tested += np.bincount(band, minlength=len(tested))
         free = np.flatnonzero(is_free(mesh, scene, poses))
         free = free[_few_of_each(pair[free] * len(wanted) + band[free], OF_PAIR)]
         for number in range(len(wanted)):
@@ -128,7 +130,7 @@ def candidate_poses(mesh: ObjectMesh, scene: Scene) -> Floats:
             few = mine[np.linspace(0, len(mine) - 1, min(len(mine), wanted[number])).astype(int)]
             found.append(poses[few])
             wanted[number] -= len(few)
-        wanted[left_to_test < 0] = 0
+        wanted[tested > TESTED] = 0
         if not wanted.any():
             break
     poses = np.concatenate(found)
@@ -162,7 +164,7 @@ def is_free(mesh: ObjectMesh, scene: Scene, poses: Floats) -> Bools:
 def _poses(mesh: ObjectMesh, hand: Jaws, places: OpposedPlaces) -> Floats:
     """Poses that grip pairs from all angles at all depths, shape (k, 4, 4)."""
     closing = unit_rows(places.ends - places.starts)
-    down = _across(closing, np.array([0.0, 0.0, -1.0]))
+    down = _across(closing, DOWN)
     side = np.cross(down, closing)
     angles = 2.0 * math.pi / ANGLES * np.arange(ANGLES)[:, None]
     poses = np.zeros((len(closing), ANGLES, len(DEPTHS), 4, 4))

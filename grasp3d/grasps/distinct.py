@@ -14,7 +14,7 @@ DISTINCT = 1.0 / 8.0
 MOST_DISTINCT = 1000
 """Distinct grasps that are found at most."""
 
-AS_GOOD, STARTS = 0.01, 20
+AS_GOOD, STARTS = 0.01, 100
 """Difference of scores up to which grasps are about as good, and so many of them from which the
 others are chosen."""
 
@@ -81,7 +81,9 @@ def most_distinct(points: Floats, scores: Floats, limit: float, count: int) -> I
 
 
 def _exchanged(near: Bools, chosen: list[int]) -> list[int]:
-    """Numbers with those but the first exchanged that shut out two others, distinct from all.
+    """Numbers with those added that are distinct from all, and those exchanged that shut out two.
+
+    The first one stays.
 
     Args:
         near: Which of n are near each other, shape (n, n).
@@ -90,6 +92,9 @@ def _exchanged(near: Bools, chosen: list[int]) -> list[int]:
     changed = True
     while changed:
         changed, blocked = False, near[chosen].sum(axis=0)
+        if not blocked.all():
+            chosen, changed = [*chosen, int(blocked.argmin())], True
+            continue
         for one in chosen[1:]:
             alone = np.flatnonzero((blocked == 1) & near[one])
             apart = ~near[np.ix_(alone, alone)]
