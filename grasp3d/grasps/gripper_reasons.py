@@ -15,9 +15,8 @@ from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.region import allowed_contacts
-from grasp3d.mesh.surface_points import nearest_surface_points
+from grasp3d.mesh.surface_points import contains, nearest_surface_points
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.robustness import Robustness
@@ -26,6 +25,13 @@ from grasp3d.system.counts import short_number
 
 PARTS = ("finger 1", "finger 2", "palm")
 """Parts of a gripper by their numbers."""
+
+MISSED, OFF_PADS, UNSURE = (
+    "closes on nothing where the pose is wrong",
+    "contacts may leave the pads",
+    "not sure where the pose is wrong",
+)
+"""Reasons that only the error of a pose gives."""
 
 SAMPLES = (3, 5, 9)
 """Points along x, y and z of a part at which its depth in the object is measured."""
@@ -70,6 +76,8 @@ class GripperReasons(Reasons):
         super().__init__(self._size, poses.mesh)
         assert isinstance(poses.hand, ParallelGripper)
         self._poses, self._hand, self._metres = poses, poses.hand, metres_per_unit(poses.mesh)
+        # The object yields to the pads, as in the test of the stroke.
+        self._widest = (poses.hand.limits[1] + 2.0 * poses.hand.compliance) / self._metres
         with unreported():
             self._add_direction()
             self._add_wide()
@@ -89,13 +97,13 @@ class GripperReasons(Reasons):
 
     def _add_wide(self) -> None:
         """Add where fingers start in an object that is wider than the stroke."""
-        poses, most = self._poses, self._hand.limits[1]
+        poses = self._poses
         rows = self.without(poses.jaws.state == Closing.STARTS_INSIDE)
         if not len(rows):
             return
-        wider = self._hand.opening_to(most + poses.mesh.size * self._metres)
+        wider = self._hand.opening_to(self._hand.max_opening + poses.mesh.size * self._metres)
         closed = wider.close(poses.mesh, poses.poses[rows], object_motion="fixed")
-        excess = closed.opening - most / self._metres
+        excess = closed.opening - self._widest
         wide = excess > 0.0  # nan: they do not close there either
         self.add("wider than the stroke", rows[wide], [
             f"wider than the stroke by {self.length(value)}" for value in excess[wide]
@@ -163,7 +171,6 @@ class GripperReasons(Reasons):
         mesh, depths = self._poses.mesh, np.zeros((len(poses), len(PARTS)))
         if not mesh.report.closed:
             return depths
-        inward = Triangles(mesh.vertices, mesh.faces).normals
         for part in range(len(PARTS)):
             low, high = self._box(part)
             axes = [np.linspace(0.0, 1.0, count) for count in SAMPLES]
@@ -174,9 +181,9 @@ class GripperReasons(Reasons):
             if not len(row):
                 continue
             chosen = points[row, sample]
-            nearest, surface, distance = nearest_surface_points(mesh, chosen)
-            inside = np.vecdot(chosen - surface, inward[nearest.faces]) > 0.0
-            np.maximum.at(depths[:, part], row[inside], distance[inside])
+            inside = contains(mesh, chosen)
+            _, _, distance = nearest_surface_points(mesh, chosen[inside])
+            np.maximum.at(depths[:, part], row[inside], distance)
         return depths
 
     def _add_states(self) -> None:
@@ -187,9 +194,10 @@ class GripperReasons(Reasons):
                 self.add(meaning, poses.jaws.state == state)
         jaws = poses.jaws
         shut = jaws.closed & ~self._hand.opens_to(poses.mesh, jaws)
-        least, most = (limit / self._metres for limit in self._hand.limits)
+        least, most = self._hand.limits[0] / self._metres, self._widest
         texts = [
-            f"wider than the stroke by {self.length(opening - most)}" if opening > most
+            f"wider than the stroke by {self.length(opening - most)}"
+            if opening > most
             else f"narrower than the smallest opening by {self.length(least - opening)}"
             for opening in jaws.opening[shut]
         ]  # fmt: skip
@@ -216,9 +224,9 @@ class GripperReasons(Reasons):
         self.add("gives way, as a finger starts in the object", left & (jaws.shift != 0.0))
         if robust.tried > 1:
             missed = robust.closing_share < 1.0
-            self.add("closes on nothing where the pose is wrong", left & missed)
-            self.add("contacts may leave the pads", left & self._off_pads())
-            self.add("not sure where the pose is wrong", left)
+            self.add(MISSED, left & missed)
+            self.add(OFF_PADS, left & self._off_pads())
+            self.add(UNSURE, left)
 
     def _off_pads(self) -> Bools:
         scene, robust = self._poses.scene, self._poses.robustness

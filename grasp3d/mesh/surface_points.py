@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from grasp3d._kernels.surface.box_tree import nearest_faces
-from grasp3d.arrays import Floats, Ints, short_repr, unit_rows
+from grasp3d.arrays import Bools, Floats, Ints, short_repr, unit_rows
 from grasp3d.errors import SettingError
+from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.object_mesh import ObjectMesh
+from grasp3d.mesh.ray_tracing import FaceRays
 from grasp3d.settings.lengths import GivenLength
 from grasp3d.system.context import report_progress, thread_count
 
@@ -19,6 +21,9 @@ ON_BORDER = 1e-9
 
 NEAR = 0.05
 """Distance from the surface, in object sizes, up to which a position is on it."""
+
+WAYS_OUT = unit_rows(np.array([[0.36, 0.48, 0.8], [-0.81, 0.31, 0.49], [0.29, -0.87, -0.41]]))
+"""Directions of rays from a point, along no axis of an object."""
 
 POINTS = 1 << 14
 """Points whose nearest surface points are searched at once."""
@@ -72,6 +77,27 @@ def nearest_surface_points(
     far = distances > limit
     numbers[far], weights[far], positions[far], distances[far] = -1, 0.0, math.nan, math.inf
     return surface_points, positions, distances
+
+
+def contains(mesh: ObjectMesh, points: Floats) -> Bools:
+    """Whether points are in an object whose surface is closed, shape (k,).
+
+    The first face that a ray from a point meets then shows its inner side; of three rays most
+    count, as one may pass through an edge.
+
+    Args:
+        mesh: The object.
+        points: Positions in the mesh's frame and unit, shape (k, 3).
+    """
+    rays = FaceRays(mesh.normalized, mesh.faces)
+    outward = -Triangles(mesh.normalized, mesh.faces).normals
+    origins = ((points - mesh.center) / mesh.size).astype(np.float32)
+    votes = np.zeros(len(points), dtype=np.int64)
+    for direction in WAYS_OUT:
+        toward = np.tile(direction, (len(points), 1))
+        face = rays.hits(origins, toward.astype(np.float32))["primID"].astype(np.int64)
+        votes += (face >= 0) & (outward[face] @ direction > 0.0)
+    return np.asarray(2 * votes > len(WAYS_OUT))
 
 
 def nearest_surface_point(mesh: ObjectMesh, point: Floats) -> tuple[Floats, int, Floats]:

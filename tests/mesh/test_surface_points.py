@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from grasp3d import load_mesh
 from grasp3d.mesh import ObjectMesh, surface_points
-from grasp3d.mesh.surface_points import nearest_surface_point, nearest_surface_points
+from grasp3d.mesh.surface_points import contains, nearest_surface_point, nearest_surface_points
 from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.oracles import distance_to_triangles
@@ -121,3 +121,20 @@ def test_no_points_have_no_surface_points() -> None:
     found, positions, distances = nearest_surface_points(MESHES["box"](), np.empty((0, 3)))
     assert found.faces.shape == distances.shape == (0,)
     assert found.weights.shape == positions.shape == (0, 3)
+
+
+@pytest.mark.parametrize("name", ["lopsided", "box"])
+def test_points_are_inside_as_the_winding_says(name: str) -> None:
+    mesh = MESHES[name]()
+    points = mesh.center + mesh.size * np.random.default_rng(1).uniform(-0.5, 0.5, (200, 3))
+    corners = mesh.vertices[mesh.faces] - points[:, None, None]  # (k, F, 3, 3)
+    lengths = np.linalg.norm(corners, axis=-1)
+    volume = np.vecdot(corners[..., 0, :], np.cross(corners[..., 1, :], corners[..., 2, :]))
+    below = lengths.prod(axis=-1)
+    for one in range(3):
+        two, three = (one + 1) % 3, (one + 2) % 3
+        below += np.vecdot(corners[..., one, :], corners[..., two, :]) * lengths[..., three]
+    solid_angle = 2.0 * np.arctan2(volume, below).sum(axis=1)  # van Oosterom & Strackee 1983
+    inside = np.abs(solid_angle) > 2.0 * math.pi
+    assert 10 < inside.sum() < 190
+    np.testing.assert_array_equal(contains(mesh, points), inside)
