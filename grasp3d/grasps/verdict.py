@@ -1,6 +1,7 @@
 """The verdict on an object: whether it is surely held, by what, and what would have to change."""
 
 import math
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -16,6 +17,7 @@ from grasp3d.grasps.distinct import MOST_DISTINCT
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import using
 from grasp3d.grasps.explanations import finger_words
+from grasp3d.grasps.gripper_reasons import MISSED, OFF_PADS, UNSURE
 from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
@@ -60,6 +62,13 @@ _CHANGES = {
     "mass": "with {} kg instead of {} kg",
     "friction": "with a friction of {:.2f} or more instead of {:.4g}",
     "max_opening": "with jaws that open {:.4g} mm instead of {:.4g} mm",
+}
+
+
+_WRONG = {
+    MISSED: "its jaws close on nothing where the pose is wrong",
+    OFF_PADS: "contacts may leave the pads where the pose is wrong",
+    UNSURE: "no grasp is sure where the pose is wrong",
 }
 
 
@@ -185,6 +194,9 @@ class Verdict:
     """What would make it sure, each by itself."""
     holding: HoldingVerdict | None = None
     """What the load takes; None: there is no load."""
+    wrong: str = ""
+    """What is the matter with most of the best poses where they are wrong, as they may be; empty
+    where something else is, or poses are exact."""
     lost: bool = False
     """Whether grasps of ideal points have a better label, which none keeps when the jaws close."""
 
@@ -218,6 +230,8 @@ class Verdict:
         if self.causes:
             cause, part = next(iter(self.causes.items()))
             return f"{cause}{'' if part > WHOLE else f' on {100.0 * part:.0f} % of the surface'}"
+        if self.wrong:
+            return f"{lost}{self.wrong}"
         if load is not None and (load.holds is not None or not math.isfinite(load.needed)):
             return lost + self._load_unheld(load)
         if self.word == "not":
@@ -278,6 +292,7 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
         of=None if isinstance(grasps, SurfaceLabels) else grasps.size,
         resolution=grasps.model.sensor_resolution,
         holding=load,
+        wrong=_wrong(tried),
         lost=labels is not None and bool((labels.grasps.letter > code).any()),
     )
     if labels is None and not reachable.any():
@@ -298,6 +313,15 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
     if code == Label.S:
         return replace(verdict, count=count)
     return replace(verdict, remedies=_remedies(tried, load))
+
+
+def _wrong(tried: GraspTable | EvaluatedPoses) -> str:
+    """What is the matter with most of the best poses where they are wrong, if that is all."""
+    if isinstance(tried, GraspTable) or not tried.size:
+        return ""
+    best = tried.take(np.flatnonzero(tried.letter == tried.letter.max()))
+    (kind, _), *_ = Counter(best.reasons.kinds).most_common(1)
+    return _WRONG.get(kind, "")
 
 
 def _judged(

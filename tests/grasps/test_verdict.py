@@ -119,6 +119,11 @@ CASES = {
         best("not", lost=True),
         "Not held by franka: once the jaws close, there is no grasp that may be stable.",
     ),
+    "perhaps, where the pose is wrong": (
+        best("perhaps", holding=loaded(), wrong="contacts may leave the pads"),
+        ("Perhaps held by franka: contacts may leave the pads. No change of sensor, friction, "
+        "force or mass alone makes it sure."),
+    ),
     "not, too wide": (
         Verdict("not", "franka", causes={Cause.TOO_WIDE: 1.0}, remedies=(WIDER,)),
         ("Not held by franka: too wide for the stroke. Surely with jaws that open 95 mm instead of "
@@ -376,6 +381,23 @@ def test_poses_that_all_collide_are_no_matter_of_force() -> None:
     )
     free = evaluate_grasps(mesh, poses, MODEL, hand=ParallelGripper.preset("franka"), load=load)
     assert str(verdict_of(free)).startswith("Surely held by franka: 1 of 1 grasps")
+
+
+def test_the_error_of_a_pose_is_no_matter_of_force() -> None:
+    mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=10.0)
+    poses = np.eye(4)
+    poses[:3, :3] = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]).T
+    hand = ParallelGripper.preset("franka")
+    found = [
+        str(verdict_of(evaluate_grasps(mesh, poses, MODEL, hand=hand, load=load, pose_error=error)))
+        for load in (Load(mass=0.05), None)
+        for error in ("2mm,1deg", "12mm,1deg", "30mm,1deg")
+    ]
+    for sure, wrong, missed in (found[:3], found[3:]):
+        assert sure.startswith("Surely held by franka: 1 of 1 grasps")
+        assert wrong.startswith("Perhaps held by franka: contacts may leave the pads where the pos")
+        assert missed.startswith("Not held by franka: its jaws close on nothing where the pose is")
+    assert "too little" not in " ".join(found)
 
 
 def test_grasps_of_many_contacts_have_a_verdict() -> None:
