@@ -78,10 +78,12 @@ def _arm(poses: EvaluatedPoses) -> Floats:
 SCORES = (
     Score("quality", "quality", "larger", "number",
           "what the touched patches hold at the worst normals, over the mass, r / (1 + r), mean "
-          "over the poses tried; below 0 where they do not hold it, -1 where the jaws do not close",
+          "over the poses tried, whatever the approach; below 0 where they do not hold it, -1 "
+          "where the jaws do not close",
           of=attrgetter("quality"), always=True),
     Score("score", "score", "larger", "number",
-          "what files have: the letter, and within that the quality", of=attrgetter("score"),
+          "what files have: the letter, and within that the quality, less where the approach may "
+          "hardly turn", of=attrgetter("score"),
           always=True),
     Score("payload", "payload", "larger", "mass",
           "mass that the force at hand holds at the worst normals", of=under_load("payload")),

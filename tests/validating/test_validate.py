@@ -138,7 +138,8 @@ def test_reasons_are_counted_of_all_that_contradict_their_label() -> None:
     unstable = grasps.closed & (grasps.label == 0) & grasps.held
     assert unstable.sum() > 5
     held = [one for one in found.disagreements if one.kind == "held"]
-    assert [one.margin for one in held] == np.sort(values[unstable])[:3].tolist()
+    # Beside the greatest there is the greatest with each reason.
+    assert [one.margin for one in held][:3] == np.sort(values[unstable])[:3].tolist()
     totals = {one.reason.kind: one.of for one in found.reasons}
     assert totals == {
         "failed": (~grasps.held & (grasps.label == 2)).sum(),
