@@ -274,10 +274,12 @@ def _angles_of(labels: "SurfaceLabels") -> AngleDistribution:
 
 def _best_of(labels: "SurfaceLabels", count: int) -> "GraspTable | EvaluatedPoses | None":
     """Best distinct grasps of a surface; None: there are none, or none are asked for."""
-    from grasp3d.grasps.best import best_grasps
+    from grasp3d.grasps.best import are_named, best_grasps, has_poses
     from grasp3d.surface.vertex_grasps import Reason
 
-    if not count or not np.any(labels.reason == Reason.FOUND):
+    if not count or not are_named(labels):
+        return None
+    if not has_poses(labels) and not np.any(labels.reason == Reason.FOUND):
         return None
     return best_grasps(labels, count)
 
@@ -299,11 +301,15 @@ def _best_rows(best: "GraspTable | EvaluatedPoses | None") -> tuple[BestGrasp, .
             opening=float(best.opening[row]),
             points=_triples(contacts.points[row]),
             normals=_triples(-contacts.normals[row]),
-            pose=() if poses is None else tuple(poses[row].ravel().tolist()),
+            pose=() if poses is None or np.isnan(poses[row]).any() else _flat(poses[row]),
             **{name: _finite_or_none(float(one[row])) for name, one in further.items()},
         )
         for row in range(best.size)
     )
+
+
+def _flat(pose: Floats) -> tuple[float, ...]:
+    return tuple(pose.ravel().tolist())
 
 
 def _further_values(best: "GraspTable | EvaluatedPoses") -> dict[str, Floats]:

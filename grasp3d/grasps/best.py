@@ -81,6 +81,12 @@ def has_poses(labels: SurfaceLabels) -> bool:
     )
 
 
+def are_named(labels: SurfaceLabels) -> bool:
+    """Whether best grasps can be named: internal ones of a gripper are labelled only."""
+    scene = labels.scene
+    return scene is None or scene.jaws is None or not _internal(labels.sampling)
+
+
 def check_external(sampling: AnySampling | None) -> None:
     """Refuse the best internal grasps of a gripper, whose jaws would have to move apart.
 

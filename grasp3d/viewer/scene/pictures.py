@@ -13,7 +13,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from grasp3d.arrays import Bytes
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.grasps.best import best_grasps
+from grasp3d.grasps.best import are_named, best_grasps
 from grasp3d.rendering.opengl import check_rendering, choose_window
 from grasp3d.system.context import report_progress, within
 from grasp3d.system.files import atomic_write, check_suffix, check_writable
@@ -179,7 +179,7 @@ def _choose_grasp(session: Session) -> None:
         raise SettingError(session.message)
     session.check_paint(session.state.paint)
     gripped = vertex is None and subject.labels.approach_margin is not None
-    if gripped and best_grasps(subject.labels, 1).size:
+    if gripped and are_named(subject.labels) and best_grasps(subject.labels, 1).size:
         session.show_best(0)
         _wait(session)
 
