@@ -216,7 +216,7 @@ HANDLE = 0.03
 
 @styled
 def draw_reach(path: Path) -> None:
-    """A mug on a table, labelled for points and for a gripper, and two kinds of grasps."""
+    """A mug on a table, labelled for points and for a gripper, and grasps at two places."""
     view, mesh = View(math.radians(-70.0), math.radians(25.0)), fine_mesh("mug.glb")
     low, high = GRIPPER.limits
     points = label_surface(mesh, MODEL, sampling=Sampling(min_opening=low, max_opening=high))

@@ -35,7 +35,6 @@ from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
 from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.object_pose import ObjectPose
-from grasp3d.mesh import ObjectMesh
 from grasp3d.settings.model_text import epsilon_min_text
 from grasp3d.stability.label import Label
 from grasp3d.surface.area_statistics import quantiles
@@ -110,21 +109,25 @@ def print_best(
             report.line(frame_text(object_pose))
         report.warnings(warnings_of_best(grasps, object_pose))
         if grasps.size < requested:
-            report.paragraph(f"{requested} were requested; {_why_fewer(grasps.mesh, pool)}")
+            report.paragraph(f"{requested} were requested; {_why_fewer(grasps, pool)}")
         if not can_draw:
             report.line(
                 "no pictures: they need OpenGL, which is not available (on Debian: libegl1 libgl1)"
             )
 
 
-def _why_fewer(mesh: ObjectMesh, pool: EvaluatedPoses | None) -> str:
+def _why_fewer(grasps: GraspTable | EvaluatedPoses, pool: EvaluatedPoses | None) -> str:
     """Why there are not as many best grasps as were requested."""
-    others = "all others that may hold are"
-    if pool is not None:
-        held = int((pool.letter > Label.U).sum())
-        others = f"of {counted(pool.size, 'free poses')} {held} may hold, the others"
-    apart = f"{distance_of_distinct(mesh):.2g} {mesh.unit or ''}".rstrip()
-    return f"{others} nearer than {apart} to one of these"
+    apart = f"{distance_of_distinct(grasps.mesh):.2g} {grasps.mesh.unit or ''}".rstrip()
+    near = f"nearer than {apart} to one of these"
+    if pool is None:
+        return f"all others that may hold are {near}"
+    held = int((pool.letter > Label.U).sum())
+    wrong = grasps.scene is not None and bool(grasps.scene.pose_error)
+    return (
+        f"of {counted(pool.size, 'free poses')} {held} may hold, and each of those that is not "
+        f"listed is {near}{', or fails where it is wrong' if wrong else ''}"
+    )
 
 
 def _shown(grasps: GraspTable | EvaluatedPoses) -> tuple[list[Column], str]:

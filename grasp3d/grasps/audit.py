@@ -185,8 +185,8 @@ def audit_poses(
     read = read.take(_some(read.count, TRIED))
     if read.count < FEWEST:
         return None
-    readings = (_audited(mesh, read, hand, below) for below in dict.fromkeys((None, table)))
-    return next(filter(None, readings), None)
+    tables = (None,) if isinstance(hand, ArticulatedHand) else dict.fromkeys((None, table))
+    return next(filter(None, (_audited(mesh, read, hand, below) for below in tables)), None)
 
 
 def _audited(

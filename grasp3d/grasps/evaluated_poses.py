@@ -37,6 +37,7 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.robustness import Robustness, robustness_of
 from grasp3d.surface.rows import NO_ROW, rows_where
+from grasp3d.surface.scores import written_scores
 from grasp3d.surface.vertex_grasps import SpreadGrasps
 
 STALE = frozenset({*metric_names(), *(field.name for field in (*FORCES, *ROBUST, *HAND_GRASPS))})
@@ -291,15 +292,20 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
         assert self.scene is not None
         return max(EXECUTABLE, self.scene.pose_error.angle)
 
-    @cached_property
+    @property
     def quality(self) -> Floats:
-        """`Robustness.score`, nearer to -1 where the approach can hardly turn; shape (k,).
+        """How far each grasp is from failing, s: `Robustness.score`; shape (k,)."""
+        return self.robustness.score
+
+    @cached_property
+    def score(self) -> Floats:
+        """The one number of each pose, from 0 to 1: its letter, and within that its quality s.
 
         1 + s is reduced in proportion where `approach_margin` is smaller than the angle up to which
-        it is tested: what has no tolerance cannot be executed.
+        it is tested: what has no tolerance cannot be executed. See `written_scores`.
         """
         turn = np.nan_to_num(self.approach_margin) / self._most_turn
-        return locked((1.0 + self.robustness.score) * turn - 1.0)
+        return written_scores(self.letter, (1.0 + self.quality) * turn - 1.0)
 
     @property
     def grip_force(self) -> Floats:

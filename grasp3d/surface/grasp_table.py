@@ -47,7 +47,10 @@ from grasp3d.surface.rows import rows_of
 from grasp3d.system.context import unreported
 from grasp3d.system.versions import package_version
 
-NO_POSES = "the grasps have no poses: label the surface with a gripper (--hand, in Python hand=...)"
+NO_POSES = (
+    "the grasps have no poses: give those that best_grasps names on a surface labelled with a "
+    "gripper (--hand, in Python hand=...)"
+)
 
 T = TypeVar("T")
 Columns = dict[str, npt.NDArray[Any]]
@@ -282,9 +285,8 @@ class GraspTable(LabelledGrasps):
             >>> box = trimesh.creation.box([80.0, 50.0, 30.0])
             >>> mesh = grasp3d.load_mesh(box, unit="mm", max_edge=20.0)
             >>> labels = grasp3d.label_surface(mesh, hand=grasp3d.read_hand("franka"))
-            >>> grasps = grasp3d.best_grasps(labels, 3)
-            >>> grasps.poses_in("0.4,0,0.1,90").shape
-            (3, 4, 4)
+            >>> labels.grasps.poses_in("0.4,0,0.1,90").shape == (labels.grasps.size, 4, 4)
+            True
         """
         if self.poses is None:
             raise SettingError(NO_POSES)

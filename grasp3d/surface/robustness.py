@@ -303,7 +303,8 @@ class Robustness:
     closing_share: Floats
     """Share of the poses tried at which the jaws close on the object, shape (k,)."""
     margin_worst: Floats
-    """Smallest margin of the poses tried [rad], shape (k,); -inf: at one the jaws do not close."""
+    """Smallest margin of the poses tried [rad], shape (k,); -inf: at one the jaws do not close, or
+    a finger starts in the object."""
     score: Floats
     """Mean score, shape (k,), less what contacts near the border of flat pads may lose.
 
