@@ -1,4 +1,4 @@
-"""Draw ROC curves of the robust score in the sensor's worst case and at the perceived normals.
+"""Draw ROC curves of the quality in the sensor's worst case and at the perceived normals.
 
     python scripts/evidence_data.py WORST PERCEIVED PICTURE
 

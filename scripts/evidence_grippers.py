@@ -265,7 +265,7 @@ def report(rows: pd.DataFrame) -> None:
     qualities, differences = compare_scores(
         known, values, held, clusters, resamples=RESAMPLES, seed=0
     )
-    print("\nscore | ROC-AUC | 95 %, objects drawn anew | robust score less it | p")
+    print("\nscore | ROC-AUC | 95 %, objects drawn anew | quality less it | p")
     less = {one.other.name: one for one in differences if one.score.name == "quality"}
     for one in qualities:
         text = f"{one.score.name} | {one.roc_auc:.3f} | {ends_of(one.roc_auc_interval)}"
