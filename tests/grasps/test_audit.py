@@ -14,7 +14,6 @@ import grasp3d
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import ContactError
 from grasp3d.grasps.audit import FEWEST, READING, PoseReading, audit_poses, explained
-from grasp3d.grasps.candidate_poses import candidate_poses
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES, GripperFrame
@@ -28,6 +27,7 @@ from tests.hand.test_articulated_hand import hand_of
 from tests.helpers import shapes
 from tests.helpers.hand_grasps import touching
 from tests.helpers.hands import HANDS
+from tests.helpers.random_search import random_poses_on
 
 Floats = Any
 HAND = preset("franka")
@@ -172,7 +172,7 @@ def test_a_mistake_is_named_and_undone(name: str) -> None:
 TURNED = (
     "banana.ply", "hammer.ply",
     *(pytest.param(name, marks=pytest.mark.slow)
-      for name in ("bottle.off", "bowl.ply", "dumbbell.stl", "mug.glb", "spray.glb", "torus.glb")),
+      for name in ("bottle.off", "bowl.ply", "dumbbell.stl", "mug.glb", "spray.glb", "wrench.glb")),
 )  # fmt: skip
 """Shipped meshes on which turned poses fit less than half as often as the right ones."""
 
@@ -192,7 +192,7 @@ def test_poses_that_are_turned_do_not_pass_in_silence(file: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("file", ["sphere.stl", "cone.off", "knob.ply"])
+@pytest.mark.parametrize("file", ["sphere.stl", "nut.obj", "knob.ply"])
 def test_on_round_objects_turned_poses_fit_as_well(file: str) -> None:
     """The page on files by others says so: no audit can tell them apart."""
     mesh, right = found_on(file)
@@ -215,10 +215,10 @@ def test_there_is_no_alarm_at_poses_of_which_many_miss(file: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("file", ["mug.glb", "spray.glb", "bottle.off", "dumbbell.stl"])
-def test_poses_of_a_network_most_of_which_collide_do_not_hide_a_mistake(file: str) -> None:
+def test_poses_of_a_network_many_of_which_collide_do_not_hide_a_mistake(file: str) -> None:
     """200 poses, wrong by 6° and 4 mm about each axis, of an object on a table."""
-    mesh, rng = load_mesh(MESHES / file, unit="m"), np.random.default_rng(0)
-    poses = candidate_poses(mesh, Scene.given(HAND, None, None, None))
+    mesh, rng, scene = load_mesh(MESHES / file, unit="m"), np.random.default_rng(0), Scene(HAND)
+    poses = random_poses_on(mesh, scene, pairs=200, seed=3)
     poses = poses[rng.permutation(len(poses))[:200]]
     turns = rng.normal(0.0, np.radians(6.0), (200, 3))
     poses[:, :3, :3] @= Rotation.from_rotvec(turns).as_matrix()
