@@ -317,7 +317,8 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
 
 def _wrong(tried: GraspTable | EvaluatedPoses) -> str:
     """What is the matter with most of the best poses where they are wrong, if that is all."""
-    if isinstance(tried, GraspTable) or not tried.size:
+    exact = tried.scene is None or not tried.scene.pose_error
+    if isinstance(tried, GraspTable) or exact or not tried.size:
         return ""
     best = tried.take(np.flatnonzero(tried.letter == tried.letter.max()))
     (kind, _), *_ = Counter(best.reasons.kinds).most_common(1)
