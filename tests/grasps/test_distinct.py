@@ -17,7 +17,7 @@ from grasp3d import (
 )
 from grasp3d.errors import SettingError
 from grasp3d.grasps.best import best_grasps
-from grasp3d.grasps.distinct import DISTINCT, matched_distance
+from grasp3d.grasps.distinct import DISTINCT, distinct_rows, matched_distance, most_distinct
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
 
@@ -128,3 +128,16 @@ def test_invalid_counts_are_refused() -> None:
     for count in (0, -3):
         with pytest.raises(SettingError, match="at least 1"):
             best_grasps(box_labels(), count)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_most_distinct_grasps_leave_no_other_that_is_distinct(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(0.0, 3.0, (40, 2, 3)) * (1.0, 1.0, 0.0)
+    scores = np.sort(rng.uniform(0.9, 1.0, 40))[::-1]
+    chosen = most_distinct(points, scores, 1.0, 40)
+    gaps = np.stack([matched_distance(points, one) for one in points[chosen]])
+    assert (gaps[:, chosen] + 9.0 * np.eye(len(chosen))).min() >= 1.0
+    assert gaps.min(axis=0).max() < 1.0
+    assert len(chosen) >= len(distinct_rows(points, 40, 1.0))
+    assert scores[chosen[0]] >= scores[0] - 0.01
