@@ -39,7 +39,6 @@ from grasp3d._kernels.search.face_contacts import (
 from grasp3d._kernels.search.face_minimum import (
     BENT,
     MOST_PARTS,
-    MOST_POINTS,
     RESOLVED,
     best_on_bent_face,
     best_on_face,
@@ -212,21 +211,15 @@ def best_of_face(face, v, cosine, own, domain, scratch):
     if not aim(face, v, domain.centres, domain.surface, weights):
         return cosine
     read_face(face, v, domain.surface, lines, normals)
-    bend, best = longest_difference(normals), cosine
+    bend = longest_difference(normals)
     # Directions near an arc or a polygon of normals form no convex region, either.
-    several = own.size != 1 and not own.worst
-    if several:
+    if own.size != 1 and not own.worst:
         bend = max(bend, _apparent_size(lines) * BENT / APPARENT)
-    if bend <= BENT or not several:
-        most = MOST_POINTS if bend <= BENT else 1
-        best, resolved = best_on_face(
-            weights, cosine, lines, normals, own, largest, most, polygon, nearest
-        )
-        if bend <= BENT or (resolved and best == cosine):
-            return best
+    if bend <= BENT:
+        return best_on_face(weights, cosine, lines, normals, own, largest, polygon, nearest)
     parts = int(min(bend / BENT + 1.0, MOST_PARTS))
     return best_on_bent_face(
-        weights, best, lines, normals, own, largest, parts, polygon, nearest, part
+        weights, cosine, lines, normals, own, largest, parts, polygon, nearest, part
     )
 
 

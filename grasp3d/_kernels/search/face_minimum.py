@@ -182,7 +182,7 @@ MOST_POINTS = 60
 LOOSE = 1.5
 """Factor of the decreases that linear bounds leave possible, as angles are not linear."""
 
-BENT = 0.2
+BENT = 0.15
 """Difference of two corners' normals from which a face is divided: there the contacts within a
 limit need not form a convex region."""
 
@@ -200,7 +200,7 @@ def _farthest(polygon, size, x, y):
 
 
 @part
-def best_on_face(weights, cosine, lines, normals, own, largest, most, polygon, nearest):
+def best_on_face(weights, cosine, lines, normals, own, largest, polygon, nearest):
     """Find the contact on a face with the smallest critical angle, if that is below a limit.
 
     Args:
@@ -211,32 +211,28 @@ def best_on_face(weights, cosine, lines, normals, own, largest, most, polygon, n
         normals: Normals at the corners (3, 3).
         own: `OwnNormals`.
         largest: Largest opening.
-        most: Most points that are tried; where it is 1, no tangent is trusted beyond its curvature.
         polygon: Scratch (2 * REGION_CORNERS, 3).
         nearest: Scratch (3,).
 
     Returns:
-        Cosine of the smallest critical angle found, or `cosine` where there is none below it; and
-        whether it is resolved.
+        Cosine of the smallest critical angle found, or `cosine` where there is none below it.
     """
     start, n = triple(lines[0], 0), triple(normals[0], 0)
     u, w = difference(lines[1], start), difference(lines[2], start)
     p, q = difference(normals[1], n), difference(normals[2], n)
     bend = math.sqrt(max(dot(p, p), dot(q, q)) * max(dot(u, u), dot(w, w)))
-    if most == 1:
-        bend *= 2.0
     for i in range(3):
         polygon[i, 0] = 1.0 - 2.0 * INSIDE if i == 1 else INSIDE
         polygon[i, 1] = 1.0 - 2.0 * INSIDE if i == 2 else INSIDE
     size = weights.shape[0]  # 3 corners
     x, y, previous = weights[1], weights[2], 1.0
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
-    for _ in range(most):
+    for _ in range(MOST_POINTS):
         line = weighted_sum((1.0, x, y), start, u, w)
         normal = weighted_sum((1.0, x, y), n, p, q)
         opening, length = norm(line), norm(normal)
         if opening < 1e-6 or length < 1e-12:
-            return cosine, opening < 1e-6
+            return cosine
         product = dot(normal, line)
         other = -product / (opening * length)
         unit = divided(line, opening)
@@ -250,7 +246,7 @@ def best_on_face(weights, cosine, lines, normals, own, largest, most, polygon, n
             sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
             weights[0], weights[1], weights[2] = 1.0 - x - y, x, y
             if sine < RESOLVED:
-                return cosine, True
+                return cosine
         reach = 1.0
         # From the vector across the normal: from the cosine, small sines would be rounding errors.
         across = combined(1.0, unit, -first, own_normal)
@@ -273,7 +269,7 @@ def best_on_face(weights, cosine, lines, normals, own, largest, most, polygon, n
             size, least = cut(polygon, size, a, b, value - a * x - b * y)
             reach = min(reach, cosine - LOOSE * least / (opening * length))
         if size < 3 or sine <= RESOLVED or reach <= cosine + RESOLVED * sine:
-            return cosine, True
+            return cosine
         gain, sx, sy = reach - cosine, 0.0, 0.0
         if gain < 0.5 * previous and opening <= largest:
             two = other_derivatives(other, line, normal, opening, length, u, w, p, q)
@@ -286,7 +282,7 @@ def best_on_face(weights, cosine, lines, normals, own, largest, most, polygon, n
             x, y = x + sx, y + sy
         else:
             x, y = centroid(polygon, size)
-    return cosine, False
+    return cosine
 
 
 @merged
@@ -329,9 +325,8 @@ def best_on_bent_face(weights, cosine, lines, normals, own, largest, parts, poly
             _mix(lines, corners, part_lines)
             _mix(normals, corners, part_normals)
             inside[0], inside[1], inside[2] = 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0
-            most = int(MOST_POINTS)  # for a literal Numba compiles another copy
-            better, _ = best_on_face(
-                inside, cosine, part_lines, part_normals, own, largest, most, polygon, nearest
+            better = best_on_face(
+                inside, cosine, part_lines, part_normals, own, largest, polygon, nearest
             )
             if better > cosine:
                 cosine = better
