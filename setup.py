@@ -31,7 +31,7 @@ class BuildWithMachineCode(build_py):
         root = HERE if os.access(HERE / "grasp3d" / "_kernels", os.W_OK) else copy
         paths = [str(root), *filter(None, sys.path)]  # what an isolated build has installed
         compiled = subprocess.run(
-            [sys.executable, "-m", "grasp3d._kernels.compiling.ahead"],
+            [sys.executable, "-m", "grasp3d._kernels.ahead"],
             cwd=root,
             env={**os.environ, **OWN_FOLDER_ALONE, "PYTHONPATH": os.pathsep.join(paths)},
             stdout=subprocess.PIPE,
@@ -40,10 +40,9 @@ class BuildWithMachineCode(build_py):
         )
         if compiled.returncode:
             sys.exit("the kernels were not compiled, see above; GRASP3D_NO_COMPILE=1 omits that")
-        for path in compiled.stdout.splitlines() if root != copy else ():
-            target = copy / Path(path).relative_to(root)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(path, target)
+        folder = Path(compiled.stdout.strip())
+        if root != copy:
+            shutil.copytree(folder, copy / folder.relative_to(root), dirs_exist_ok=True)
 
 
 setup(cmdclass={"build_py": BuildWithMachineCode})

@@ -20,7 +20,7 @@ def pytest_configure(config: pytest.Config) -> None:
     Otherwise every worker, and every command that a test starts, would compile the same ones.
     """
     if not hasattr(config, "workerinput") and config.getoption("numprocesses", None):
-        words = [sys.executable, "-m", "grasp3d._kernels.compiling.ahead"]
+        words = [sys.executable, "-m", "grasp3d._kernels.ahead"]
         if subprocess.run(words, stdout=subprocess.DEVNULL, check=False).returncode:
             raise pytest.UsageError("the kernels could not be compiled, see above")
 

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from grasp3d._kernels.compiling import ahead
+from grasp3d._kernels.compiling import name_of
+from grasp3d._kernels.signatures import SIGNATURES
 
 MESHES = Path(__file__).resolve().parents[1] / "meshes"
 
@@ -41,7 +42,7 @@ def in_installation(*words: str, home: Path) -> subprocess.CompletedProcess[str]
 
 def machine_code(*folders: Path) -> Iterator[tuple[Path, int]]:
     for folder in folders:
-        for path in folder.rglob("*.nb?"):
+        for path in folder.rglob("*.nbc"):
             yield path, path.stat().st_mtime_ns
 
 
@@ -67,8 +68,8 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
 
 
 def test_an_installation_brings_machine_code(installed: Installed) -> None:
-    names = {Path(file).name.partition("-")[0] for file in installed.files if ".nbi" in file}
-    assert names == set(ahead.kernels())
+    names = {Path(file).name.partition("-")[0] for file in installed.files if ".nbc" in file}
+    assert names == set(map(name_of, SIGNATURES))
 
 
 def test_an_installation_brings_every_file(installed: Installed) -> None:
@@ -84,7 +85,8 @@ def test_nothing_is_compiled_after_an_installation(installed: Installed, tmp_pat
     before = dict(machine_code(installed.package))
     main = ("-c", "import sys; from grasp3d.cli import main; sys.exit(main(sys.argv[1:]))")
     gripper = ("--hand", "franka", "--mass", "0.2kg", "--table", "as-is", "--best", "1")
-    for options in ((), gripper):
+    region = ("--region", "tee_labeled.ply")  # its colours are a mask, of all of it
+    for options in ((), region, gripper):
         words = ("label", str(MESHES / "tee.glb"), *options, "--overwrite")
         done = in_installation(*main, *words, home=tmp_path)
         assert done.returncode == 0, done.stderr

@@ -1,12 +1,7 @@
 """Numba kernels: arrays in, arrays out; arguments are not checked."""
 
-from grasp3d._kernels.compiling.machine_code import can_be_stored
-from grasp3d._kernels.compiling.numba_internals import listen
-from grasp3d.system.compiling import compilations
+import logging
 
-
-def _begin(kernel: str) -> None:
-    compilations.begin(kernel, stored=can_be_stored())
-
-
-listen(__name__, _begin, compilations.end)
+compilations = logging.getLogger("grasp3d.compiling")
+"""Where it is said that kernels are compiled: Python writes that to standard error where no logging
+is configured."""

@@ -9,7 +9,7 @@ from functools import partial
 from itertools import chain, islice
 from typing import Generic, TypeVar
 
-from grasp3d._kernels.compiling.ahead import warmup
+from grasp3d._kernels.ahead import warmup
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.job_requests import JobClient, Request, Result, ResultKind, open_local, versions
 from grasp3d.batch.limits import CallFailure, NeedsMemory

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from docstring_parser import parse_from_object
 
+from grasp3d._kernels import compilations
 from grasp3d.cli.commands import (
     Batch,
     Check,
@@ -29,7 +30,6 @@ from grasp3d.cli.commands import (
 from grasp3d.cli.tool_commands import Design, Hand, Paper
 from grasp3d.cli.usage import HELP, HELP_ALL, help_of, parse
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.system import compiling
 from grasp3d.system.context import running
 from grasp3d.system.limited_reading import limited_reading
 from grasp3d.system.names import printable
@@ -115,9 +115,9 @@ def _run(arguments: list[str]) -> int:
         print(help_of(kind, whole=HELP_ALL in words))  # noqa: T201
         return 0
     command = parse(kind, words)
-    level = compiling.logger.level
+    level = compilations.level
     if getattr(command, "quiet", False):
-        compiling.logger.setLevel(logging.ERROR)
+        compilations.setLevel(logging.ERROR)
     try:
         with _without_collections():
             begin_test(getattr(command, "file", None), pictures=getattr(command, "best", None))
@@ -125,7 +125,7 @@ def _run(arguments: list[str]) -> int:
         with running(strict=getattr(command, "strict", False)):
             return int(module.run(command))
     finally:
-        compiling.logger.setLevel(level)
+        compilations.setLevel(level)
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.filesize import decimal
 from rich.progress import Progress, TextColumn, TimeRemainingColumn
 
+from grasp3d._kernels import compilations
 from grasp3d.batch.library import BatchProgress, LibraryLabels
 from grasp3d.batch.report.pages import REPORT
 from grasp3d.batch.row import Outcome, Row
@@ -30,7 +31,6 @@ from grasp3d.grasps.verdict import Word
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import EPSILON_MIN, SAFE_LABELS, epsilon_min_text
 from grasp3d.stability.label import MEANING
-from grasp3d.system import compiling
 from grasp3d.system.counts import counted, noun
 
 LINE_INTERVAL = 10.0
@@ -134,7 +134,7 @@ class _ConsoleHandler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print the line."""
-        warning = record.levelno >= logging.WARNING and record.name != compiling.logger.name
+        warning = record.levelno >= logging.WARNING and record.name != compilations.name
         mark = "[yellow]warning:[/] " if warning else ""
         self._console.print(f"{mark}{escaped(record.getMessage())}")
 

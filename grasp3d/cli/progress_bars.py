@@ -10,14 +10,11 @@ from rich.progress import (
     MofNCompleteColumn,
     Progress,
     ProgressColumn,
-    Task,
     TextColumn,
     TimeElapsedColumn,
 )
-from rich.text import Text
 
 from grasp3d.cli.report import escaped
-from grasp3d.system.compiling import compilations
 from grasp3d.system.context import running
 
 ResultT = TypeVar("ResultT")
@@ -54,19 +51,10 @@ def waiting(text: str, *, quiet: bool) -> Iterator[None]:
         yield
 
 
-class _Kernel(ProgressColumn):
-    """The kernel that is being compiled."""
-
-    def render(self, task: Task) -> Text:  # noqa: ARG002, the interface of Rich
-        """The column's text."""
-        kernel = compilations.current
-        return Text(f"compiling {kernel}" if kernel else "", style="dim")
-
-
 def bar_of(*columns: ProgressColumn, quiet: bool) -> Progress:
     """Make a progress bar with some columns after the bar, which only a terminal shows."""
     console = Console(stderr=True, quiet=quiet, soft_wrap=True, emoji=False)
     return Progress(
-        TextColumn("{task.description}"), BarColumn(), *columns, TimeElapsedColumn(), _Kernel(),
+        TextColumn("{task.description}"), BarColumn(), *columns, TimeElapsedColumn(),
         console=console, transient=True, disable=quiet or not console.is_terminal,
     )  # fmt: skip

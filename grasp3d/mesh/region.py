@@ -74,7 +74,7 @@ def allowed_contacts(mesh: ObjectMesh, points: Floats) -> Bools:
     inside = np.ones(points.shape[:2], dtype=bool)
     if mesh.region is not None:
         known = np.isfinite(points).all(axis=2)
-        part = replace(mesh, faces=mesh.faces[mesh.contact_faces])
+        part = replace(mesh, faces=locked(mesh.faces[mesh.contact_faces]))
         gaps, whole = (nearest_surface_points(one, points[known])[2] for one in (part, mesh))
         inside[known] = gaps <= whole + ROUNDING * mesh.size
     return np.asarray(inside.all(axis=1))
@@ -101,7 +101,7 @@ def _on_paint(mesh: ObjectMesh, mask: Mask) -> Bools:
     where = printable(str(mask.path))
     raw = read_mesh(mask.path)
     paint = _paint(read_file(_vertex_columns, mask.path), mask.painted, where)
-    faces = raw.faces[face_areas(raw.vertices, raw.faces) > 0.0]
+    faces = locked(raw.faces[face_areas(raw.vertices, raw.faces) > 0.0])
     surface = replace(mesh, vertices=raw.vertices, faces=faces)
     used, reach = np.flatnonzero(mesh.on_surface), OFF_MASK * mesh.size
     nearest, _, gaps = nearest_surface_points(surface, mesh.vertices[used], limit=reach)

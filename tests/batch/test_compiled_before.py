@@ -14,7 +14,7 @@ import pytest
 import trimesh
 
 import grasp3d
-from grasp3d._kernels.compiling.ahead import warmup
+from grasp3d._kernels.ahead import warmup
 from grasp3d.batch import cluster
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.job_requests import Request
@@ -28,10 +28,9 @@ ROOT = Path(grasp3d.__file__).parents[1]
 COMMANDS = """
 import sys
 from pathlib import Path
-from grasp3d._kernels.compiling.ahead import name_of
+from grasp3d._kernels.compiling import compiled, name_of
 from grasp3d._kernels.signatures import SIGNATURES
 from grasp3d.cli import main
-from grasp3d.system.compiling import compilations
 
 def run(*words):
     assert main(list(map(str, words))) == 0, words
@@ -44,6 +43,7 @@ if __name__ == "__main__":
     held = ("--hand", "robotiq_2f85", "--table", "as-is", "--mass", "0.1kg")
     run("label", *mug, "--best", 2)
     run("label", *small, "-o", "extremes.ply", "--method", "extremes")
+    run("label", *mug, "-o", "part.ply", "--region", "mug_labeled.ply")
     run("label", *mug, "-o", "located.ply", "--location-error", "1mm", "--friction", "0.4..0.6")
     run("label", *mug, *held, "-o", "held.ply", "--best", 2, "--grasps", "poses.json")
     run("label", *small, "--fingers", 3, "-o", "three.ply")
@@ -51,9 +51,10 @@ if __name__ == "__main__":
     for task, radius in (("weight", 0), ("weight within 30 of -z", "3mm")):
         run("label", *block, *load, "--task", task, "--torsion-radius", radius)
     run("evaluate", *mug, "mug_grasps.json", "-q")
+    run("evaluate", *mug, "poses.json", *held, "-q", "-o", "p.csv", "--region", "mug_labeled.ply")
     run("evaluate", *mug, "poses.json", *held, "-q", "--overwrite")
     run("check", *mug)
-    print("kernels", *compilations.kernels)
+    print("kernels", *compiled)
     # What other tests have compiled is found, too.
     called = ((name_of(kernel), kernel.signatures, known) for kernel, known in SIGNATURES.items())
     print("undeclared", *(name for name, types, known in called if not {*types} <= {*known}))

@@ -16,9 +16,9 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 import grasp3d
-from grasp3d._kernels.compiling import ahead
-from grasp3d._kernels.compiling.ahead import warmup
-from grasp3d._kernels.compiling.machine_code import code_folders
+from grasp3d._kernels import ahead
+from grasp3d._kernels.ahead import warmup
+from grasp3d._kernels.compiling import code_folders, name_of
 from grasp3d._kernels.signatures import SIGNATURES
 from grasp3d.errors import OutputError
 
@@ -61,13 +61,11 @@ def test_every_kernel_that_python_calls_is_compiled_ahead() -> None:
     called = dict(called_kernels())
     assert f"{KERNELS}.hull.wrench_problem.epsilons" in called
     assert not {name for name, kernel in called.items() if kernel not in SIGNATURES}
-    assert not {ahead.name_of(kernel) for kernel in SIGNATURES} - {
-        ahead.name_of(kernel) for kernel in called.values()
-    }
+    assert not set(map(name_of, SIGNATURES)) - set(map(name_of, called.values()))
 
 
 @jitted
-@pytest.mark.parametrize("kernel", SIGNATURES, ids=ahead.name_of)
+@pytest.mark.parametrize("kernel", SIGNATURES, ids=name_of)
 def test_each_argument_has_a_type(kernel: Any) -> None:
     count = len(inspect.signature(kernel.py_func).parameters)
     assert [len(signature) for signature in SIGNATURES[kernel]] == [count] * len(SIGNATURES[kernel])
@@ -112,13 +110,12 @@ def test_what_is_missing_is_compiled_beside_the_rest(copied: Path) -> None:
     done = build(copied)
     assert done.returncode == 0, done.stderr
     assert "compiling 1 kernel," in done.stderr
-    listed = [Path(line).relative_to(copied) for line in done.stdout.splitlines()]
-    (index,) = (path for path in listed if path.match("pair_angles.scan-*.nbi"))
-    assert (copied / index).exists()
-    names = Counter(path.name.partition("-")[0] for path in listed if path.suffix == ".nbc")
-    assert names.keys() == {ahead.name_of(kernel) for kernel in SIGNATURES}
+    folder = Path(done.stdout.strip())
+    assert folder.is_relative_to(copied)
+    names = Counter(path.name.partition("-")[0] for path in folder.iterdir())
+    assert names.keys() >= set(map(name_of, SIGNATURES))
     for kernel, signatures in SIGNATURES.items():  # some are called by others too
-        assert names[ahead.name_of(kernel)] >= len(signatures)
+        assert names[name_of(kernel)] >= len(signatures)
     assert not (copied / "user").exists()
     again = build(copied)
     assert (again.stdout, again.stderr) == (done.stdout, "")
@@ -126,7 +123,7 @@ def test_what_is_missing_is_compiled_beside_the_rest(copied: Path) -> None:
 
 @jitted
 def test_a_process_that_ends_early_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ahead, "missing", lambda: ["pair_angles.scan", "descent.descend"])
+    monkeypatch.setattr(ahead, "is_compiled", lambda *_: False)
     monkeypatch.setattr(ahead, "_CHILD", "import sys; sys.exit(3)")
-    with pytest.raises(OutputError, match=r"kernel \S+ was not compiled: .* with code 3"):
+    with pytest.raises(OutputError, match=r"kernels were not compiled: .* with code 3"):
         warmup()

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from numba.core import types
 from numba.extending import overload
 
-from grasp3d._kernels.compiling.decorators import part
+from grasp3d._kernels.compiling import part
 from grasp3d._kernels.forces.tasks import TaskInSpan, task_reach
 from grasp3d._kernels.forces.wrench_resistance import RESISTED, resist
 from grasp3d._kernels.hull.support_functions import SIX, WrenchSpace, support

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.forces.force_slice import ForceSlice
 from grasp3d._kernels.forces.tasks import (
     ANY_DIRECTION,

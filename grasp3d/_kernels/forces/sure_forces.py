@@ -20,7 +20,7 @@ with |f + c|. This is certain for all normals, and somewhat less than what they 
 
 import math
 
-from grasp3d._kernels.compiling.decorators import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.hull.tilted_forces import COLUMNS, MODES
 from grasp3d._kernels.surface.vectors import angle_between, difference, dot, norm
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.compiling import merged, part
 
 ANY_DIRECTION, WITHIN, POINTS = 0, 1, 2
 """Kinds of terms: a force in any direction, or within an angle of a direction, at the centre of

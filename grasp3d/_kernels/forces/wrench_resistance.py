@@ -13,7 +13,7 @@ force.
 
 import math
 
-from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.hull.equilibrium import solve
 from grasp3d._kernels.hull.support_functions import contact_forces, farthest
 from grasp3d._kernels.surface.vectors import copy6, dot6

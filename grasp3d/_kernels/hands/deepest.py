@@ -6,7 +6,7 @@ several points of the shape tell its ridges apart.
 
 import math
 
-from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.hands.link_shapes import EVEN, HULL, nearest_in_shape, support
 from grasp3d._kernels.hands.placing import moved, moved_back, turned_back
 from grasp3d._kernels.hands.touched_surface import (

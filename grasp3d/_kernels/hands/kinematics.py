@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import kernel, part
+from grasp3d._kernels.compiling import kernel, part
 
 FIXED, SLIDES, TURNS = range(3)
 """Kinds of joints."""

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.compiling.decorators import kernel, part
+from grasp3d._kernels.compiling import kernel, part
 from grasp3d._kernels.hands.link_shapes import COARSE, point_depth
 from grasp3d._kernels.hands.placing import moved, moved_back, place, turned_back
 from grasp3d._kernels.surface.vectors import copy, difference

@@ -1,6 +1,6 @@
 """Points and vectors of a frame that is placed in another one: rigid motions (3, 4)."""
 
-from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.surface.vectors import dot
 
 

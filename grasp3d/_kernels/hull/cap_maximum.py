@@ -16,7 +16,7 @@ P is an arrow: of its entries beside the diagonal only those in the first row an
 import math
 from typing import NamedTuple
 
-from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.compiling import merged, part
 
 MAX_STEPS = 40
 """Most steps of Newton's method; any of them yields a bound."""

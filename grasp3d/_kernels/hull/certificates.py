@@ -25,7 +25,7 @@ them at rest, which exists where they are at one point or on one line.
 
 import math
 
-from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.hull.support_functions import NO_TORSION, ROWS
 from grasp3d._kernels.surface.vectors import clear6, copy6, dot6, remove_components, scale6
 

@@ -5,7 +5,7 @@ They are a first approximation: whether they prove anything is decided by `certi
 
 import math
 
-from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.hull.support_functions import ROWS
 from grasp3d._kernels.surface.vectors import add6, clear6
 

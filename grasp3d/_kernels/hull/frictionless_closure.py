@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.compiling.decorators import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.surface.vectors import copy
 
 PIVOTS = 200

@@ -21,7 +21,7 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.compiling.decorators import merged, part_for_constants
+from grasp3d._kernels.compiling import merged, part_for_constants
 from grasp3d._kernels.forces.force_slice import farthest_point
 from grasp3d._kernels.forces.tasks import task_reach
 from grasp3d._kernels.hull.polytope import (

@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
+from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.hull.cap_maximum import Arrow, largest_on_cap, value_at
 from grasp3d._kernels.hull.growing_hull import CONVERGED
 from grasp3d._kernels.hull.support_functions import PER_FINGER

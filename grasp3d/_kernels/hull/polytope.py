@@ -23,7 +23,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic, overload
 
-from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.forces.tasks import task_reach
 
 TOLERANCE = 1e-12

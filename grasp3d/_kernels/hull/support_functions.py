@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
+from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.hull.tilted_forces import SURE, TINY, add_tilted_forces, farthest_tilted
 from grasp3d._kernels.surface.vectors import clear6, dot6
 

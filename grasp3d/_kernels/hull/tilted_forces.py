@@ -13,7 +13,7 @@ Contacts next to each other may share a bound, as the points of a patch do: `Wre
 
 import math
 
-from grasp3d._kernels.compiling.decorators import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.surface.vectors import clear6, dot6
 
 SURE, POSSIBLE = 3, 4

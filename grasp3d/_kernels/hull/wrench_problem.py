@@ -8,7 +8,7 @@ import numpy.typing as npt
 from numba.core import types
 from numba.extending import overload
 
-from grasp3d._kernels.compiling.decorators import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.hull.certificates import (
     LARGEST_SLACK,
     RESTING,

@@ -6,7 +6,7 @@ The tangents are those of `contact.friction_cones.tangents`.
 
 import math
 
-from grasp3d._kernels.compiling.decorators import kernel, merged, scratch_kernel
+from grasp3d._kernels.compiling import kernel, merged, scratch_kernel
 from grasp3d._kernels.surface.vectors import add6, copy6, dot6, scale6
 
 

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.jaws.gripper_parts import (
     AXIS,
     BOTTOM,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import kernel, part
+from grasp3d._kernels.compiling import kernel, part
 from grasp3d._kernels.jaws.jaws import (
     gather,
     make_faces,

@@ -2,7 +2,7 @@
 
 import math
 
-from grasp3d._kernels.compiling.decorators import kernel, merged, part, scratch_kernel
+from grasp3d._kernels.compiling import kernel, merged, part, scratch_kernel
 from grasp3d._kernels.jaws.blocked_angles import block_angles, turn_sizes
 from grasp3d._kernels.jaws.gripper_parts import (
     BLOCKED,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import part
+from grasp3d._kernels.compiling import part
 from grasp3d._kernels.jaws.jaws import EDGE_ON, ROUNDING, edge_and_normal, nearest, nearest_to
 from grasp3d._kernels.surface.polygons import (
     clip,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import merged
+from grasp3d._kernels.compiling import merged
 from grasp3d._kernels.surface.surface_contacts import (
     largest_angle,
     point_on_face,

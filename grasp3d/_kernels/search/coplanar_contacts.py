@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
+from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.surface.vectors import copy, cross, difference, divided, dot, norm, scaled
 
 COLLINEAR = 1e-6

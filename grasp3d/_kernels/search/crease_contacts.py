@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.compiling.decorators import kernel, merged, part
+from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.search.face_contacts import best_cosine, read_own, write_side
 from grasp3d._kernels.search.rays import SMALLEST_OPENING
 from grasp3d._kernels.surface.face_tree import NO_NODE, below, faces_of_leaf

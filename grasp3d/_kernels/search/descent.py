@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.compiling.decorators import kernel, merged, part
+from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.search.antipodal_candidates import evaluate_on_face
 from grasp3d._kernels.search.crease_contacts import best_on_creases
 from grasp3d._kernels.search.face_contacts import (

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import merged, part, scratch_kernel
+from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.search.antipodal_candidates import PairLimits
 from grasp3d._kernels.surface.face_tree import FaceTree
 from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface

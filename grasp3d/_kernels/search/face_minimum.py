@@ -13,7 +13,7 @@ of the point's barycentric coordinates.
 
 import math
 
-from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.search.face_contacts import INSIDE
 from grasp3d._kernels.surface.polygons import centroid, cut, stays_inside
 from grasp3d._kernels.surface.vectors import (

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.compiling.decorators import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.search.coplanar_contacts import set_contact_plane
 from grasp3d._kernels.search.multifinger_evaluation import RIGHT_ANGLE, evaluate
 from grasp3d._kernels.search.multifinger_grasps import (

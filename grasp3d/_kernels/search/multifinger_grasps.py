@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import merged
+from grasp3d._kernels.compiling import merged
 from grasp3d._kernels.search.multifinger_evaluation import Candidate, make_candidate
 from grasp3d._kernels.surface.surface_contacts import (
     ContactNormals,

@@ -6,7 +6,7 @@ Two fingers are force-closed where the line between the contacts lies inside bot
 
 import math
 
-from grasp3d._kernels.compiling.decorators import kernel
+from grasp3d._kernels.compiling import kernel
 from grasp3d._kernels.surface.surface_contacts import largest_angle, smallest_angle
 from grasp3d._kernels.surface.vectors import difference, divided, norm, scaled
 

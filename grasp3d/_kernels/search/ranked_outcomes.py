@@ -2,7 +2,7 @@
 
 import math
 
-from grasp3d._kernels.compiling.decorators import kernel
+from grasp3d._kernels.compiling import kernel
 
 
 @kernel

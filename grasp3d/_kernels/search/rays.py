@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import kernel, part
+from grasp3d._kernels.compiling import kernel, part
 from grasp3d._kernels.search.antipodal_candidates import (
     FOUND,
     NO_PARTNER,

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.compiling.decorators import kernel, part
+from grasp3d._kernels.compiling import kernel, part
 from grasp3d._kernels.jaws.gripper_parts import BLOCKED, NONE, REACHED, RESULTS
 from grasp3d._kernels.jaws.reaching import reach_pair
 from grasp3d._kernels.search.antipodal_candidates import evaluate_on_face

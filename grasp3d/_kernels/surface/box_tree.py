@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import kernel, merged, part
+from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.surface.face_tree import (
     GO_ON,
     NO_NODE,

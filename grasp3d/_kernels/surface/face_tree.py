@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import kernel, merged, part
+from grasp3d._kernels.compiling import kernel, merged, part
 
 LEAF = 1
 """Most faces of a leaf; more faces per leaf take less memory and more time."""

@@ -8,7 +8,7 @@ are scratch.
 
 import math
 
-from grasp3d._kernels.compiling.decorators import merged, part
+from grasp3d._kernels.compiling import merged, part
 
 MOST_EDGES = 12
 """Most sides of a convex face of a jaw."""

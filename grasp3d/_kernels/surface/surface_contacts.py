@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling.decorators import kernel, merged, part
+from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.surface.vectors import (
     angle_between,
     combined,

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.compiling.decorators import kernel, merged
+from grasp3d._kernels.compiling import kernel, merged
 
 FINE = 2
 """Samples of a pixel in each direction."""

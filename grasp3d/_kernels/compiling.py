@@ -1,0 +1,274 @@
+"""Compilation of kernels with Numba, and where their machine code is kept.
+
+**Parts** are functions that are compiled into the kernels that call them, and nothing else. Numba
+optimises each function that a kernel calls, generates its machine code and a wrapper for Python,
+and does so again for the caller, which contains it. For parts only the last of these is done: they
+are typed and lowered, and optimised within the kernel that Python calls.
+"""
+
+import hashlib
+import os
+import pickle
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import types
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.dispatcher import Dispatcher
+from numba.core.serialize import dumps
+
+from grasp3d._kernels import compilations
+from grasp3d.errors import OutputError
+from grasp3d.system.files import atomic_write, check_writable
+
+compiled: list[str] = []
+"""Kernels that were compiled by this process, or for it; the first one is announced."""
+
+_config: Any = numba.config
+_HERE = Path(__file__).parent
+
+MAX_AGE = 30 * 24 * 3600.0
+"""Age at which the machine code of other versions of the sources is removed [s]."""
+
+PARTS_TESTED = numba.version_info.short < (0, 69)
+"""Whether parts are compiled into their callers only, which later versions of Numba may not allow:
+there they are compiled like kernels, and the first run takes longer."""
+
+_FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+"""Kernels run without the GIL and with IEEE semantics, so that a NaN reaches the caller. None is
+passed to another one, nor to C: a wrapper for that would only be compiled."""
+
+_SCRATCH: dict[str, Any] = {"_nrt": False}
+"""Numba then rejects allocations and omits reference counting."""
+
+
+@cache
+def code_folders() -> tuple[Path, ...]:
+    """Folders for machine code of these sources, in the order in which they are read and written.
+
+    The package's own comes first, to which an installation brings machine code; then that which
+    NUMBA_CACHE_DIR names, and the user's cache.
+    """
+    digest = hashlib.sha256()
+    for source in sorted(_HERE.rglob("*.py")):
+        digest.update(source.relative_to(_HERE).as_posix().encode() + b"\0" + source.read_bytes())
+    name = f"grasp3d-kernels-{digest.hexdigest()[:16]}"
+    return tuple(root / name for root in _possible_roots())
+
+
+def _possible_roots() -> Iterator[Path]:
+    yield _HERE / "__pycache__"
+    if _config.CACHE_DIR:
+        yield Path(_config.CACHE_DIR)
+    home = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111
+    if home.is_absolute():  # without a home directory expanduser leaves the "~"
+        yield home / "grasp3d"
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for machine code, in place of those of other versions that are old."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for other in folder.parent.glob("grasp3d-kernels-*"):
+        with suppress(OSError):  # another process may be removing it
+            if other != folder and time.time() - other.stat().st_mtime > MAX_AGE:
+                shutil.rmtree(other)
+
+
+class KernelCache(NullCache):
+    """A kernel's machine code: read where it is first found, written where it first can be.
+
+    Numba's own cache would separate copies of the same sources, such as an installed package and
+    its checkout, by their paths. It also detects a change only in a kernel's own file, so a caller
+    would keep the old machine code of kernels in other files; here each version of all sources has
+    a folder.
+    """
+
+    def __init__(self, function: Any) -> None:
+        self._function = function
+
+    @property
+    def cache_path(self) -> str:
+        """The folder that is read first."""
+        return str(code_folders()[0])
+
+    def files(self, sig: Any, codegen: Any) -> list[Path]:
+        """Where the machine code for a signature may be."""
+        code = self._function.__code__
+        key = (sig, codegen.magic_tuple(), numba.__version__, sys.version, code.co_firstlineno)
+        digest = hashlib.sha256(f"{self._function.__module__} {key}".encode() + code.co_code)
+        name = f"{name_of(self._function)}-{digest.hexdigest()[:16]}.nbc"
+        return [folder / name for folder in code_folders()]
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load machine code for a signature; None: there is none."""
+        target_context.refresh()
+        for file in self.files(sig, target_context.codegen()):
+            # Whatever a damaged file raises, it is as if it were missing.
+            with suppress(Exception):
+                parts = pickle.loads(file.read_bytes())  # noqa: S301, of this program
+                return CompileResult._rebuild(target_context, *parts)  # noqa: SLF001
+        if not compiled:
+            announce(f"{name_of(self._function)} and what else is needed")
+        compiled.append(name_of(self._function))
+        return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Save machine code for a signature, if any folder can be written."""
+        content = dumps(data._reduce())  # noqa: SLF001
+        for file in self.files(sig, data.codegen):
+            with suppress(OSError, OutputError):
+                make_folder(file.parent)
+                with atomic_write(file) as written:
+                    written.write_bytes(content)
+                return
+
+
+def announce(kernels: str) -> None:
+    """Say that kernels are going to be compiled, and whether once or each time."""
+    often = "once for this processor and version of Numba"
+    if not _can_be_stored():
+        often = "in every process: no folder can be written for them (set NUMBA_CACHE_DIR)"
+    compilations.warning("grasp3d: compiling %s, %s", kernels, often)
+
+
+def _can_be_stored() -> bool:
+    for folder in code_folders():
+        with suppress(OSError, OutputError):
+            make_folder(folder)
+            check_writable(folder / "code")
+            return True
+    return False
+
+
+def is_compiled(one: Any, signatures: Iterable[Any]) -> bool:
+    """Whether one of the folders has machine code of a kernel for all signatures."""
+    if not isinstance(one, Dispatcher):  # compilation is switched off
+        return True
+    target: Any = one.targetctx
+    target.refresh()
+    cache, codegen = vars(one)["_cache"], target.codegen()
+    return all(any(file.exists() for file in cache.files(each, codegen)) for each in signatures)
+
+
+def name_of(function: Any) -> str:
+    """The name of a kernel as MODULE.FUNCTION."""
+    return f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
+
+
+def kernel(function: Callable[..., object], **flags: Any) -> Any:
+    """Compile with Numba and cache the machine code."""
+    compiling = inlined(function, inline="never", **flags)
+    if isinstance(compiling, Dispatcher):
+        vars(compiling)["_cache"] = KernelCache(function)
+    return compiling
+
+
+def scratch_kernel(function: Callable[..., object]) -> Any:
+    """Compile a kernel that works in the arrays it is given and allocates nothing.
+
+    Reference counting would cost more time than a small support function itself. It returns
+    numbers: an array that it returned to a kernel would be released there.
+    """
+    return kernel(function, **_SCRATCH)
+
+
+def inlined(function: Callable[..., object], **flags: Any) -> Any:
+    """Inline a kernel into its callers: passing many arrays costs more than the work itself."""
+    return _without_literals(numba.njit(**_FLAGS, **{"inline": "always", **flags})(function))
+
+
+def part(function: Callable[..., object], **flags: Any) -> Any:
+    """Compile a scratch kernel that only kernels call, into these."""
+    return _without_literals(part_for_constants(function, **flags))
+
+
+def part_for_constants(function: Callable[..., object], **flags: Any) -> Any:
+    """As `part`, compiled again for each constant in a call, where that pays in the run time."""
+    if _config.DISABLE_JIT:
+        return function
+    if not PARTS_TESTED:
+        return kernel(function, **_SCRATCH, **flags)
+    return Part(function, {**_FLAGS, **_SCRATCH, **flags})
+
+
+def merged(function: Callable[..., object]) -> Any:
+    """Inline a part of a scratch kernel into the machine code of its callers (by LLVM)."""
+    return part(function, forceinline=True)
+
+
+def _without_literals(compiling: Any) -> Any:
+    """Type a constant in a call like a variable.
+
+    Numba would compile a kernel again for every constant that other kernels pass to it.
+    """
+    if not isinstance(compiling, Dispatcher):  # compilation is switched off
+        return compiling
+    resolve = compiling.get_call_template
+
+    def get_call_template(args: Any, kws: Any) -> Any:
+        plain = {name: types.unliteral(kind) for name, kind in kws.items()}
+        return resolve(tuple(types.unliteral(kind) for kind in args), plain)
+
+    vars(compiling)["get_call_template"] = get_call_template
+    return compiling
+
+
+if PARTS_TESTED:
+    from numba.core.codegen import JITCodeLibrary
+    from numba.core.compiler import Compiler
+    from numba.core.registry import CPUDispatcher
+
+    class _PartLibrary(JITCodeLibrary):
+        """Code of a part for LLVM, to be linked into that of its callers."""
+
+        def _optimize_final_module(self) -> None:
+            """Leave it to the callers."""
+
+        def _finalize_final_module(self) -> None:
+            """Generate no machine code."""
+            self._finalize_dynamic_globals()
+            self._finalized = True
+
+        def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002, Numba's interface
+            """Address of the wrapper for Python, which does not exist."""
+            self._ensure_finalized()
+            return 0
+
+        @property
+        def codegen(self) -> "_PartLibrary":
+            """Where Numba sets the addresses of Python objects that machine code uses."""
+            return self
+
+        def set_env(self, env_name: str, env: object) -> None:
+            """Set no address: parts use no Python objects."""
+
+    class _PartCompiler(Compiler):
+        """Numba's compiler, but for its library."""
+
+        def compile_extra(self, func: Callable[..., object]) -> Any:
+            self.state.library = _PartLibrary(self.state.targetctx.codegen(), func.__qualname__)
+            compile_extra: Callable[..., Any] = super().compile_extra
+            return compile_extra(func)
+
+    class Part(CPUDispatcher):
+        """A function that kernels call; where Python calls it, as in tests, a kernel itself."""
+
+        def __init__(self, function: Callable[..., object], flags: dict[str, Any]) -> None:
+            options = {"nopython": True, "boundscheck": None, "no_cpython_wrapper": True, **flags}
+            super().__init__(function, targetoptions=options, pipeline_class=_PartCompiler)
+
+        @cached_property
+        def kernel(self) -> Any:
+            """The same function with machine code of its own."""
+            return scratch_kernel(self.py_func)
+
+        def __call__(self, *args: Any, **kwargs: Any) -> Any:
+            return self.kernel(*args, **kwargs)

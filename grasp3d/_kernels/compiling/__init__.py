@@ -1,1 +1,0 @@
-"""Compilation of kernels with Numba, and where their machine code is kept."""
