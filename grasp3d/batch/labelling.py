@@ -188,7 +188,7 @@ def _surface_values(labels: "SurfaceLabels") -> dict[str, Any]:
 
 def _angle_values(labels: "SurfaceLabels") -> dict[str, Any]:
     model, angles = labels.model, _angles_of(labels)
-    available = replace(model, sensor_resolution=0.0).effective_friction_angle  # for a sensor
+    available = replace(model, sensor_resolution=0.0).sure_angle  # for a sensor
     return {
         **_quantiles("critical_angle", QUARTILES, labels.angle_quantiles(QUARTILES)),
         **_quantiles("epsilon", DECILES, labels.epsilon_quantiles(DECILES)),
@@ -200,8 +200,7 @@ def _angle_values(labels: "SurfaceLabels") -> dict[str, Any]:
             for fraction in REQUIRED
         },
         **{  # the largest angles are the smallest margins
-            f"margin_p{100.0 * level:.0f}": model.effective_friction_angle
-            - angles.worst_quantile(1.0 - level)
+            f"margin_p{100.0 * level:.0f}": model.sure_angle - angles.worst_quantile(1.0 - level)
             for level in DECILES
         },
         "search_angle": labels.search.cone,

@@ -295,7 +295,7 @@ def uncertainty_lines(
 def _mean_budget(model: GraspModel, critical: Floats, margin: Floats, weights: Floats) -> str:
     """The means of the parts of the friction angle, over the grasps with a weight above 0."""
     rows = weights > 0.0
-    budget = margin_budget(model, critical[rows], model.effective_friction_angle - margin[rows])
+    budget = margin_budget(model, critical[rows], model.sure_angle - margin[rows])
     means = {name: float(np.average(one, weights=weights[rows])) for name, one in budget.items()}
     parts = [
         f"{name} {exact_angle(mean)}"

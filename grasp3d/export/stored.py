@@ -390,12 +390,12 @@ def _check_labels(stored: Stored, model: GraspModel) -> None:
         stored.reject("its critical_angle_best is above its critical_angle")
     if model.location_error != 0.0:
         worst, best = (stored.field(field.name) for field in LOCATED)
-    expected, label = model.effective_friction_angle - worst, stored.field("label")
+    expected, label = model.sure_angle - worst, stored.field("label")
     margin = stored.values.get(MARGIN.name, expected)
     with np.errstate(invalid="ignore"):  # inf - inf
         if not ((np.abs(margin - expected) < ROUNDING) | (margin == expected)).all():
             stored.reject(f"its {MARGIN.name} does not match its angles")
-        near = np.abs(worst - model.effective_friction_angle) < ROUNDING
+        near = np.abs(worst - model.sure_angle) < ROUNDING
         near |= np.abs(best - model.unstable_from) < ROUNDING
     if model.method == "exact" and ((label_angles(worst, best, model) != label) & ~near).any():
         stored.reject("its labels do not match its critical angles")

@@ -74,17 +74,7 @@ class Case:
     @property
     def margin(self) -> float:
         """Angle by which the grasp is S [rad]; below 0: by which it is not; -inf: no grasp."""
-        return self.stable - self.worst
-
-    @property
-    def stable(self) -> float:
-        """Critical angle below which a grasp is S [rad]."""
-        return self.model.effective_friction_angle
-
-    @property
-    def unstable(self) -> float:
-        """Critical angle from which a two-finger grasp is U [rad]."""
-        return self.model.widest_friction_angle
+        return self.model.sure_angle - self.worst
 
     @property
     def never_unstable(self) -> bool:
@@ -118,11 +108,11 @@ def _signed(value: float, digits: int) -> str:
 
 
 def _stable_limit(case: Case) -> str:
-    return _limit(case, case.stable, "−")
+    return _limit(case, case.model.sure_angle, "−")
 
 
 def _unstable_limit(case: Case) -> str:
-    return _limit(case, case.unstable, "+")
+    return _limit(case, case.model.possible_angle, "+")
 
 
 def _limit(case: Case, limit: float, sign: str) -> str:
@@ -185,19 +175,21 @@ def _crease(case: Case) -> str:
 
 
 def _stable(case: Case) -> str:
-    angle = angle_text(case.angles[0], case.stable)
-    cause = _cause(case, case.stable)
+    angle = angle_text(case.angles[0], case.model.sure_angle)
+    cause = _cause(case, case.model.sure_angle)
     if not case.smooth:
         cause = f"{_crease(case)}; for the worst of these normals β* is {angle}"
     elif " off the line " in cause:
         cause = f"no contact normal is more than {angle} off the line through the contacts"
-    cause += _located(case, f"β* is {angle_text(case.worst, case.stable)}")
+    cause += _located(case, f"β* is {angle_text(case.worst, case.model.sure_angle)}")
     return f"{cause}, below {_stable_limit(case)}: the grasp is stable for {_all_true(case.model)}"
 
 
 def _unstable(case: Case) -> str:
     grasp = "the best grasp found" if case.mode == "label" else "the grasp"
-    needs = f"{grasp} needs a friction angle above {angle_text(case.best, case.unstable)}"
+    needs = (
+        f"{grasp} needs a friction angle above {angle_text(case.best, case.model.possible_angle)}"
+    )
     if not case.smooth:
         edge = "the first finger's sharp edge" if 0 in case.creases else "a sharp edge"
         needs += f" even with the best normals on {edge}"
@@ -211,7 +203,7 @@ def _unstable(case: Case) -> str:
 
 def _ambiguous(case: Case) -> str:
     sure = f"surely stable below {_stable_limit(case)}"
-    if case.stable <= 0.0:
+    if case.model.sure_angle <= 0.0:
         sure = (
             "no grasp is surely stable at this resolution, as "
             f"{_stable_limit(case)} is not above 0°"
@@ -223,20 +215,21 @@ def _ambiguous(case: Case) -> str:
             f"no grasp of this number of fingers is surely unstable, as {limit} is not below 90°"
         )
     if case.smooth:
-        nearer = min((case.stable, case.unstable), key=lambda limit: abs(limit - case.worst))
+        nearer = min(
+            (case.model.sure_angle, case.model.possible_angle),
+            key=lambda limit: abs(limit - case.worst),
+        )
         between = (
-            f"β* is from {angle_text(case.best, case.unstable)} to "
-            f"{_bounded(case.worst, case.stable)}"
+            f"β* is from {angle_text(case.best, case.model.possible_angle)} to "
+            f"{_bounded(case.worst, case.model.sure_angle)}"
         )
         return f"{_cause(case, nearer)}{_located(case, between)}: {sure}, {unstable}"
     worst, best = case.angles
-    located = _located(
-        case,
-        f"from {angle_text(case.best, case.unstable)} to {_bounded(case.worst, case.stable)}",
-    )
+    lowest = angle_text(case.best, case.model.possible_angle)
+    located = _located(case, f"from {lowest} to {_bounded(case.worst, case.model.sure_angle)}")
     return (
-        f"{_crease(case)}: β* is {_bounded(worst, case.stable)} for the worst and "
-        f"{angle_text(best, case.unstable)} for the best of these normals{located}; "
+        f"{_crease(case)}: β* is {_bounded(worst, case.model.sure_angle)} for the worst and "
+        f"{angle_text(best, case.model.possible_angle)} for the best of these normals{located}; "
         f"{sure}, {unstable}"
     )
 

@@ -133,7 +133,7 @@ def _shade(axes: Axes, result: Validation, low: float, high: float) -> None:
     model = result.model
     if model.location_error != 0.0:
         return
-    unstable = math.degrees(model.effective_friction_angle - model.unstable_from)
+    unstable = math.degrees(model.sure_angle - model.unstable_from)
     edges = {Label.U: (low, unstable), Label.M: (unstable, 0.0), Label.S: (0.0, high)}
     for label, (start, end) in edges.items():
         start, end = max(start, low), min(end, high)  # noqa: PLW2901, cut to the axis

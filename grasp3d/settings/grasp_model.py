@@ -62,7 +62,7 @@ class GraspModel(LengthSettings):
         >>> import math
         >>> import grasp3d
         >>> model = grasp3d.GraspModel(friction=0.5, sensor_resolution=math.radians(20.0))
-        >>> print(f"S below {math.degrees(model.effective_friction_angle):.1f} degrees")
+        >>> print(f"S below {math.degrees(model.sure_angle):.1f} degrees")
         S below 16.6 degrees
     """
 
@@ -123,7 +123,7 @@ class GraspModel(LengthSettings):
         return self.sensor_resolution / 2.0
 
     @property
-    def effective_friction_angle(self) -> float:
+    def sure_angle(self) -> float:
         """Angle beta - alpha/2 [rad]: a grasp is S where its critical friction angle is smaller.
 
         Wan & Howe 2018, Sec. III-A: the friction that remains whatever the tilt, here at the
@@ -132,7 +132,7 @@ class GraspModel(LengthSettings):
         return math.atan(self.friction_interval[0]) - self.tilt
 
     @property
-    def widest_friction_angle(self) -> float:
+    def possible_angle(self) -> float:
         """Angle beta + alpha/2 [rad]: the friction angle that the best tilt is equivalent to.
 
         At the largest friction.
@@ -152,7 +152,7 @@ class GraspModel(LengthSettings):
         inf for three fingers and more where that reaches 90 degrees: such wide cones are not
         convex, and some tilts may be force-closed whatever the critical angle is.
         """
-        widest = self.widest_friction_angle
+        widest = self.possible_angle
         return math.inf if self.fingers > 2 and widest >= math.pi / 2.0 else widest
 
     @property

@@ -239,7 +239,7 @@ def search_cone(model: GraspModel, sampling: AnySampling | None = None) -> float
     """
     if sampling is not None and sampling.search_angle is not None:
         return sampling.search_angle
-    return min(model.widest_friction_angle, math.pi / 2.0)
+    return min(model.possible_angle, math.pi / 2.0)
 
 
 def check_search_angle(sampling: AnySampling, needed: float, of: str = "") -> None:

@@ -55,12 +55,12 @@ class StabilityProblem(NamedTuple):
         return Contacts(self.contacts.points, self.contacts.normals, self.contacts.friction)
 
     @property
-    def narrowest_angle(self) -> Floats:
+    def sure_angle(self) -> Floats:
         """Friction angle at the worst tilt and the smallest friction, beta - a [rad], (b, n)."""
         return self.low.friction_angle - self.tilt
 
     @property
-    def widest_angle(self) -> Floats:
+    def possible_angle(self) -> Floats:
         """Friction angle at the best tilt and the largest friction, beta + a [rad], (b, n)."""
         return self.high.friction_angle + self.tilt
 
@@ -115,13 +115,13 @@ def margins(problem: StabilityProblem) -> Floats:
 
     -inf where two contacts are at one point; nan for three contacts and more with one on a crease.
     """
-    narrowest = problem.narrowest_angle.min(axis=1)
+    narrowest = problem.sure_angle.min(axis=1)
     contacts = problem.hard
     if contacts.count == 2:
         return _spare_of_pairs(problem)[0]
     if problem.creases:
         return np.full(len(narrowest), math.nan)
-    wider = problem.narrowest_angle - narrowest[:, None]
+    wider = problem.sure_angle - narrowest[:, None]
     critical = critical_friction_angle(contacts)
     return np.asarray(narrowest - surely_closed_from(contacts, critical, wider, problem.location))
 
@@ -131,14 +131,14 @@ def _spare_of_pairs(problem: StabilityProblem) -> tuple[Floats, Floats]:
     largest, smallest = angles_to_line(problem.hard, problem.creases)
     turn = line_turns(problem.contacts.points, problem.location.sum(axis=1))
     return (
-        spare_of_pairs(largest, smallest, problem.narrowest_angle, turn),
-        spare_of_pairs(smallest, largest, problem.widest_angle, -turn),
+        spare_of_pairs(largest, smallest, problem.sure_angle, turn),
+        spare_of_pairs(smallest, largest, problem.possible_angle, -turn),
     )
 
 
 def _of_pairs(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
     """Two contacts: the line between them lies in both cones, or in neither sense."""
-    narrowest, widest = problem.narrowest_angle, problem.widest_angle
+    narrowest, widest = problem.sure_angle, problem.possible_angle
     worst, best = _spare_of_pairs(problem)
     stable, unstable = worst > 0.0, best <= 0.0
     together = np.flatnonzero(np.isneginf(worst))
@@ -166,8 +166,8 @@ def _by_closure(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
     stable = np.array(worst.closed)
     best = force_closure(contacts, cone_offset=problem.outer_offset)
     unstable = ~best.closed & (best.status != Status.UNDECIDED)
-    unstable &= (problem.widest_angle < RIGHT_ANGLE).all(axis=1)
-    narrowest = problem.narrowest_angle
+    unstable &= (problem.possible_angle < RIGHT_ANGLE).all(axis=1)
+    narrowest = problem.sure_angle
     exceeding = np.flatnonzero((narrowest < 0.0).any(axis=1))  # tilts exceed friction
     if exceeding.size:
         reliable = narrowest[exceeding] >= 0.0
@@ -212,7 +212,7 @@ def _by_sampled_sets(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
     )
     check_combinations([normals.shape[1] for normals in tested], remedy=TOO_MANY_SAMPLES)
     on_crease = np.isin(np.arange(contacts.count), list(creases))
-    narrowest, widest = problem.narrowest_angle, problem.widest_angle
+    narrowest, widest = problem.sure_angle, problem.possible_angle
     inner = np.arcsin(np.clip(np.sin(narrowest) * shrink, 0.0, 1.0))
     outer = np.arccos(np.clip(np.cos(widest) * shrink, -1.0, 1.0))
     narrow, wide = np.where(on_crease, inner, narrowest), np.where(on_crease, outer, widest)
@@ -256,7 +256,7 @@ def _line_goals(problem: StabilityProblem) -> Floats:
     contacts = problem.hard
     line = contacts.points[:, 1] - contacts.points[:, 0]
     goals = np.stack([line, -line], axis=1)
-    widest = problem.widest_angle
+    widest = problem.possible_angle
     excess = [
         (angles_between(contacts.normals, sign * goals) - widest).max(axis=1)
         for sign in (1.0, -1.0)

@@ -51,7 +51,7 @@ def label_angles(worst: Floats, best: Floats, model: GraspModel) -> Bytes:
     """
     labels = np.full(np.shape(worst), Label.M, dtype=np.uint8)
     labels[best >= model.unstable_from] = Label.U
-    labels[worst < model.effective_friction_angle] = Label.S
+    labels[worst < model.sure_angle] = Label.S
     return labels
 
 
@@ -83,7 +83,7 @@ def margins(worst: Floats, model: GraspModel) -> Floats:
     Returns:
         Same shape; -inf for no grasp, nan where `worst` is.
     """
-    return np.asarray(model.effective_friction_angle - worst)
+    return np.asarray(model.sure_angle - worst)
 
 
 def margin_budget(
@@ -103,7 +103,7 @@ def margin_budget(
     Returns:
         The critical angle, what friction, sensor resolution and the location take, and the margin
         [rad], by name, shape (...) each. The margin is
-        `model.effective_friction_angle` minus the located angle, and -inf where there is no grasp.
+        `model.sure_angle` minus the located angle, and -inf where there is no grasp.
 
     Example:
         >>> import grasp3d

@@ -180,7 +180,7 @@ class GraspTable(LabelledGrasps):
         Uncertain contact locations turn the line between two contacts; see
         `stability.locations`. Without them they are `critical_angle` and
         `critical_angle_best`. The label is S iff the worst is below
-        `model.effective_friction_angle`, U iff the best is at least `model.unstable_from`. Two
+        `model.sure_angle`, U iff the best is at least `model.unstable_from`. Two
         contacts: every S is exact, every U correct; more: every S is correct, nothing is U.
         """
         angles, other = (self.critical_angle, self.critical_angle_best), self.best_normals

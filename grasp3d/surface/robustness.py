@@ -223,7 +223,7 @@ class _Patches:
             across = y_and_z - (y_and_z * normals).sum(axis=-1, keepdims=True) * normals
             ellipses = 0.5 * jaws.extents[..., None] * across
             least = best_line_angles(jaws.points, jaws.normals, ellipses, angles)
-        friction = model.effective_friction_angle + model.tilt
+        friction = model.sure_angle + model.tilt
         spare = friction - least
         if not self.decided:
             return spare

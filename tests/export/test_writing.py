@@ -255,6 +255,6 @@ def test_margins_decide_the_labels_of_every_file(tmp_path: Path, location_error:
     assert np.allclose(arrays["max_resolution"], coarsest, atol=1e-12)
     assert ("located_angle" in arrays) == (location_error > 0.0)
     deciding = arrays.get("located_angle", arrays["critical_angle"])
-    assert np.allclose(arrays["margin"], found.model.effective_friction_angle - deciding)
+    assert np.allclose(arrays["margin"], found.model.sure_angle - deciding)
     assert (deciding >= arrays["critical_angle"]).all()
     assert str(arrays["setting_friction"]) == "0.65..0.75"

@@ -80,4 +80,4 @@ def test_thresholds_of_a_model_are_those_of_arrays(fingers: int) -> None:
             model = GraspModel(friction, resolution, fingers)
             limit = unstable_from(math.atan(friction), resolution / 2.0, fingers)
             assert model.unstable_from == limit
-            assert model.effective_friction_angle == math.atan(friction) - resolution / 2.0
+            assert model.sure_angle == math.atan(friction) - resolution / 2.0

@@ -22,7 +22,7 @@ from tests.helpers.closing_jaws import Floats, pads, pose, random_poses
 from tests.helpers.patches import force_of_points
 
 MODEL = GraspModel()
-BETA = MODEL.effective_friction_angle
+BETA = MODEL.sure_angle
 FORCE = 20.0
 
 

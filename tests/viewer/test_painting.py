@@ -106,7 +106,7 @@ def test_the_texture_has_the_colours_of_labels_with_errors(
 def _check_texture(subject: Subject, model: GraspModel) -> None:
     """Check that the nearest pixels at the vertices have the colours of the labels."""
     worst, best = subject.angles(model)
-    stable, reach = model.effective_friction_angle, model.widest_friction_angle
+    stable, reach = model.sure_angle, model.possible_angle
     near = (np.abs(worst - stable) < 3e-6) | (np.abs(best - reach) < 3e-6)
     wrong = (_texture(subject, model) != PALETTE[labels_at(subject, model)]).any(axis=1)
     assert not (wrong & ~near).any()

@@ -77,7 +77,7 @@ def _clear(labels: SurfaceLabels) -> np.ndarray:
     """Vertices whose label does not depend on the rounding to 32 bits."""
     worst, best = labels.located_angles
     with np.errstate(invalid="ignore"):
-        near = np.abs(worst - labels.model.effective_friction_angle) < 1e-6
+        near = np.abs(worst - labels.model.sure_angle) < 1e-6
         return ~(near | (np.abs(best - labels.model.unstable_from) < 1e-6))
 
 

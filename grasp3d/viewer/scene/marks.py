@@ -111,7 +111,7 @@ class Marks:
             approach = _approach_ends(shown.held, hand.finger_length / METRES[subject.mesh.unit])
         size, fixed_key = subject.mesh.size, (id(subject.mesh.vertices), fixed.tobytes())
         grasp_key = (contacts.points.tobytes(), contacts.normals.tobytes())
-        safe = model and model.effective_friction_angle
+        safe = model and model.sure_angle
         of_links = hand is not None and shown.held is not None and shown.held.has_joints
         cones = len(contacts.points) > 1 and not (len(approach) or of_links)
         cones_key = model and (model.friction_angle, model.tilt, safe, approach.tobytes())
@@ -169,7 +169,7 @@ class Marks:
         beta, tilt, inner = 0.0, 0.0, 0.0
         if model is not None:
             beta, tilt = model.friction_angle, model.tilt
-            inner = max(0.0, model.effective_friction_angle)
+            inner = max(0.0, model.sure_angle)
         for angle, markers in (
             (beta, (self._hidden_cones, self._cones)),
             (inner, (self._hidden_safe_cones, self._safe_cones)),

@@ -118,7 +118,7 @@ def label_codes(subject: Subject, worst: Floats, best: Floats, model: GraspModel
     """
     codes = label_angles(worst, best, model)
     if not subject.covers(model):
-        stable, searched = model.effective_friction_angle, subject.cone + ROUNDING
+        stable, searched = model.sure_angle, subject.cone + ROUNDING
         hidden = (codes == Label.M) & (worst > searched) & (stable > searched)
         codes[(codes == Label.U) | hidden] = UNSEARCHED
     return codes
@@ -179,7 +179,7 @@ def corner_coordinates(
 
 
 def _label_coordinates(worst: Floats, best: Floats, model: GraspModel) -> npt.NDArray[np.float32]:
-    both = [_about(worst, model.effective_friction_angle), _about(best, model.unstable_from)]
+    both = [_about(worst, model.sure_angle), _about(best, model.unstable_from)]
     return np.stack(both, axis=1).astype(np.float32)
 
 
@@ -212,7 +212,7 @@ def texture_image(subject: Subject, paint: Paint, model: GraspModel) -> Bytes:
     elif paint == "max_resolution":
         values = 2.0 * (_sharp(model) - angles) / math.radians(ramp.maximum)
     elif paint == "margin":
-        colors = margin_colors(model.effective_friction_angle - angles, model)
+        colors = margin_colors(model.sure_angle - angles, model)
     if colors is None:
         colors = ramp.colors[np.clip(values * STEPS, 0, STEPS - 1).astype(int)]
     return np.stack([colors, np.broadcast_to(PALETTE[UNSEARCHED], (WIDE, 3))])
@@ -220,7 +220,7 @@ def texture_image(subject: Subject, paint: Paint, model: GraspModel) -> Bytes:
 
 def _sharp(model: GraspModel) -> float:
     """Critical angle below which a grasp is S with a sensor that resolves everything [rad]."""
-    return model.effective_friction_angle + model.sensor_resolution / 2.0
+    return model.sure_angle + model.sensor_resolution / 2.0
 
 
 def faded(image: Bytes) -> Bytes:
@@ -332,7 +332,7 @@ def same_settings(computed: GraspModel, model: GraspModel) -> bool:
 def _labels(subject: Subject, model: GraspModel) -> Bytes:
     """Colours below and above the limit of S (columns) and of U (rows), shape (2, 2, 3)."""
     covered = subject.covers(model)
-    maybe_missed = model.effective_friction_angle > subject.cone + ROUNDING
+    maybe_missed = model.sure_angle > subject.cone + ROUNDING
     between = UNSEARCHED if maybe_missed and not covered else Label.M
     beyond = Label.U if covered else UNSEARCHED
     return np.asarray(PALETTE[[[Label.S, between], [Label.S, beyond]]])

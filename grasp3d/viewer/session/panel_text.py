@@ -149,7 +149,7 @@ def _rule(session: Session) -> str:
     if model.fingers != fingers:
         model = replace(model, fingers=fingers)
     name = "β*" if model.location_error == 0.0 else "located β*"
-    stable = math.degrees(model.effective_friction_angle)
+    stable = math.degrees(model.sure_angle)
     limit = model.unstable_from
     below = f"S below {stable:.1f}°" if stable > 0.0 else "no S"
     above = "no U" if math.isinf(limit) else f"U from {math.degrees(limit):.1f}° on"
