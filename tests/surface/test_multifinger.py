@@ -79,6 +79,22 @@ def test_the_result_does_not_depend_on_threads_and_only_the_seed_changes_it() ->
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("factor", [1000.0, 0.0254, 7.3])
+@pytest.mark.parametrize("shape", ["wedge", "tapered", "box"])
+def test_the_unit_of_lengths_changes_no_letter(shape: str, factor: float) -> None:
+    """On regular shapes many grasps are equally good, and rounding errors must not choose."""
+    mesh = labelled(shape, 3).mesh
+    both = [load_mesh((f * mesh.vertices, mesh.faces), max_edge=10.0 * f) for f in (1.0, factor)]
+    sampling = MultifingerSampling(search_angle=SEARCH_ANGLE, candidates=32)
+    for fingers in (3, 4):
+        model = GraspModel(fingers=fingers)
+        one, other = (label_surface(of, model, sampling=sampling) for of in both)
+        moved = other.partners / both[1].size - one.partners / both[0].size
+        assert np.abs(np.nan_to_num(moved)).max() < 1e-6
+        assert np.array_equal(one.label, other.label)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["wedge", "tapered"])
 @pytest.mark.parametrize("fingers", [3, 4, 5])
 def test_every_grasp_has_the_angle_of_its_label(shape: str, fingers: int) -> None:

@@ -145,6 +145,9 @@ MIN_FRACTION, DECLINE = 0.65, 1.5
 """Fraction of the largest spacing to which smaller distances are raised, and the exponent with
 which it falls with the fraction of the samples that remain (Yuksel's beta and gamma)."""
 
+SAME_PLACE = 2**40
+"""Weight of two samples at one place."""
+
 MAX_NEIGHBOURS = 48
 """Nearest samples that are weighted: more than evenly spread samples have within the radius, so
 only dense regions are truncated. They are found anew whenever half of the samples are gone."""
@@ -240,7 +243,10 @@ def _eliminate(
 
 
 def _crowding(points: Floats, normals: Floats, clipped_distance: float, widest: float) -> csr_array:
-    """Weights of all pairs of samples, shape (m, m): 1 for equal ones, 0 from `widest` on."""
+    """Weights of all pairs of samples, whole numbers (m, m): 0 from `widest` on.
+
+    Rounding errors would decide between samples that are equally crowded.
+    """
     near = min(MAX_NEIGHBOURS, len(points))
     hits = cKDTree(points).query(points, np.arange(2, near + 1), distance_upper_bound=widest)
     distance, other = np.asarray(hits[0]), np.asarray(hits[1])  # (m, near - 1)
@@ -249,7 +255,8 @@ def _crowding(points: Floats, normals: Floats, clipped_distance: float, widest: 
     facing = np.einsum("ij,ij->i", normals[one], normals[two]) >= 0.0
     one, two, column = one[facing], two[facing], column[facing]
     amount = (1.0 - np.maximum(distance[one, column], clipped_distance) / widest) ** SHARPNESS
-    crowding = csr_array((amount, (one, two)), shape=(len(points),) * 2)
+    whole = np.rint(SAME_PLACE * amount).astype(np.int64)
+    crowding = csr_array((whole, (one, two)), shape=(len(points),) * 2)
     return csr_array(crowding.maximum(crowding.T))
 
 

@@ -9,7 +9,7 @@ so far, so the search may miss a grasp, but every grasp that it returns is real.
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from grasp3d._kernels.search.multifinger_grasps import (
     make_best_grasps,
     make_search_workspace,
 )
-from grasp3d.arrays import Bytes, Ints
+from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
@@ -65,6 +65,10 @@ NEIGHBOUR_STEPS = 40
 SWEEPS = 3
 """Rounds in which the grasps of neighbouring vertices are evaluated."""
 
+GRID = 2.0**28
+"""Positions and normals are whole multiples of 1 / GRID while grasps are sought, in object sizes;
+the grasps that are found are evaluated where they are."""
+
 MIN_GAIN = 0.1
 """Smallest decrease of a critical angle that counts, relative to the tolerance."""
 
@@ -102,8 +106,38 @@ def search(
     Raises:
         SettingError: The mesh has fewer vertices than fingers, or is smaller than the separation.
     """
+    if (sampling.min_separation or 0.0) > mesh.size:
+        raise SettingError(
+            f"min_separation is {sampling.min_separation:g}, but no two points of the object, of "
+            f"size {mesh.size:.4g}, are that far apart"
+        )
     with ThreadPoolExecutor(thread_count()) as executor:
-        return _Search(mesh, fingers, sampling, cone, executor).run()
+        return _Search(*_without_unit(mesh, sampling), fingers, cone, executor).run()
+
+
+def _without_unit(
+    mesh: ObjectMesh, sampling: MultifingerSampling
+) -> tuple[ObjectMesh, MultifingerSampling]:
+    """The object and the limits of distances in the normalised frame, without their last digits.
+
+    The rounding errors in these depend on the unit of lengths, and on a regular object, where many
+    grasps are equally good, they would choose among them.
+    """
+    corners, least = mesh.corner_normals, sampling.min_separation
+    smaller = replace(
+        mesh,
+        vertices=locked(_on_grid(mesh.normalized)),
+        corner_normals=replace(corners, normals=locked(_on_grid(corners.normals))),
+        center=np.zeros(3),
+        size=1.0,
+    )
+    most = float(_on_grid(sampling.max_opening / mesh.size))
+    least = None if least is None else float(_on_grid(least / mesh.size))
+    return smaller, replace(sampling, max_opening=most, min_separation=least)
+
+
+def _on_grid(values: ArrayLike) -> Floats:
+    return np.asarray(np.rint(GRID * np.asarray(values, np.float64)) / GRID + 0.0)  # no -0.0
 
 
 @dataclass(eq=False)
@@ -111,8 +145,9 @@ class _Search:
     """State of one search, in the normalised frame, scaled to a largest distance of about 1."""
 
     mesh: ObjectMesh
-    fingers: int
+    """In the normalised frame, as the limits of distances of the sampling."""
     sampling: MultifingerSampling
+    fingers: int
     cone: float
     executor: ThreadPoolExecutor
     evaluated: int = field(default=0, init=False)
@@ -121,12 +156,7 @@ class _Search:
         mesh, sampling = self.mesh, self.sampling
         separation = sampling.min_separation
         if separation is None:
-            separation = min(SEPARATION * mesh.size, MAX_SEPARATION * sampling.max_opening)
-        if separation > mesh.size:
-            raise SettingError(
-                f"min_separation is {separation:g}, but no two points of the object, of size "
-                f"{mesh.size:.4g}, are that far apart"
-            )
+            separation = min(SEPARATION, MAX_SEPARATION * sampling.max_opening)
         self.min_separation = separation
         self.on_vertices = sampling.candidate_points == "vertices"
         self.vertices = mesh.contact_vertices.copy()  # kernels are compiled for such arrays
@@ -138,14 +168,14 @@ class _Search:
             self.on_vertices and len(self.vertices) <= ALL_VERTICES_FACTOR * sampling.candidates
         )
         self.points_per_vertex = len(self.vertices) if all_vertices else sampling.candidates
-        self.scale = 1.0 / min(1.0, sampling.max_opening / mesh.size)
+        self.scale = 1.0 / min(1.0, sampling.max_opening)
         self.domain = contact_domain(
             mesh, self.scale, self._candidate_points(), on_vertices=self.on_vertices
         )
         edges = self.domain.surface.points[mesh.faces]
         self.edge_length = float(np.linalg.norm(edges - np.roll(edges, 1, axis=1), axis=2).mean())
         self.step_length = math.sqrt(float(self.mesh.vertex_areas.sum()) / self.sampling.candidates)
-        self.step_length *= 0.5 * self.scale / mesh.size
+        self.step_length *= 0.5 * self.scale
 
     def run(self) -> MultifingerGrasps:
         """Search for the best grasps over the worst normals, then over the best normals."""
@@ -212,10 +242,10 @@ class _Search:
             report_progress(count / len(chunks))
 
     def _limits(self, *, best_normals: bool) -> SearchLimits:
-        sampling, unit = self.sampling, self.scale / self.mesh.size
+        sampling = self.sampling
         return SearchLimits(
-            min_distance=max(self.min_separation * unit, MIN_SEPARATION),
-            max_distance=sampling.max_opening * unit,
+            min_distance=max(self.min_separation * self.scale, MIN_SEPARATION),
+            max_distance=sampling.max_opening * self.scale,
             max_angle=self.cone,
             tolerance=MIN_GAIN * sampling.tolerance,
             margin=MIN_GAIN * sampling.tolerance,
