@@ -36,6 +36,9 @@ from grasp3d.settings.quantities import Quantity
 from grasp3d.settings.regions import Region
 
 _NONE = "none"
+SMALL = math.radians(1.0)
+"""Angle below which a number without a unit is rather meant in radians."""
+
 _METAVARS = {
     "max_memory": "GB", "worker_memory": f"GB|{_NONE}", "timeout": f"SECONDS|{_NONE}",
     "width": "PIXELS", "height": "PIXELS", "scheduler": "ADDRESS|FILE",
@@ -283,7 +286,15 @@ def _angle(option: str, *, optional: bool) -> Parser:
     def degrees(angle: float) -> str:
         return f"{math.degrees(angle):.6g}"
 
-    return one_word("DEGREES", partial(parse_angle, option), degrees, optional=optional)
+    def parse(text: str) -> float:
+        angle = parse_angle(option, text)
+        if 0.0 < abs(angle) < SMALL and text[-1].isdecimal():
+            raise SettingError(
+                f"{option} {text} is {text} degrees: write {text}deg for that, or {text}rad"
+            )
+        return angle
+
+    return one_word("DEGREES", parse, degrees, optional=optional)
 
 
 def _length(option: str, *, optional: bool) -> Parser:

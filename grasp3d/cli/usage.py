@@ -42,6 +42,18 @@ MOST_OPTIONS = 15
 LEAST_LIKENESS = 0.75
 """Least ratio of `difflib` at which an option may have been meant."""
 
+OTHER_WORDS = {
+    "--gripper": "--hand",
+    "--robot": "--hand",
+    "--weight": "--mass",
+    "--mu": "--friction",
+    "--alpha": "--sensor-resolution",
+    "--width": "--max-opening",
+    "--stroke": "--max-opening",
+    "--out": "--output",
+}
+"""Options that others have for what an option here is called."""
+
 WIDEST, LONG = 100, 20
 """Most columns of the help; most letters of a placeholder in the short help."""
 
@@ -125,7 +137,8 @@ def _value(option: Option, found: Mapping[str, Any]) -> Any:
 
 def _meant(name: str, names: list[str], prog: str) -> str:
     """Return which option may have been meant by a name, or how to find it."""
-    alike = [one for one in names if len(name) > len("--x") and name.lstrip("-") in one]
+    alike = [one for one in names if one == OTHER_WORDS.get(name)]
+    alike += [one for one in names if len(name) > len("--x") and name.lstrip("-") in one]
     alike += get_close_matches(name, names, 1, LEAST_LIKENESS)
     return f"did you mean {alike[0]}?" if alike else f"all options: {prog} {HELP_ALL}"
 

@@ -7,6 +7,9 @@ from typing import Any
 from grasp3d.errors import SettingError
 from grasp3d.settings.parsing import ParsedField, TextValue
 
+LARGEST_TYPED = 10.0
+"""Largest coefficient in a text, in which one of 50 is rather a percentage than meant."""
+
 _BETWEEN = ".."
 """Between the ends of an interval in a text."""
 
@@ -34,6 +37,11 @@ def friction_interval(value: object) -> tuple[float, float]:
         ends = []
     if len(ends) == 1:
         ends *= 2
+    if isinstance(value, str) and len(ends) == 2 and math.inf > ends[1] > LARGEST_TYPED:
+        raise SettingError(
+            f"friction must be a coefficient, at most some 2 of rubber; got {value}: is "
+            f"{ends[1] / 100.0:g} meant? (In Python numbers may be larger.)"
+        )
     if len(ends) != 2 or not all(0.0 < end < math.inf for end in ends) or ends[0] > ends[1]:
         quoted = f"{value:g}" if isinstance(value, float) else repr(value)
         raise SettingError(
