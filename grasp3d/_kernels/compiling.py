@@ -164,9 +164,9 @@ def name_of(function: Any) -> str:
 
 
 def kernel(function: Callable[..., object], **flags: Any) -> Any:
-    """Compile with Numba and cache the machine code."""
+    """Compile with Numba and cache the machine code, unless that depends on another function's."""
     compiling = inlined(function, inline="never", **flags)
-    if isinstance(compiling, Dispatcher):
+    if isinstance(compiling, Dispatcher) and function.__closure__ is None:
         vars(compiling)["_cache"] = KernelCache(function)
     return compiling
 
