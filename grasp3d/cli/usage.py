@@ -50,7 +50,6 @@ OTHER_WORDS = {
     "--alpha": "--sensor-resolution",
     "--width": "--max-opening",
     "--stroke": "--max-opening",
-    "--out": "--output",
 }
 """Options that others have for what an option here is called."""
 

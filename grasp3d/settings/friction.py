@@ -39,8 +39,8 @@ def friction_interval(value: object) -> tuple[float, float]:
         ends *= 2
     if isinstance(value, str) and len(ends) == 2 and math.inf > ends[1] > LARGEST_TYPED:
         raise SettingError(
-            f"friction must be a coefficient, at most some 2 of rubber; got {value}: is "
-            f"{ends[1] / 100.0:g} meant? (In Python numbers may be larger.)"
+            f"friction must be a coefficient, and even that of rubber is some 2; got {value}: is "
+            f"{ends[1] / 100.0:g} meant?"
         )
     if len(ends) != 2 or not all(0.0 < end < math.inf for end in ends) or ends[0] > ends[1]:
         quoted = f"{value:g}" if isinstance(value, float) else repr(value)

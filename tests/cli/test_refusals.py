@@ -21,7 +21,7 @@ label ball.ply --friction 0.6..0.4 | the smallest first
 label ball.ply --friction 0.6..0.4 | an interval of two, the smallest first
 label ball.ply --sensor-resolution 180 | below 180 degrees
 label ball.ply --sensor-resolution 0.39 | 0.39 degrees: write 0.39deg for that, or 0.39rad
-label ball.ply --friction 50 | a coefficient, at most some 2 of rubber; got 50: is 0.5 meant?
+label ball.ply --friction 50 | that of rubber is some 2; got 50: is 0.5 meant?
 label ball.ply --friction 0.4..60 | got 0.4..60: is 0.6 meant?
 label x --gripper franka | grasp3d label has no option --gripper; did you mean --hand?
 label x --mu 0.5 | did you mean --friction?

@@ -121,7 +121,8 @@ def _without_unit(
     """The object and the limits of distances in the normalised frame, without their last digits.
 
     The rounding errors in these depend on the unit of lengths, and on a regular object, where many
-    grasps are equally good, they would choose among them.
+    grasps are equally good, they would choose among them. Mass and volume, which no search needs,
+    stay as they are.
     """
     corners, least = mesh.corner_normals, sampling.min_separation
     smaller = replace(
@@ -131,7 +132,7 @@ def _without_unit(
         center=np.zeros(3),
         size=1.0,
     )
-    most = float(_on_grid(sampling.max_opening / mesh.size))
+    most = max(float(_on_grid(sampling.max_opening / mesh.size)), 1.0 / GRID)
     least = None if least is None else float(_on_grid(least / mesh.size))
     return smaller, replace(sampling, max_opening=most, min_separation=least)
 
