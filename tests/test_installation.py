@@ -69,7 +69,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
 
 def test_an_installation_brings_machine_code(installed: Installed) -> None:
     names = {Path(file).name.partition("-")[0] for file in installed.files if ".nbc" in file}
-    assert names == set(map(name_of, SIGNATURES))
+    assert names >= set(map(name_of, SIGNATURES))  # and that of kernels which these call
 
 
 def test_an_installation_brings_every_file(installed: Installed) -> None:
