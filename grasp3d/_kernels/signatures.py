@@ -35,7 +35,13 @@ from grasp3d._kernels.search import (
     rays,
     reachable_partners,
 )
-from grasp3d._kernels.surface import box_tree, face_tree, surface_contacts, visible_faces
+from grasp3d._kernels.surface import (
+    box_tree,
+    face_tree,
+    first_faces,
+    surface_contacts,
+    visible_faces,
+)
 
 
 def _array(item: types.Type, ndim: int, *, readonly: bool = False) -> types.Array:
@@ -193,6 +199,7 @@ SIGNATURES: dict[Any, list[tuple[types.Type, ...]]] = {
     pair_angles.pair_angles: [(_f3, _i1, _i1, _f2, _f2, _f2)],
     box_tree.box_tree: [(_fixed_f2, _fixed_i2)],
     box_tree.nearest_faces: [(_f2, _f, _i, _i, _BOX_TREE, _i1)],
+    first_faces.first_faces: [(_f32_2, _f32_2, _f32_1, _i, _i, _BOX_TREE, _i32_1, _f32_1)],
     rays.exploring_rays: [(_i1, _f, _f, _ORIGINS, _PAIRS)],
     wrench_problem.verify: [(_FORM, _f3, _f1, _f2, _f2, _f, _WORKSPACE, _f2, _f2)],
     rays.refining_rays: [(_i1, _f1, _f, _ORIGINS, _PAIRS)],

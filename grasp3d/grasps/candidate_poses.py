@@ -201,13 +201,12 @@ def _opposed(mesh: ObjectMesh) -> OpposedPlaces:
     found = [OpposedPlaces(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))]
     for _ in range(CROSSINGS):
         origins = points[each[going]] + along[going, None] * directions[going]
-        hits = rays.hits(origins.astype(np.float32), directions[going].astype(np.float32))
-        face = hits["primID"].astype(np.int64)
+        face, far = rays.hits(origins.astype(np.float32), directions[going].astype(np.float32))
         met = face >= 0
-        going, face = going[met], face[met]
+        going, face = going[met], face[met].astype(np.int64)
         if not len(going):
             break
-        along[going] += hits["tfar"][met]
+        along[going] += far[met]
         leaves = np.vecdot(outward[face], directions[going]) > 0.0
         exits, face = going[leaves], face[leaves]
         starts, toward = points[each[exits]], directions[exits]

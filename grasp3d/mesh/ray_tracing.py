@@ -1,19 +1,30 @@
-"""Crossings of rays, and of edges, with a surface: Embree finds the faces, 64 bits the rest."""
+"""Crossings of rays, and of edges, with a surface.
 
+Embree finds the faces in 32 bits, or where it has no package, as on ARM, a tree of boxes in 64; the
+rest is computed in 64 bits.
+"""
+
+import math
+from importlib.util import find_spec
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 
 from grasp3d._kernels.search.antipodal_candidates import BestPairs, PairLimits
 from grasp3d._kernels.search.rays import STEP, Rays, evaluate_crossings, write_rays
+from grasp3d._kernels.surface.box_tree import BoxTree, box_tree
+from grasp3d._kernels.surface.first_faces import first_faces
 from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
-from grasp3d.arrays import Bools, Floats, Ints, first_at_position, unit_rows
+from grasp3d.arrays import Bools, Floats, Ints, first_at_position, locked, unit_rows
 from grasp3d.mesh.measures import edges_of
+from grasp3d.system.context import in_threads
 
 Singles: TypeAlias = npt.NDArray[np.float32]
+Numbers: TypeAlias = npt.NDArray[np.int32]
+
+CHUNK = 4096
+"""Rays that a thread traces at once."""
 
 BESIDE = 1e-5
 """Distance from a vertex, in object sizes, within which a face is one of those around it."""
@@ -32,6 +43,52 @@ MOST_PAIRS = 5_000_000
 """Most pairs of faces, of which the first are reported."""
 
 
+class EmbreeTracer:
+    """The first faces that rays meet, by Embree."""
+
+    def __init__(self, points: Floats, faces: Ints) -> None:
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+
+        self._scene = EmbreeScene(robust=True)
+        TriangleMesh(self._scene, points.astype(np.float32), faces.astype(np.int32))
+        # The first ray makes Embree build its tree, which must not happen in two threads at once.
+        self.hits(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), None)
+
+    def hits(
+        self, origins: Singles, directions: Singles, lengths: Singles | None
+    ) -> tuple[Numbers, Singles]:
+        """See `FaceRays.hits`."""
+        found = self._scene.run(origins, directions, dists=lengths, output=1)
+        return found["primID"], found["tfar"]
+
+
+class TreeTracer:
+    """The same by our own tree of boxes."""
+
+    def __init__(self, points: Floats, faces: Ints) -> None:
+        self._tree: BoxTree = box_tree(locked(points), locked(faces))
+
+    def hits(
+        self, origins: Singles, directions: Singles, lengths: Singles | None
+    ) -> tuple[Numbers, Singles]:
+        """See `FaceRays.hits`."""
+        count = len(origins)
+        faces, far = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.float32)
+        ends = np.full(count, math.inf, dtype=np.float32) if lengths is None else lengths
+        starts, toward = (np.ascontiguousarray(one) for one in (origins, directions))
+
+        def work(rows: slice, _: Any) -> None:
+            first_faces(starts, toward, ends, rows.start, rows.stop, self._tree, faces, far)
+
+        in_threads(work, count, CHUNK)
+        return faces, far
+
+
+TRACER: type[EmbreeTracer | TreeTracer] = EmbreeTracer if find_spec("embreex") else TreeTracer
+"""What traces rays here."""
+
+
 class FaceRays:
     """Traces rays to the first face that each meets.
 
@@ -40,22 +97,22 @@ class FaceRays:
     """
 
     def __init__(self, points: Floats, faces: Ints) -> None:
-        self._scene = EmbreeScene(robust=True)
-        TriangleMesh(self._scene, points.astype(np.float32), faces.astype(np.int32))
-        # The first ray makes Embree build its tree, which must not happen in two threads at once.
-        self.hits(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+        self._tracer = TRACER(points, faces)
 
     def hits(
-        self,
-        origins: npt.NDArray[np.float32],
-        directions: npt.NDArray[np.float32],
-        lengths: npt.NDArray[np.float32] | None = None,
-    ) -> dict[str, npt.NDArray[Any]]:
-        """First face that each ray meets, as Embree's arrays; rays may end after `lengths`."""
-        hits: dict[str, npt.NDArray[Any]] = self._scene.run(
-            origins, directions, dists=lengths, output=1
-        )
-        return hits
+        self, origins: Singles, directions: Singles, lengths: Singles | None = None
+    ) -> tuple[Numbers, Singles]:
+        """The first face that each ray meets.
+
+        Args:
+            origins: Where the rays start (n, 3).
+            directions: Their unit vectors (n, 3).
+            lengths: Where they end (n,); None: nowhere.
+
+        Returns:
+            The faces, -1: none, and their distances, (n,) each.
+        """
+        return self._tracer.hits(origins, directions, lengths)
 
 
 class SurfaceRays(FaceRays):
@@ -116,10 +173,9 @@ class SurfaceRays(FaceRays):
         expanding ones an excluded face is in the way.
         """
         if self._part is not None and rays.signs[0] > 0:
-            hits = self._part.hits(origins, directions)
-            return self._numbers[hits["primID"]], hits["tfar"]
-        hits = self.hits(origins, directions)
-        faces, far = hits["primID"], hits["tfar"]
+            faces, far = self._part.hits(origins, directions)
+            return self._numbers[faces], far
+        faces, far = self.hits(origins, directions)
         if self._part is None:
             return faces, far
         excluded, count = self._excluded[faces], len(faces)
@@ -172,17 +228,17 @@ def _met(points: Floats, corners: Ints, edges: Ints) -> tuple[Ints, Ints]:
         if len(active) == 0 or traced > max(MOST_RAYS, len(edges)):
             break
         starts = origins[active] + along[active, None] * directions[active]
-        hits_found = rays.hits(
+        faces, far = rays.hits(
             starts.astype(np.float32),
             directions[active].astype(np.float32),
             (lengths[active] - along[active]).astype(np.float32),
         )
-        hit = hits_found["primID"] >= 0
-        active, faces = active[hit], hits_found["primID"][hit].astype(np.int64)
-        met.append((active, faces))
+        hit = faces >= 0
+        active, far = active[hit], far[hit]
+        met.append((active, faces[hit].astype(np.int64)))
         # A ray that makes no progress lies in a face: take a longer step.
-        step[active] = np.where(hits_found["tfar"][hit] < step[active], 2.0 * step[active], STEP)
-        along[active] += hits_found["tfar"][hit] + step[active]
+        step[active] = np.where(far < step[active], 2.0 * step[active], STEP)
+        along[active] += far + step[active]
         active = active[along[active] < lengths[active]]
     return np.concatenate([a for a, _ in met]), np.concatenate([b for _, b in met])
 

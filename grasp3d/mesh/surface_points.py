@@ -95,7 +95,7 @@ def contains(mesh: ObjectMesh, points: Floats) -> Bools:
     votes = np.zeros(len(points), dtype=np.int64)
     for direction in WAYS_OUT:
         toward = np.tile(direction, (len(points), 1))
-        face = rays.hits(origins, toward.astype(np.float32))["primID"].astype(np.int64)
+        face = rays.hits(origins, toward.astype(np.float32))[0].astype(np.int64)
         votes += (face >= 0) & (outward[face] @ direction > 0.0)
     return np.asarray(2 * votes > len(WAYS_OUT))
 

@@ -1,10 +1,13 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
-from grasp3d import load_mesh
+from grasp3d import ObjectMesh, Sampling, label_surface, load_mesh
 from grasp3d._kernels.search.antipodal_candidates import FOUND, NO_PARTNER, BestPairs
 from grasp3d._kernels.search.rays import STEP, Rays
-from grasp3d.mesh.ray_tracing import SurfaceRays
+from grasp3d.mesh import ray_tracing
+from grasp3d.mesh.ray_tracing import EmbreeTracer, SurfaceRays, TreeTracer
 from tests.helpers import oracles, shapes
 from tests.helpers.shapes import Surface
 
@@ -69,8 +72,12 @@ def empty_grasps(count: int) -> BestPairs:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("tracer", [EmbreeTracer, TreeTracer])
 @pytest.mark.parametrize("shape", [shapes.lopsided(), shapes.tube(), shapes.torus()])
-def test_every_exit_of_every_ray_is_found(shape: Surface) -> None:
+def test_every_exit_of_every_ray_is_found(
+    shape: Surface, tracer: type, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ray_tracing, "TRACER", tracer)
     expected, found = exits_found(shape, seed=2, count=40)
     assert expected > 25
     assert found == expected
@@ -83,3 +90,57 @@ def test_exits_are_found_at_any_size_and_anywhere(scale: float, offset: float) -
     expected, found = exits_found((vertices * scale + offset, faces), seed=3, count=40)
     assert expected > 25
     assert found == expected
+
+
+def rays_from(mesh: ObjectMesh, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rays from just beside the surface, in any direction."""
+    rng = np.random.default_rng(0)
+    faces, weights = rng.integers(len(mesh.faces), size=count), rng.dirichlet([1, 1, 1], size=count)
+    points = (mesh.normalized[mesh.faces[faces]] * weights[..., None]).sum(axis=1)
+    directions = rng.standard_normal((count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    origins = points + 1e-4 * directions
+    return origins.astype(np.float32), directions.astype(np.float32)
+
+
+@pytest.mark.parametrize("shape", [shapes.lopsided(), shapes.tube(), shapes.box(), shapes.torus()])
+def test_the_tree_meets_the_first_face_of_all(shape: Surface) -> None:
+    mesh = load_mesh(shape, max_edge=0.3)
+    origins, directions = rays_from(mesh, 300)
+    faces, far = TreeTracer(mesh.normalized, mesh.faces).hits(origins, directions, None)
+    ends = np.full(len(far), 0.5, dtype=np.float32) * far
+    assert (TreeTracer(mesh.normalized, mesh.faces).hits(origins, directions, ends)[0] == -1).all()
+    for origin, direction, face, distance in zip(origins, directions, faces, far, strict=True):
+        met = oracles.crossings(
+            origin.astype(float), direction.astype(float), mesh.normalized, mesh.faces
+        )
+        ahead = [(t, f) for f, t in met if t > 1e-9]
+        assert (face >= 0) == bool(ahead)
+        if ahead:
+            assert distance == pytest.approx(min(ahead)[0], abs=1e-6)
+            assert any(f == face and t - min(ahead)[0] < 1e-6 for t, f in ahead)
+
+
+def test_both_tracers_meet_the_same_faces_but_for_those_at_the_rays_start() -> None:
+    mesh = load_mesh(shapes.LIBRARY / "mug.glb")
+    origins, directions = rays_from(mesh, 100_000)
+    (own, far), (theirs, distance) = (
+        kind(mesh.normalized, mesh.faces).hits(origins, directions, None)
+        for kind in (TreeTracer, EmbreeTracer)
+    )
+    same = (own == theirs) | (np.abs(far - distance) < 1e-5)
+    assert (~same).mean() < 1e-3
+    assert ((own >= 0) == (theirs >= 0)).mean() > 0.999
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("grip", ["both", "expand"])
+@pytest.mark.parametrize("name", ["mug.glb", "torus.glb", "wrench.glb"])
+def test_labels_are_those_of_the_other_tracer(
+    name: str, grip: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh = load_mesh(shapes.LIBRARY / name, unit="m")
+    labels = label_surface(mesh, sampling=Sampling(grip=grip))
+    monkeypatch.setattr(ray_tracing, "TRACER", TreeTracer)
+    own = label_surface(mesh, sampling=Sampling(grip=grip))
+    assert (own.label != labels.label).mean() < 2e-3

@@ -123,7 +123,7 @@ def _mean_normal(triangles):
     """Unit vector along the sum of some faces' areas, or any one where that is zero."""
     x, y, z = 0.0, 0.0, 0.0
     for i in range(triangles.shape[0]):
-        _, u, w = _corner_and_edges(triangles[i])
+        _, u, w = corner_and_edges(triangles[i])
         x = x + u[1] * w[2] - u[2] * w[1]
         y = y + u[2] * w[0] - u[0] * w[2]
         z = z + u[0] * w[1] - u[1] * w[0]
@@ -149,7 +149,7 @@ def _clamped(value):
 
 
 @merged
-def _corner_and_edges(triangle):
+def corner_and_edges(triangle):
     """First corner of a triangle of nine numbers, and the edges from it to the other two."""
     a = triple(triangle, 0)
     return a, difference(triple(triangle, 3), a), difference(triple(triangle, 6), a)
@@ -176,7 +176,7 @@ def _distance_to_box(p, box):
 @part
 def triangle_distance(p, triangle):
     """Squared distance of a point from a triangle, nine numbers (Ericson 2005, Sec. 5.1.5)."""
-    a, u, w = _corner_and_edges(triangle)
+    a, u, w = corner_and_edges(triangle)
     r = difference(p, a)
     ur, wr, uu, uw, ww = dot(u, r), dot(w, r), dot(u, u), dot(u, w), dot(w, w)
     area = uu * ww - uw * uw
@@ -278,7 +278,7 @@ def _segments_distance(r, u, v):
 @part
 def _crosses(start, end, triangle):
     """Whether a segment crosses a triangle."""
-    a, u, w = _corner_and_edges(triangle)
+    a, u, w = corner_and_edges(triangle)
     n = cross(u, w)
     one, two = dot(n, difference(start, a)), dot(n, difference(end, a))
     if not ((one < 0.0 < two) or (two < 0.0 < one)):
