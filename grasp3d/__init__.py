@@ -1,6 +1,6 @@
 """Where on an object is a grasp reliable for a tactile fingertip of known resolution?
 
-Conventions: positions in the mesh's own unit and frame, normals inward, angles in radians.
+Conventions: positions in the mesh's frame, lengths in metres, angles in radians, normals inward.
 
 The names here are those of everyday use; `__init__.pyi` lists them. The others are imported from
 their packages: `grasp3d.contact`, `quality`, `stability`, `mesh`, `surface`, `grasps`, `diagnosis`,

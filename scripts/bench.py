@@ -42,7 +42,6 @@ from grasp3d.arrays import Floats
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.grasps import GraspPoses
 from grasp3d.hand.closing import close_jaws
-from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.mesh.ray_tracing import FaceRays
 from grasp3d.quality.wrenches import wrenches
 from grasp3d.settings import search_cone
@@ -161,7 +160,7 @@ def gripper() -> Iterator[Row]:
     poses = best[random.integers(len(best), size=2000)].copy()
     turns = Rotation.from_rotvec(random.normal(0.0, 0.15, (len(poses), 3))).as_matrix()
     poses[:, :3, :3] = poses[:, :3, :3] @ turns
-    poses[:, :3, 3] += random.normal(0.0, 0.005, (len(poses), 3)) / metres_per_unit(mesh)
+    poses[:, :3, 3] += random.normal(0.0, 0.005, (len(poses), 3))
     free, fixed = (
         best_time(partial(close_jaws, mesh, poses, hand, object_motion=motion), 1) / len(poses)
         for motion in ("free", "fixed")

@@ -33,7 +33,6 @@ from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.batch import ClusterSettings
 from grasp3d.grasps import GraspPoses
 from grasp3d.grasps.pose_files import write_poses
-from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.physics import SimulationSettings, simulate_poses
 from grasp3d.physics.simulate import divided
 from grasp3d.validating import SCORES
@@ -117,7 +116,7 @@ def proposed(
     y = unit_rows(np.cross(random.standard_normal(x.shape), x))
     z = np.cross(x, y)
     half = 0.5 * hand.pad_height
-    along = random.uniform(-half, half + PAST, (len(x), 1)) / metres_per_unit(mesh)
+    along = random.uniform(-half, half + PAST, (len(x), 1))
     poses = np.tile(np.eye(4), (len(x), 1, 1))
     poses[:, :3, :3] = np.stack([x, y, z], axis=2)
     poses[:, :3, 3] = middles - along * z
@@ -136,13 +135,12 @@ def poses_of(
 ) -> GraspPoses:
     """The poses that are simulated, with where their contacts are."""
     random = np.random.default_rng(seed)
-    metres = metres_per_unit(mesh)
     found = grasp3d.evaluate_grasps(mesh, proposed(mesh, hand, random), hand=hand)
     jaws = found.jaws
     from_tcp = jaws.points - jaws.poses[:, None, :3, 3]
-    heights = metres * (from_tcp * jaws.poses[:, None, :3, 2]).sum(axis=2)  # (k, 2)
+    heights = (from_tcp * jaws.poses[:, None, :3, 2]).sum(axis=2)  # (k, 2)
     end = hand.end - heights.max(axis=1)
-    area = metres**2 * jaws.area.min(axis=1)
+    area = jaws.area.min(axis=1)
     strata = 4 * found.label + 2 * (end < NEAR) + (area < SMALL)
     usable = np.flatnonzero(found.reachable)
     rows = usable[chosen(strata[usable], count, random)]
@@ -150,7 +148,7 @@ def poses_of(
     off = np.abs([parts.depths(jaws.points[rows, jaw]) for jaw in range(2)]).max(axis=0)
     columns = {
         "end_distance_m": end[rows], "area_m2": area[rows], "settling_turn": jaws.turn[rows],
-        "part_depth_m": metres * off,
+        "part_depth_m": off,
     }  # fmt: skip
     return replace(found.given.take(rows), columns=columns)
 

@@ -73,7 +73,7 @@ def test_volume_and_centre_of_mass_agree_with_manifold_and_trimesh(path: Path) -
     mesh = load_mesh(path, max_edge=1e9, repair="full" if path.name in OPEN else "safe")
     assert mesh.report.closed
     raw = read_mesh(path)
-    points = (raw.vertices - mesh.center) / mesh.size
+    points = (mesh.file_scale * raw.vertices - mesh.center) / mesh.size
     if path.name in REFUSED:
         solid = solid_of(mesh.normalized, mesh.faces)
     else:

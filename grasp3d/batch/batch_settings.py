@@ -7,9 +7,9 @@ from typing import Annotated
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.quality.loads import Load
-from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling
+from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling, given_sampling
 from grasp3d.settings.checks import check_range
-from grasp3d.settings.parsing import Main
+from grasp3d.settings.parsing import Main, Settings
 from grasp3d.settings.regions import Mask
 
 MIN_WORKER_MEMORY = 0.5
@@ -19,6 +19,8 @@ MIN_WORKER_MEMORY = 0.5
 @dataclass(frozen=True)
 class BatchSettings:
     """Settings with which all meshes are labelled, or for which they are checked.
+
+    Each may also be a dict of fields, and the load a mass, '0.5kg'.
 
     Attributes:
         sampling: How grasps are searched for; settings that state nothing but a search angle or a
@@ -36,6 +38,14 @@ class BatchSettings:
     load: Load | None = None
 
     def __post_init__(self) -> None:
+        kinds: dict[str, type[Settings]] = {
+            "model": GraspModel, "mesh": MeshOptions, "reach": ReachSettings, "load": Load
+        }  # fmt: skip
+        for name, kind in kinds.items():
+            given = kind.given(name, getattr(self, name))
+            object.__setattr__(self, name, given if name == "load" else given or kind())
+        sampling = given_sampling(self.model, self.sampling) or Sampling()
+        object.__setattr__(self, "sampling", sampling)
         check_range("the number of best grasps", self.best, 0)
         if self.reach.pose_error and not self.best:
             raise SettingError("a pose error tries wrong poses of the best grasps; ask for one")

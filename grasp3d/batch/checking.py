@@ -61,7 +61,7 @@ def lost_check(mesh: MeshFile, reason: str) -> CheckedMesh:
 
 
 def write_checks(path: Path, meshes: Sequence[CheckedMesh], settings: BatchSettings) -> None:
-    """Write the checks of meshes as JSON; lengths in each mesh's unit, angles in radians.
+    """Write the checks of meshes as JSON; lengths in metres, angles in radians.
 
     Args:
         path: File to make or replace.

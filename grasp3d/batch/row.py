@@ -35,9 +35,9 @@ class BestGrasp:
     epsilon: float
     """At the nominal normals."""
     opening: float
-    """Largest distance between two contacts, in the mesh's unit."""
+    """Largest distance between two contacts [m]."""
     points: tuple[tuple[float, float, float], ...]
-    """Contact points, in the mesh's unit and frame."""
+    """Contact points, in the mesh's frame."""
     normals: tuple[tuple[float, float, float], ...]
     """Outward unit normals at the contact points."""
     label: str = ""
@@ -80,7 +80,7 @@ class Row:
     sensor_resolution: float | None = None
     """Resolution alpha of the labels [rad]."""
     location_error: float | None = None
-    """Largest distance between true and perceived contact points, in the mesh's unit."""
+    """Largest distance between true and perceived contact points [m]."""
     fingers: int | None = None
     gripper: str | None = None
     """Name of the gripper that must reach the grasps."""
@@ -122,7 +122,7 @@ class Row:
     vertices: int | None = None
     faces: int | None = None
     size: float | None = None
-    """Diameter of the surface's bounding sphere, in the mesh's unit."""
+    """Diameter of the surface's bounding sphere [m]."""
     unit: str | None = None
     closed: bool | None = None
     area: float | None = None
@@ -130,7 +130,7 @@ class Row:
     """Enclosed volume; none where the surface is open."""
     center_mass: tuple[float, float, float] | None = None
     torque_scale: float | None = None
-    """Length by which torques are divided in epsilon, in the mesh's unit."""
+    """Length by which torques are divided in epsilon [m]."""
     stable: float | None = None
     """Area fraction of S."""
     ambiguous: float | None = None

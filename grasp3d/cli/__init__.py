@@ -14,8 +14,6 @@ from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
 
-from docstring_parser import parse_from_object
-
 from grasp3d._kernels import compilations
 from grasp3d.cli.commands import (
     Batch,
@@ -29,8 +27,9 @@ from grasp3d.cli.commands import (
 )
 from grasp3d.cli.tool_commands import Design, Hand, Paper
 from grasp3d.cli.usage import HELP, HELP_ALL, help_of, parse
-from grasp3d.errors import GraspError, SettingError
+from grasp3d.errors import GraspError, MeshError, SettingError
 from grasp3d.system.context import running
+from grasp3d.system.documents import problem_of_file
 from grasp3d.system.limited_reading import limited_reading
 from grasp3d.system.names import printable
 from grasp3d.system.versions import package_version
@@ -106,7 +105,7 @@ def _run(arguments: list[str]) -> int:
         print(f"grasp3d {package_version()}")  # noqa: T201
         return 0
     if name in {*HELP, HELP_ALL}:
-        texts = ((name, parse_from_object(kind).short_description) for name, kind in KINDS.items())
+        texts = ((name, (kind.__doc__ or "").partition("\n")[0]) for name, kind in KINDS.items())
         lines = "\n".join(f"  {name:9} {text}" for name, text in texts)
         print(PROGRAM_HELP.format(lines), end="")  # noqa: T201
         return 0
@@ -119,6 +118,7 @@ def _run(arguments: list[str]) -> int:
     if getattr(command, "quiet", False):
         compilations.setLevel(logging.ERROR)
     try:
+        _check_file(getattr(command, "file", None))
         with _without_collections():
             begin_test(getattr(command, "file", None), pictures=getattr(command, "best", None))
             module = import_module(f"{__name__}.{type(command).__name__.lower()}")
@@ -126,6 +126,16 @@ def _run(arguments: list[str]) -> int:
             return int(module.run(command))
     finally:
         compilations.setLevel(level)
+
+
+def _check_file(file: object) -> None:
+    """Refuse a mesh that is not there before the modules are loaded that read it: that takes 2 s.
+
+    Raises:
+        MeshError: There is no such file; whether it is a mesh, is seen later.
+    """
+    if isinstance(file, Path) and not file.is_dir() and (problem := problem_of_file(file)):
+        raise MeshError(f"{file}: {problem}")
 
 
 @contextmanager

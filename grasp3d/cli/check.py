@@ -79,7 +79,7 @@ def _print_page(report: Report, mesh: CheckedMesh) -> None:
     report.paragraph(f"[bold]{escaped(diagnosis.mesh)}[/]: {file}")
     report.lines([_unit(diagnosis)], "unit:")
     extents = " x ".join(f"{extent:.4g}" for extent in diagnosis.extents)
-    unit = f" {diagnosis.unit}" if diagnosis.unit else ""
+    unit = " m" if diagnosis.unit else ""
     size = f"{diagnosis.size:.4g}{unit} (diameter of the bounding sphere)"
     report.line(f"extents {extents}{unit}; size {size}")
     report.table(_measures(diagnosis))
@@ -108,20 +108,18 @@ def _colored(trust: Trust, text: str | None = None) -> str:
 
 
 def _unit(diagnosis: MeshDiagnosis) -> str:
-    if diagnosis.unit is None:
+    if diagnosis.file_unit is None:
         return f"not stated; {diagnosis.guess.reason}"
-    if diagnosis.guess.unit in {None, diagnosis.unit}:
-        return diagnosis.unit
+    if diagnosis.guess.unit in {None, diagnosis.file_unit}:
+        return diagnosis.file_unit
     suggested = f"its size suggests {diagnosis.guess.unit}: {diagnosis.guess.reason}"
-    return f"{diagnosis.unit} as stated; {suggested}"
+    return f"{diagnosis.file_unit} as stated; {suggested}"
 
 
 def _measures(diagnosis: MeshDiagnosis) -> Table:
     """Return a table of the measures before and after repair."""
     before, after = both = diagnosis.before, diagnosis.after
-    length, area, volume = (
-        f", {diagnosis.unit}{power}" if diagnosis.unit else "" for power in ("", *"²³")
-    )
+    length, area, volume = (f", m{power}" if diagnosis.unit else "" for power in ("", *"²³"))
     shift = diagnosis.center_shift if before.closed and after.closed else 0.0
     cavities = f", cavities: {diagnosis.cavities}" if diagnosis.cavities else ""
     volumes = ("open" if state.volume is None else f"{state.volume:.5g}" for state in both)
@@ -204,7 +202,7 @@ def _cells(mesh: CheckedMesh) -> list[str]:
     if diagnosis is None:
         return [escaped(mesh.name), "[red]failed[/]", *[""] * 7]
     before, after = ("yes" if one.closed else "no" for one in (diagnosis.before, diagnosis.after))
-    unit = diagnosis.unit or (f"{diagnosis.guess.unit}?" if diagnosis.guess.unit else "?")
+    unit = "m" if diagnosis.unit else f"{diagnosis.guess.unit or ''}?"
     return [
         escaped(mesh.name),
         _colored(diagnosis.trust),

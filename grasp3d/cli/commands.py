@@ -40,8 +40,8 @@ from grasp3d.settings import (
     PoseFormat,
     Sampling,
 )
-from grasp3d.settings.lengths import parse_position
 from grasp3d.settings.parsing import Group, Main
+from grasp3d.settings.units import parse_position
 from grasp3d.validating.validation_settings import ValidationSettings
 from grasp3d.viewer.view_settings import ViewSettings
 
@@ -146,7 +146,7 @@ class Sweep(Guarded):
 
 
 At = Annotated[tuple[str, ...], REPEATED, Stated(metavar="X,Y,Z")]
-"""Points of a surface, in the mesh's unit or each length with a unit."""
+"""Points of a surface, in metres or each length with a unit."""
 
 
 @dataclass(frozen=True)
@@ -306,7 +306,7 @@ class Evaluate(Guarded, GivenPoses):
     closed on the object.
 
     Example:
-        # Evaluate the grasps in a table, in the unit of the mesh
+        # Evaluate the grasps in a table, in the unit that it states or else that of the mesh's file
         grasp3d evaluate meshes/mug.glb grasps.csv --friction 0.8
         # Accept contacts up to 5 mm from the surface
         grasp3d evaluate meshes/mug.glb grasps.csv --max-distance 5mm -o evaluated.json
@@ -320,7 +320,7 @@ class Evaluate(Guarded, GivenPoses):
         Stated(metavar="CONTACTS"),
         Main("contacts, or poses of a gripper or a hand"),
     ]
-    """Contact points in the mesh's frame and unit: CSV or Parquet with columns x1 y1 z1 x2 y2 z2
+    """Contact points in the mesh's frame: CSV or Parquet with columns x1 y1 z1 x2 y2 z2
     ... and one row per grasp, or JSON with a list of grasps, each a list of points [x, y, z]. Or
     poses of a gripper: the files that grasp3d writes; isaac_grasp (.yaml); ACRONYM (.h5); GraspNet
     (.npy); GraspGen and moveit_msgs/Grasp (.json); of hands with joints DexGraspBench and

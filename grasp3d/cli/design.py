@@ -8,7 +8,7 @@ from grasp3d.cli.report import Report, exact_angle, table_of
 from grasp3d.cli.tool_commands import Design
 from grasp3d.contact.friction_cones import effective_friction
 from grasp3d.contact.sensor import MARGIN_ROUNDING, Sensor, required_counts, resolution_limit
-from grasp3d.settings.lengths import length_in_unit
+from grasp3d.settings.units import Metres
 
 FRICTIONS = tuple(step / 10.0 for step in range(1, 11))
 """Coefficients of friction if neither they nor a sensor are given."""
@@ -40,8 +40,8 @@ def run(command: Design) -> int:
 
 def _millimetres(command: Design, name: str) -> float | None:
     """A length of the options [mm]; None: it is not given."""
-    length: float | None = length_in_unit(name, getattr(command, name), "mm")
-    return length
+    length: float | None = getattr(command, name)
+    return 1000.0 * length if isinstance(length, Metres) else length
 
 
 def _sensor(command: Design, radius: float) -> Sensor | None:

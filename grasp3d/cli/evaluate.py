@@ -11,9 +11,15 @@ from grasp3d.cli.existing_files import check_not_source, check_not_task, check_o
 from grasp3d.errors import ContactError, MeshError, SettingError
 from grasp3d.grasps.audit import explained
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.evaluation import evaluate_contacts, evaluate_grasps, poses_on
+from grasp3d.grasps.evaluation import (
+    contacts_on,
+    evaluate_contacts,
+    evaluate_grasps,
+    poses_on,
+)
 from grasp3d.grasps.grasp_files import (
     SUFFIXES,
+    contacts_in,
     read_contacts,
     read_grasps,
     write_grasps,
@@ -148,9 +154,10 @@ def _evaluate_contacts(command: Evaluate, output: Path) -> Mapping[str, Floats] 
     stated = {**_of_poses(command), "frame": command.frame}
     if any(given is not None for given in stated.values()):
         read_grasps(command.contacts, **stated)  # says that it is for poses
-    contacts = read_contacts(command.contacts)
+    contacts, unit = contacts_in(command.contacts)
     model = with_fingers(command.model, contacts.shape[1])
     mesh, load = load_mesh(command.file, command.mesh), command.load.chosen
+    contacts = contacts_on(mesh, contacts, unit)
     _refuse_lengths(command, mesh, model)
     with progress_bars.progress(f"evaluating {command.contacts.name}", quiet=command.quiet):
         results = evaluate_contacts(

@@ -118,7 +118,7 @@ def print_best(
 
 def _why_fewer(grasps: GraspTable | EvaluatedPoses, pool: EvaluatedPoses | None) -> str:
     """Why there are not as many best grasps as were requested."""
-    apart = f"{distance_of_distinct(grasps.mesh):.2g} {grasps.mesh.unit or ''}".rstrip()
+    apart = grasps.mesh.length_text(distance_of_distinct(grasps.mesh), 2)
     near = f"nearer than {apart} to one of these"
     if pool is None:
         return f"all others that may hold are {near}"
@@ -213,7 +213,7 @@ def _legend(grasps: GraspTable) -> str:
 def pose_legend(poses: EvaluatedPoses) -> str:
     """Meaning of the columns of poses."""
     forces = _NEEDS if poses.load is not None else ""
-    return f"{_POSE}{forces}{_TOUCHED}opening in {poses.mesh.unit}"
+    return f"{_POSE}{forces}{_TOUCHED}opening in m"
 
 
 def frame_text(pose: ObjectPose | None) -> str:

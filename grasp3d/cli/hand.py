@@ -13,7 +13,6 @@ from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.hand import Hand as AnyHand
 from grasp3d.hand.hand_files import read_hand, write_hand
 from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper, preset_names
-from grasp3d.settings.lengths import length_in_unit
 
 HEADINGS = ("name", "opening,\nmm", "fingers,\nmm", "pads,\nmm", "force,\nN", "sensor\nresolution")
 """Of the table of grippers that are known by name."""
@@ -32,10 +31,10 @@ def run(command: Hand) -> int:
     check_output(command.output, [".json"], "gripper", overwrite=command.overwrite)
     for path in (command.picture, command.frames):
         check_output(path, METADATA, "figure", overwrite=command.overwrite)
-    tcp = length_in_unit("tcp", command.tcp, "m")
     hand = read_hand(
-        command.hand, fingers=command.fingers, palm=command.palm, tcp=tcp, preset=command.preset
-    )
+        command.hand, fingers=command.fingers, palm=command.palm, tcp=command.tcp,
+        preset=command.preset,
+    )  # fmt: skip
     if command.frames is not None and not isinstance(hand, ParallelGripper):
         raise SettingError(f"--frames is for parallel grippers; {hand.name!r} is none")
     if command.output is not None:

@@ -27,8 +27,7 @@ from grasp3d.cli.report import (
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.motor_holding import load_text
 from grasp3d.grasps.ranking import ranked_rows
-from grasp3d.hand.jaws import metres_per_unit
-from grasp3d.settings.lengths import small_length
+from grasp3d.settings.units import small_length
 from grasp3d.stability.label import Label
 from grasp3d.surface.area_statistics import quantiles
 from grasp3d.system.counts import counted
@@ -59,7 +58,7 @@ def print_hand_grasps(grasps: EvaluatedHandGrasps, *outputs: Path) -> None:
         outputs: The files that they were written to.
     """
     report, mesh, size = Report(), grasps.mesh, grasps.size
-    distance = small_length(grasps.contact_distance, mesh.unit)
+    distance = small_length(grasps.contact_distance, metres=True)
     report.heading(
         mesh.report.source,
         f"{counted(size, 'poses')} of hand {escaped(grasps.hand.name)}; "
@@ -93,7 +92,7 @@ def _lengths(grasps: EvaluatedHandGrasps) -> str:
         known = values[~np.isnan(values)]
         if len(known):
             levels = quantiles(known, LEVELS, np.ones(len(known)))
-            lengths = (small_length(value, grasps.mesh.unit, 2) for value in levels)
+            lengths = (small_length(value, metres=True, digits=2) for value in levels)
             texts.append(f"{name} {', '.join(lengths)}")
     return f"{PERCENTS} of the poses: {'; '.join(texts)}"
 
@@ -113,10 +112,9 @@ def _verdict(grasps: EvaluatedHandGrasps) -> str:
 
 def _columns(grasps: EvaluatedHandGrasps) -> list[Column]:
     """The columns of a table of poses."""
-    metres = metres_per_unit(grasps.mesh)
 
     def gap(row: int) -> str:
-        return "none" if math.isnan(grasps.gap[row]) else f"{1e3 * metres * grasps.gap[row]:.1f}"
+        return "none" if math.isnan(grasps.gap[row]) else f"{1e3 * grasps.gap[row]:.1f}"
 
     holding = grasps.motor_holding
     held: list[Column] = []

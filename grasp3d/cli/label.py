@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from grasp3d.arrays import Floats
 from grasp3d.cli import grasp_report, progress_bars
 from grasp3d.cli.commands import Label
 from grasp3d.cli.existing_files import check_not_task, check_output
@@ -31,12 +32,13 @@ from grasp3d.grasps.grasp_files import SUFFIXES, write_grasps
 from grasp3d.grasps.pose_files import SUFFIXES as POSES
 from grasp3d.grasps.pose_files.files import check_frame, check_hand, format_of, suffixes_of
 from grasp3d.grasps.verdict import verdict_of
+from grasp3d.hand.jaws import AXES
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh.surface_points import nearest_vertex
 from grasp3d.settings import AnySampling
-from grasp3d.settings.lengths import Unit, parse_position
 from grasp3d.settings.model_text import MINIMUM
 from grasp3d.settings.parsing import plain_values
+from grasp3d.settings.units import Unit, parse_position
 from grasp3d.stability.label import Label as Letter
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.grasp_table import GraspTable
@@ -246,20 +248,28 @@ def _scene_text(scene: Scene, size: float, unit: Unit | None) -> str:
     hand, table, approach = scene.hand, scene.table, scene.approach
     text = f"gripper {escaped(hand.name)}, stroke {1000.0 * hand.max_opening:.4g} mm"
     if table is not None:
-        up = ", ".join(f"{number + 0.0:.3g}" for number in table.normal)
         height = round(table.offset / size, 9) * size + 0.0  # without rounding errors
-        text += f"; table at {length_with_unit(height, unit)}, up ({up})"
+        text += f"; table at {length_with_unit(height, unit)}"
         if table.probability is not None:
             text += f", resting pose of probability {100.0 * table.probability:.0f} %"
     if approach.within < math.pi:
-        text += f"; approach within {math.degrees(approach.within):.4g}°"
+        text += f"; approach within {math.degrees(approach.within):.4g}° of straight down"
+    if table is not None or approach.within < math.pi:
+        option = "" if table is not None and table.probability is not None else " (--up)"
+        text += f"; up is {_direction(scene.up)}{option}"
     return text
+
+
+def _direction(vector: Floats) -> str:
+    """A direction by the name of its axis, or else as numbers."""
+    name = next((name for name, axis in AXES.items() if np.allclose(vector, axis)), None)
+    return name or f"({', '.join(f'{number + 0.0:.3g}' for number in vector)})"
 
 
 def _differences(sampling: AnySampling, unit: Unit | None) -> str:
     """Return the settings of the search that differ from their defaults."""
     defaults = plain_values(type(sampling)())
-    angles, lengths = ("search_angle", "tolerance"), sampling.length_names()
+    angles, lengths = ("search_angle", "tolerance"), sampling.lengths()
 
     def text(name: str, value: float) -> str:
         if name in angles:

@@ -12,8 +12,6 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-import docstring_parser
-
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.frames import AUTO, GripperFrame
 from grasp3d.hand.hand import Hand
@@ -27,13 +25,11 @@ from grasp3d.settings import (
     Radians,
     Sampling,
 )
-from grasp3d.settings.checks import parse_angle
 from grasp3d.settings.friction import Friction as FrictionField
-from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
 from grasp3d.settings.parsing import IN_PYTHON, Group, Main
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
-from grasp3d.settings.quantities import Quantity
 from grasp3d.settings.regions import Region
+from grasp3d.settings.units import Length, Metres, Position, Quantity, parse_angle, parse_length
 
 _NONE = "none"
 SMALL = math.radians(1.0)
@@ -58,7 +54,8 @@ class Stated:
     """A note on a field: what its option has other than its type and docstring say."""
 
     name: str = ""
-    help: str = ""
+    help: str | Callable[[], str] = ""
+    """A text, or what makes it when the help is printed."""
     metavar: str = ""
 
 
@@ -115,23 +112,25 @@ class Option:
         return self.default is MISSING
 
 
-def options_of(kind: Any, group: str = "output") -> Iterator[Option]:
+def options_of(kind: Any, group: str = "output", *, helps: bool = True) -> Iterator[Option]:
     """Yield the options of a command, or of settings.
 
     Args:
         kind: A dataclass, or a partial of it: then the fields that it gives have no options.
         group: Group of the options that are marked with none.
+        helps: Whether they have their helps, which are read from the sources.
     """
     plain, constants = parted(kind)
-    hints, helps = get_type_hints(plain, include_extras=True), _help_texts(plain)
+    hints = get_type_hints(plain, include_extras=True)
+    texts = _help_texts(plain) if helps else {}
     for one in sorted(fields(plain), key=lambda one: bool(one.kw_only)):  # as they are given
         hint = hints[one.name]
         if not is_option(one, hint, constants):
             continue
         if settings := settings_in(hint):
-            yield from options_of(settings, _GROUPS.get(one.name, one.name))
+            yield from options_of(settings, _GROUPS.get(one.name, one.name), helps=helps)
         else:
-            yield _option(one, hint, helps.get(one.name, ""), group)
+            yield _option(one, hint, texts.get(one.name, "") if helps else None, group)
 
 
 def is_option(field: "Field[Any]", hint: Any, constants: Container[str]) -> bool:
@@ -163,10 +162,10 @@ def _noted(hint: Any) -> tuple[Any, list[Any]]:
     return base, notes
 
 
-def _option(field: "Field[Any]", hint: Any, text: str, group: str) -> Option:
-    """Return an option, with its help, its placeholder, and the parser of its value."""
+def _option(field: "Field[Any]", hint: Any, text: str | None, group: str) -> Option:
+    """Return an option; without help where `text` is None."""
     _, notes = _noted(hint)
-    stated = {"name": field.name, "help": text}
+    stated: dict[str, Any] = {"name": field.name, "help": text}
     for note in notes:
         if isinstance(note, Stated):
             stated |= {key: value for key, value in vars(note).items() if value}
@@ -176,6 +175,10 @@ def _option(field: "Field[Any]", hint: Any, text: str, group: str) -> Option:
     parser = _parser(hint, names[-1])
     default = "" if field.default is MISSING else parser.text(field.default)
     brief = next((str(note) for note in reversed(notes) if isinstance(note, Main)), "")
+    if text is None:
+        stated["help"] = ""
+    elif callable(stated["help"]):
+        stated["help"] = stated["help"]()
     group = next((str(note) for note in notes if isinstance(note, Group)), group)
     if default and "(default" not in stated["help"]:
         stated["help"] += f" (default: {default})"
@@ -199,6 +202,8 @@ def _help_texts(kind: Any) -> dict[str, str]:
 
     Those of settings that it extends are in the docstrings of these.
     """
+    import docstring_parser  # which parsing needs not
+
     kinds = [base for base in reversed(kind.__mro__) if base.__module__.startswith("grasp3d.")]
     return {
         item.args[-1]: " ".join((item.description or "").split())
@@ -225,8 +230,8 @@ def _parser(hint: Any, option: str) -> Parser:
     optional, kind = NoneType in kinds, next(one for one in kinds if one is not NoneType)
     if Radians in kinds or get_args(Radians)[1] in notes:
         return _angle(option, optional=optional)
-    if Measure in kinds or get_origin(base) is Length:
-        kinds = kinds if Measure in kinds else get_args(get_args(base)[0])
+    if Metres in kinds or get_origin(base) is Length:
+        kinds = kinds if Metres in kinds else get_args(get_args(base)[0])
         return _length(option, optional=NoneType in kinds)
     if get_origin(kind) is tuple:
         return _of_tuple(kind, option)
@@ -300,8 +305,8 @@ def _angle(option: str, *, optional: bool) -> Parser:
 def _length(option: str, *, optional: bool) -> Parser:
     """Return the parser of a length, or of `none` if that is allowed."""
 
-    def word(length: AnyLength) -> str:
-        return (f"{length:.15g}" if isinstance(length, Measure) else f"{length:g}").replace(" ", "")
+    def word(length: float) -> str:
+        return f"{length:g}" if length in {0.0, math.inf} else f"{1000.0 * length:g}mm"
 
     metavar = f"LENGTH|{_NONE}" if optional else "LENGTH"
     return one_word(metavar, partial(parse_length, option), word, optional=optional)
@@ -381,7 +386,11 @@ def model_help(field: str, note: str = "") -> Stated:
         field: Name of the field.
         note: Sentence added to the help.
     """
-    return Stated(help=f"{_help_texts(GraspModel)[field]} {note}".strip())
+
+    def text() -> str:
+        return f"{_help_texts(GraspModel)[field]} {note}".strip()
+
+    return Stated(help=text)
 
 
 NumberRanges = Annotated[
@@ -394,7 +403,7 @@ DegreeRanges = Annotated[
 ]
 """Words for `parse_angles`."""
 
-LengthOption = AnyLength | None
+LengthOption = float | Metres | None
 """A length: a number, a text with a unit, or none."""
 
 

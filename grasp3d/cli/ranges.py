@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.checks import ANGLE, ANGLE_UNITS, parse_angle
+from grasp3d.settings.units import ANGLE, ANGLE_UNITS, parse_angle
 
 MAX_VALUES = 10_000
 

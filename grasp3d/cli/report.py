@@ -14,8 +14,8 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.quality.force_ranges import Certainty
 from grasp3d.settings import GraspModel
-from grasp3d.settings.lengths import Measure, Unit, small_length
 from grasp3d.settings.model_text import SAFE_LABELS, friction_text
+from grasp3d.settings.units import Unit, small_length
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 from grasp3d.stability.thresholds import margin_budget
 from grasp3d.surface.area_statistics import quantiles
@@ -223,8 +223,9 @@ def duration_text(seconds: float) -> str:
 
 
 def length_with_unit(length: float, unit: Unit | None) -> str:
-    """Format a length in the mesh's unit."""
-    return f"{length:.4g} {unit or '(unit not stated)'}"
+    """Format a length of a mesh."""
+    stated = "" if unit else " (unit not stated)"
+    return f"{small_length(length, metres=unit is not None)}{stated}"
 
 
 def model_words(model: GraspModel) -> str:
@@ -315,8 +316,7 @@ def _uncertainties(model: GraspModel, unit: Unit | None) -> Sequence[str]:
     smallest, largest = model.friction_interval
     parts = [f"friction {friction_text(model)}"] if smallest < largest else []
     if model.location_error:
-        stated = "" if unit or isinstance(model.location_error, Measure) else " (unit not stated)"
-        parts.append(f"contact locations by {small_length(model.location_error, unit)}{stated}")
+        parts.append(f"contact locations by {length_with_unit(model.location_error, unit)}")
     return parts
 
 

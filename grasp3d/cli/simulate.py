@@ -24,8 +24,8 @@ from grasp3d.physics.engine import mujoco_module
 from grasp3d.physics.simulate import simulate_grasps, simulate_poses
 from grasp3d.physics.simulation import Simulation, SuccessRate, success_rate, write_simulation
 from grasp3d.settings import Sampling
-from grasp3d.settings.lengths import small_length
 from grasp3d.settings.model_text import model_line
+from grasp3d.settings.units import small_length
 from grasp3d.stability.label import Label
 from grasp3d.system.counts import counted
 from grasp3d.system.names import safe_stem
@@ -171,10 +171,10 @@ def _print_fates(report: Report, fates: Iterable[str]) -> None:
 
 def _head(simulation: Simulation) -> list[str]:
     mesh, settings = simulation.mesh, simulation.settings
-    depth = small_length(float(simulation.part_depth.max(initial=0.0)), mesh.unit, digits=2)
+    depth = small_length(float(simulation.part_depth.max(initial=0.0)), metres=True, digits=2)
     angle = math.degrees(float(simulation.part_angle.max(initial=0.0)))
     where = "line between the contacts" if settings.pulled == "line" else "centre of mass"
-    size, model = length_with_unit(mesh.size, mesh.unit), model_line(simulation.model, mesh.unit)
+    size, model = length_with_unit(mesh.size, mesh.unit), model_line(simulation.model)
     parts = counted(simulation.parts, "convex parts")
     force, weight = f"{settings.force:.3g} N", f"{settings.weight:.3g} N"
     grasps = counted(simulation.size, "grasps")

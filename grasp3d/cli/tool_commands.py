@@ -138,5 +138,5 @@ class Paper(Quiet):
     """Mesh of a real object to scan as well (default: sphere, box and cylinder only)."""
 
     fixed: Annotated[tuple[float, float, float] | None, Stated(metavar="X Y Z")] = None
-    """Position of the fixed finger on the object, in the mesh's frame and unit (default: a contact
+    """Position of the fixed finger on the object, in the mesh's frame (default: a contact
     of the two-finger grasp with the largest maximum sensor resolution)."""

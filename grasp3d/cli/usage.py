@@ -10,16 +10,14 @@ from functools import partial
 from textwrap import fill, indent
 from typing import Any, NoReturn, get_type_hints
 
-from docstring_parser import parse_from_object
-
 from grasp3d.cli.options import Option, is_option, options_of, parted, settings_in
 from grasp3d.errors import SettingError
-from grasp3d.settings.lengths import METRES
+from grasp3d.settings.units import METRES
 
 GROUPS = {
     "arguments": "",
-    "object": "The object and its mesh. A LENGTH is a number in the mesh's unit, or has a unit: "
-    "80mm, 8cm, 0.08m, 3in.",
+    "object": "The object and its mesh. A LENGTH has a unit: 80mm, 8cm, 0.08m, 3in; without one it "
+    "is in metres, or in the mesh's own unit where that is not known.",
     "noise": "The noise of a scan, and the copies that have it.",
     "fingertip": "The fingertip, and its finger. A LENGTH has a unit, or is in mm.",
     "sensor": "Friction, what the fingertips' sensors resolve, and what else is uncertain.",
@@ -71,7 +69,7 @@ def parse(kind: type, words: list[str]) -> Any:
     Raises:
         SettingError: An option is not known, or a value is missing or not right.
     """
-    options, prog = list(options_of(kind)), prog_of(kind)
+    options, prog = list(options_of(kind, helps=False)), prog_of(kind)
     names = sorted((name for option in options for name in option.names), key=len)
     end = words.index("--") if "--" in words else len(words)
     words = [*map(_hyphened, words[:end]), *words[end:]]
@@ -167,6 +165,8 @@ def help_of(kind: type, *, whole: bool) -> str:
         kind: The dataclass of its options.
         whole: Whether it has all options; otherwise those that matter, if there are many.
     """
+    from docstring_parser import parse_from_object
+
     groups, doc = groups_of(kind), parse_from_object(kind)
     options = [one for group in groups.values() for one in group]
     whole = whole or len(options) <= MOST_OPTIONS
@@ -222,6 +222,8 @@ def examples_of(kind: type) -> str:
     The folder `meshes` in them is the one that comes with the package, `grasps.csv` a table with
     columns x1 y1 z1 x2 y2 z2, `tried.csv` one of poses with outcomes, `hand.urdf` a robot's hand.
     """
+    from docstring_parser import parse_from_object
+
     [examples] = parse_from_object(kind).examples
     return indent(examples.description or "", "  ")
 

@@ -24,7 +24,8 @@ ROUNDED = 16.0 * np.finfo(np.float64).eps
 class Contacts:
     """Contacts of one grasp, or of many with the same number of fingers.
 
-    Leading axes (...) are a batch; results have one value per grasp.
+    Leading axes (...) are a batch; results have one value per grasp. Lengths may be in another unit
+    than metres; torques then are in newtons times that unit.
 
     Example:
         Two fingers on opposite sides of a cube with edges of length 2:
@@ -37,13 +38,13 @@ class Contacts:
     """
 
     points: Floats
-    """Contact points relative to the centre of mass [mesh unit], shape (..., n, 3)."""
+    """Contact points relative to the centre of mass [m], shape (..., n, 3)."""
     normals: Floats
     """Unit normals pointing into the object, shape (..., n, 3)."""
     friction: Floats
     """Coulomb coefficients, shape (..., n)."""
     torsion_radius: Floats
-    """Largest torsional moment about the normal per normal force [mesh unit], shape (..., n);
+    """Largest torsional moment about the normal per normal force [m], shape (..., n);
     0: a hard finger."""
 
     __repr__ = short_repr

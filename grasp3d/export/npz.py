@@ -25,7 +25,7 @@ def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
     Example:
         >>> import trimesh
         >>> import grasp3d
-        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge=9.0)
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge="9cm")
         >>> labels = grasp3d.label_surface(ball)
         >>> grasp3d.write_npz("ball.npz", labels)
         >>> import numpy as np

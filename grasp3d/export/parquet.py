@@ -7,7 +7,7 @@ import numpy as np
 from grasp3d.export.npz import packed, unpacked
 from grasp3d.export.stored import Stored, damaged, fingers_of
 from grasp3d.reading.sources import Source
-from grasp3d.surface.fields import Array, Arrays, Field
+from grasp3d.surface.fields import XYZ, Array, Arrays, Field
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from grasp3d.system.documents import parse_json
@@ -20,13 +20,13 @@ SURFACE_KEY = "grasp3d_surface"
 def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
     """Write a Parquet table with a row for each vertex, for pandas, Polars and DuckDB.
 
-    Columns: x y z (in the mesh's unit), outward nx ny nz, `area` around the vertex, `label` (text:
-    S, M, U), `critical_angle`, `critical_angle_best`, `max_resolution` and `margin` (radians; inf,
-    0 and -inf where there is no grasp), `epsilon`, `epsilon_min`, `epsilon_max` and `opening` (nan
-    where there is none), `grip`, `reason` (text, as in `Reason`), of each other finger
-    `partner_2_x` ... and outward `partner_2_nx` ... (nan where there is none), and more, see the
-    page on file formats. nan and inf are kept and nothing is null. The settings are in the schema's
-    metadata under `grasp3d` as JSON, the faces in the file's metadata.
+    Columns: x y z (in the coordinates of the mesh's own file), outward nx ny nz, `area` around the
+    vertex, `label` (text: S, M, U), `critical_angle`, `critical_angle_best`, `max_resolution` and
+    `margin` (radians; inf, 0 and -inf where there is no grasp), `epsilon`, `epsilon_min`,
+    `epsilon_max` and `opening` (nan where there is none), `grip`, `reason` (text, as in `Reason`),
+    of each other finger `partner_2_x` ... and outward `partner_2_nx` ... (nan where there is none),
+    and more, see the page on file formats. nan and inf are kept and nothing is null. The settings
+    are in the schema's metadata under `grasp3d` as JSON, the faces in the file's metadata.
 
     Args:
         path: File to make or replace.
@@ -38,7 +38,7 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
     Example:
         >>> import trimesh
         >>> import grasp3d
-        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge=9.0)
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge="9cm")
         >>> labels = grasp3d.label_surface(ball)
         >>> grasp3d.write_fields("ball.parquet", labels)
         >>> import pyarrow.parquet
@@ -49,7 +49,10 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
     from grasp3d.system.tables import write_arrow
 
     metadata = {SURFACE_KEY: packed(SURFACE, labels).encode("ascii")}
-    write_arrow(Path(path), labels.to_table(), metadata)
+    table = labels.to_table()
+    for name, column in zip(XYZ, labels.mesh.file_points.T, strict=True):
+        table = table.set_column(table.column_names.index(name), name, [column])
+    write_arrow(Path(path), table, metadata)
 
 
 def read_fields(source: Source) -> Stored | None:

@@ -39,7 +39,7 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
     Example:
         >>> import trimesh
         >>> import grasp3d
-        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge=9.0)
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge="9cm")
         >>> labels = grasp3d.label_surface(ball)
         >>> grasp3d.write_ply("ball.ply", labels)
         >>> trimesh.load_mesh("ball.ply").vertices.shape

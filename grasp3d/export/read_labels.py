@@ -18,13 +18,14 @@ from grasp3d.export.vtp import read_vtp
 from grasp3d.hand.reach import Reach
 from grasp3d.mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.normals import CornerNormals
+from grasp3d.mesh.object_mesh import scale_of
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.force_ranges import Certainty
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.reading.sources import Source, find_source
-from grasp3d.settings.lengths import Unit
-from grasp3d.surface.fields import Array
+from grasp3d.settings.units import Unit, with_lengths_scaled
+from grasp3d.surface.fields import AREA, LENGTH, Array
 from grasp3d.surface.holding import Holding
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
@@ -61,12 +62,12 @@ def read_labels(path: str | Path, *, unit: Unit | None = None) -> SurfaceLabels:
     Example:
         >>> import trimesh
         >>> import grasp3d
-        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge=9.0)
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge="9cm")
         >>> grasp3d.write_npz("ball.npz", grasp3d.label_surface(ball))
         >>> labels = grasp3d.read_labels("ball.npz")
         >>> labels
         <SurfaceLabels of trimesh.Trimesh: 162 vertices, ...; S 100.0%, M 0.0%, U 0.0%>
-        >>> labels.relabel(friction=0.1).fractions()["S"], labels.mesh.unit
+        >>> labels.relabel(friction=0.1).fractions()["S"], labels.mesh.file_unit
         (0.0, 'cm')
     """
     labels = labels_in(Path(path), unit=unit)
@@ -88,10 +89,27 @@ def labels_in(path: Path, *, unit: Unit | None = None) -> SurfaceLabels | None:
         stored.reject(f"its grasp3d comments are not valid: {error}")
     check_stored(stored, settings)
     mesh = _read_mesh(stored, settings, unit)
+    if mesh.unit is not None and settings.unit is None:
+        stored, settings = _in_metres(stored, settings, mesh.file_scale)
     try:
         return _labels(stored, settings, mesh)
     except GraspError as error:
         raise damaged(stored.source, str(error)) from error
+
+
+def _in_metres(stored: Stored, settings: FileSettings, scale: float) -> tuple[Stored, FileSettings]:
+    """What a file of unknown unit holds, with lengths in metres."""
+    factors = {LENGTH: scale, AREA: scale**2}
+    values = {
+        name: one * factors[FIELDS[name].unit] if FIELDS[name].unit in factors else one
+        for name, one in stored.values.items()
+    }
+    in_metres = replace(
+        settings,
+        model=with_lengths_scaled(settings.model, scale),
+        sampling=with_lengths_scaled(settings.sampling, scale),
+    )
+    return replace(stored, values=values), in_metres
 
 
 def _stored(path: Path) -> Stored | None:
@@ -198,7 +216,7 @@ def _read_mesh(stored: Stored, settings: FileSettings, unit: Unit | None) -> Obj
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         stored.reject(f"its mesh is damaged ({' '.join(str(error).split())[:200]})")
     if mesh.unit is None and unit is not None:
-        mesh = replace(mesh, report=replace(mesh.report, unit=unit))
+        mesh = mesh.with_unit(unit)
     if mesh.options.region is not None:
         mesh = replace(mesh, region=locked(stored.field("reason") != Reason.EXCLUDED))
     return mesh
@@ -221,7 +239,8 @@ def _complete_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
     report = dict(surface["report"])
     steps = tuple(RepairStep(**step) for step in report.pop("repairs"))
     mesh = ObjectMesh(
-        vertices=locked(vertices),
+        vertices=locked(vertices * scale_of(settings.unit)),
+        file_points=locked(vertices),
         faces=locked(faces),
         canonical=locked(canonical),
         file_vertices=settings.file_vertices,
@@ -233,8 +252,8 @@ def _complete_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
         options=settings.options,
         report=MeshReport(**{**report, "repairs": steps, "warnings": tuple(report["warnings"])}),
     )
-    if mesh.unit != settings.unit:
-        raise ValueError(f"its unit is {mesh.unit} and {settings.unit}")
+    if mesh.file_unit != settings.unit:
+        raise ValueError(f"its unit is {mesh.file_unit} and {settings.unit}")
     return mesh
 
 

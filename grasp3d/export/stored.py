@@ -30,9 +30,9 @@ from grasp3d.settings import (
     MeshOptions,
     sampling_kind,
 )
-from grasp3d.settings.lengths import Unit
 from grasp3d.settings.parsing import settings_of_texts
 from grasp3d.settings.pose_error import PoseError
+from grasp3d.settings.units import Unit
 from grasp3d.stability.label import Mode
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.fields import FLOAT, MARGIN, Array, Arrays, Field
@@ -46,7 +46,7 @@ from grasp3d.system.tables import read_settings
 
 NEEDED = (
     "mode", "friction", "sensor_resolution", "fingers", "method", "search_angle", "unit",
-    "file_vertices", "surface",
+    "lengths", "file_vertices", "surface",
 )  # fmt: skip
 """Settings that every labelled file has."""
 

@@ -22,7 +22,7 @@ def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
     Example:
         >>> import trimesh
         >>> import grasp3d
-        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge=9.0)
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge="9cm")
         >>> labels = grasp3d.label_surface(ball)
         >>> grasp3d.write_vtp("ball.vtp", labels)
         >>> import pyvista
@@ -33,7 +33,9 @@ def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
 
     # VTK writes to memory: on a full disk its own file output ends the process.
     writer = vtkXMLPolyDataWriter()
-    writer.SetInputData(labels.to_polydata())
+    data = labels.to_polydata()
+    data.points = labels.mesh.file_points.copy()
+    writer.SetInputData(data)
     writer.SetDataModeToBinary()
     writer.WriteToOutputStringOn()
     writer.Write()

@@ -26,7 +26,7 @@ def write_glb(path: str | Path, labels: SurfaceLabels) -> None:
     Example:
         >>> import trimesh
         >>> import grasp3d
-        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge=9.0)
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge="9cm")
         >>> labels = grasp3d.label_surface(ball)
         >>> grasp3d.write_glb("ball.glb", labels)
         >>> trimesh.load_scene("ball.glb").to_mesh().visual.vertex_colors.shape

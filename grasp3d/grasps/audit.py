@@ -16,7 +16,7 @@ from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE
 from grasp3d.hand.articulated.hand_scene import HandScene
 from grasp3d.hand.frames import GripperFrame, frames_of
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.jaws import Jaws, metres_per_unit
+from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.table import Table
 from grasp3d.mesh import ObjectMesh
@@ -172,7 +172,7 @@ def audit_poses(
 
     Args:
         mesh: The object; its unit is known.
-        poses: Poses as they were read; without a unit they are in the mesh's.
+        poses: Poses as they were read; without a unit they are in that of the mesh's file.
         hand: The gripper.
         table: What the object stands on; None: nothing.
 
@@ -180,7 +180,7 @@ def audit_poses(
         Another reading, in which at least twice as many fit; None: there is none, or there are
         fewer than five poses.
     """
-    read = (poses if poses.unit else replace(poses, unit=mesh.unit)).in_unit("m")
+    read = poses.on(mesh)
     read = matched(read, hand) if isinstance(hand, ArticulatedHand) else read
     read = read.take(_some(read.count, TRIED))
     if read.count < FEWEST:
@@ -235,7 +235,7 @@ def explained(
     """
     reading = audit_poses(mesh, poses, hand, table=table)
     if reading and reading.stands_out:
-        return reading.applied(poses if poses.unit else replace(poses, unit=mesh.unit))
+        return reading.applied(poses.on(mesh))
     kept = f"kept '{poses.gripper_frame}', as stated: no other reading stands out"
     return replace(poses, settings={**poses.settings, READING: kept})
 
@@ -246,7 +246,7 @@ def _others(stated: PoseReading, mesh: ObjectMesh) -> Iterator[PoseReading]:
 
     def is_plausible(placed: Floats) -> bool:
         spread = float(np.linalg.norm(np.ptp(placed[:, :3, 3], axis=0)))
-        return SPREAD[0] <= spread / (mesh.size * metres_per_unit(mesh)) <= SPREAD[1]
+        return SPREAD[0] <= spread / mesh.size <= SPREAD[1]
 
     units = () if is_plausible(poses) else UNITS
     for factor, rotation in product((1.0, *units), ROTATIONS):
@@ -269,21 +269,20 @@ def _fits(
     mesh: ObjectMesh, hand: Hand, table: Table | None, poses: Floats, posture: Floats
 ) -> Bools:
     """Which of poses (k, 4, 4) of the TCP [m] fit, shape (k,)."""
-    metres = metres_per_unit(mesh)
     if isinstance(hand, ArticulatedHand):
-        scene = HandScene(mesh, hand, metres, CONTACT_DISTANCE)
+        scene = HandScene(mesh, hand, CONTACT_DISTANCE)
         frames = scene.frames(poses, hand.postures(posture))
         gaps = scene.link_gaps(scene.touch(frames, contacts=False, search=CONTACT_DISTANCE))
         touching = (gaps <= CONTACT_DISTANCE).sum(axis=1) >= LEAST_LINKS
         return np.asarray(touching & (gaps.min(axis=1) >= -DEEPEST))
-    placed, fits = _longer(poses, 1.0 / metres), np.zeros(len(poses), dtype=np.bool_)
+    fits = np.zeros(len(poses), dtype=np.bool_)
     for one in (hand, _thin(hand)):
         rows = np.flatnonzero(~fits)
         held = np.zeros(len(rows), dtype=np.bool_)
         with unreported():
-            closed = one.close(mesh, placed[rows])
-        free = ~one.blocked(mesh, placed[rows], closed, held=held, table=table)
-        touched = closed.area.min(axis=1) * metres**2 >= LEAST_TOUCH * hand.touch_area
+            closed = one.close(mesh, poses[rows])
+        free = ~one.blocked(mesh, poses[rows], closed, held=held, table=table)
+        touched = closed.area.min(axis=1) >= LEAST_TOUCH * hand.touch_area
         fits[rows] = closed.closed & free & touched
     return fits
 

@@ -18,7 +18,6 @@ from grasp3d.grasps.evaluation import closed_at
 from grasp3d.grasps.pose_files.frames import as_read_again
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.ranking import ranked_rows
-from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
@@ -55,7 +54,7 @@ class PoseSearch:
     scene: Scene
     load: Load | None
     openings: tuple[float, float] = (0.0, math.inf)
-    """Smallest and largest distance of the closed jaws [mesh unit]."""
+    """Smallest and largest distance of the closed jaws [m]."""
 
     @classmethod
     def of(cls, labels: SurfaceLabels) -> "PoseSearch":
@@ -133,13 +132,14 @@ class PoseSearch:
         """What `evaluate_grasps` says of poses (k, 4, 4).
 
         Args:
-            poses: The poses, in the unit of the mesh.
+            poses: The poses, in metres.
             error: How wrong they may be; None: as the scene states.
         """
-        stroke = self.jaws.max_opening / metres_per_unit(self.mesh)
+        stroke = self.jaws.max_opening
         given = GraspPoses(
             poses=poses, pregrasp_opening=np.full(len(poses), stroke), unit=self.mesh.unit,
             hand=self.jaws, object_file=self.mesh.report.source,
+            object_scale=self.mesh.file_scale,
         )  # fmt: skip
         scene = self.scene if error is None else replace(self.scene, pose_error=error)
         with unreported():
@@ -149,7 +149,7 @@ class PoseSearch:
         """Whether the jaws close where contacts may be, within the limits of openings."""
         least, most = self.openings
         # The object yields to the pads, as in the test of the stroke.
-        soft = 2.0 * self.jaws.compliance / metres_per_unit(self.mesh)
+        soft = 2.0 * self.jaws.compliance
         within = (found.opening >= least - soft) & (found.opening - soft <= most)
         return found.jaws.closed & within & allowed_contacts(self.mesh, found.jaws.points)
 
@@ -185,7 +185,7 @@ class PoseSearch:
         """Small motions in the frame of the gripper, shape (m, 4, 4); the first one is none."""
         turns = np.kron(np.diag(TURNS), [[1.0], [-1.0]])
         sizes = np.array([0.0, self.jaws.pad_width, self.jaws.pad_height])
-        shifts = np.kron(np.diag(SHIFT * sizes / metres_per_unit(self.mesh))[1:], [[1.0], [-1.0]])
+        shifts = np.kron(np.diag(SHIFT * sizes)[1:], [[1.0], [-1.0]])
         still = np.zeros_like
         turned = poses_of(still(turns), np.asarray(scale * turns))
         return np.concatenate([turned, poses_of(np.asarray(scale * shifts), still(shifts))[1:]])

@@ -16,7 +16,7 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
 from grasp3d.hand.jaw_reach import collides
-from grasp3d.hand.jaws import Jaws, metres_per_unit
+from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import best_approach
 from grasp3d.mesh import ObjectMesh
@@ -101,7 +101,7 @@ def candidate_poses(mesh: ObjectMesh, scene: Scene) -> Floats:
     """
     hand = scene.jaws
     assert hand is not None
-    stroke = hand.max_opening / metres_per_unit(mesh)
+    stroke = hand.max_opening
     if mesh not in _PLACES:
         _PLACES[mesh] = _opposed(mesh)
     places = _PLACES[mesh]
@@ -157,7 +157,7 @@ def is_free(mesh: ObjectMesh, scene: Scene, poses: Floats) -> Bools:
     """
     hand = scene.jaws
     assert hand is not None
-    wide = hand.limits[1] / metres_per_unit(mesh)
+    wide = hand.limits[1]
     return ~collides(mesh, poses, wide, hand, table=scene.table)
 
 
@@ -174,7 +174,7 @@ def _poses(mesh: ObjectMesh, hand: Jaws, places: OpposedPlaces) -> Floats:
     poses[..., :3, 2] = approach[:, :, None]
     poses[..., :3, 1] = np.cross(poses[..., :3, 2], poses[..., :3, 0])
     middle = mesh.from_normalized(0.5 * (places.starts + places.ends))
-    depths = np.array(DEPTHS) * hand.pad_height / metres_per_unit(mesh)
+    depths = np.array(DEPTHS) * hand.pad_height
     poses[..., :3, 3] = middle[:, None, None] + depths[:, None] * poses[..., :3, 2]
     return poses.reshape(-1, 4, 4)
 

@@ -23,7 +23,7 @@ MAX_PERMUTED = 5
 
 
 def distance_of_distinct(mesh: ObjectMesh) -> float:
-    """Default distance from which grasps are distinct, in the mesh's unit."""
+    """Default distance from which grasps are distinct [m]."""
     return DISTINCT * mesh.size
 
 

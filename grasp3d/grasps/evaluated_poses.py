@@ -18,7 +18,6 @@ from grasp3d.grasps.reasons import Reasons
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws, Closing
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.pose_checks import pose_warning
 from grasp3d.quality.measures import metric_names
@@ -80,7 +79,7 @@ class GivenGrasps(LabelledGrasps):
 
     def _table_columns(self) -> Arrays:
         """What tables have besides, shape (k,)."""
-        return {"outcome": self.outcome}
+        return {"outcome": self.outcome, "unit": np.full(self.size, "m")}
 
     @abstractmethod
     def _settings(self) -> dict[str, Any]:
@@ -104,10 +103,8 @@ class GivenGrasps(LabelledGrasps):
         """What may make the results wrong, one sentence each."""
         mesh, toward, hand = self.mesh, self.given.poses.copy(), self.hand
         toward[:, :3, 2] = toward[:, :3, :3] @ getattr(hand, "approach", (0.0, 0.0, 1.0))
-        reach = hand.size / metres_per_unit(mesh)
-        assert mesh.unit is not None
         wrong = str(self.reading) if self.reading else None
-        wrong = wrong or pose_warning(toward, mesh.center, mesh.size, mesh.unit, reach=reach)
+        wrong = wrong or pose_warning(toward, mesh, reach=hand.size)
         tilted = None if self.scene is None else self.scene.tilt_warning(self.given.object_pose)
         return (*super().warnings, *filter(None, (wrong, tilted, *self._warnings())))
 
@@ -166,7 +163,7 @@ class GivenGrasps(LabelledGrasps):
 
         Of hands with joints `label`, `score`, `critical_angle`, `max_resolution`, `margin` [rad],
         `epsilon`, `rank`, `links`, `gap`, `penetration`, `overlap`,
-        `below_table` [mesh unit], `reachable`, `reason`, `outcome`, and `gap_LINK` [mesh unit] of
+        `below_table` [m], `reachable`, `reason`, `outcome`, and `gap_LINK` [m] of
         every link that comes near the surface at some pose. With a load also `payload` [kg] and
         more of what the motors hold, and `limit`.
         """
@@ -200,7 +197,7 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
     row: Ints
     """Row of each pose in that table, -1: the jaws do not close, shape (k,)."""
     given: GraspPoses
-    """The poses as they were given, with their outcomes, in the mesh's unit."""
+    """The poses as they were given, with their outcomes [m]."""
     jaws: ClosedJaws
     """Where the jaws touch, and what happens where they do not."""
     object_motion: ObjectMotion = "fixed"
@@ -226,7 +223,7 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
 
     @property
     def opening(self) -> Floats:
-        """Distance of the pads, or of the nearest points of round tips [mesh unit], shape (k,)."""
+        """Distance of the pads, or of the nearest points of round tips [m], shape (k,)."""
         return self.jaws.opening
 
     @cached_property
@@ -273,7 +270,7 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
             for turn in (angle, -angle):
                 turned = self.poses[free] @ poses_of(NOWHERE, np.array([[turn, 0.0, 0.0]]))[1]
                 blocked = self._blocked(turned, free)
-                back = 0.5 * getattr(self.hand, "pad_height", 0.0) / metres_per_unit(self.mesh)
+                back = 0.5 * getattr(self.hand, "pad_height", 0.0)
                 turned[:, :3, 3] -= back * turned[:, :3, 2]
                 blocked[blocked] = self._blocked(turned[blocked], free[blocked])
                 free = free[~blocked]
@@ -322,7 +319,7 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
         poses = super().to_poses(metrics)
         touched = {"contacts": self.jaws.points, "normals": self.jaws.normals}
         # Where the object yields to the pads the first touch may be beyond the stroke.
-        opening = np.minimum(self.opening, self.hand.max_opening / metres_per_unit(self.mesh))
+        opening = np.minimum(self.opening, self.hand.max_opening)
         return replace(poses, opening=opening, columns={**poses.columns, **touched})
 
     def take(self, rows: Ints) -> Self:

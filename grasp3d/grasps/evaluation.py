@@ -11,8 +11,9 @@ from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses, GivenGrasps
+from grasp3d.grasps.grasp_files import contacts_in
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps, evaluate_hand
-from grasp3d.grasps.pose_files import read_poses
+from grasp3d.grasps.pose_files import holds_poses, read_poses
 from grasp3d.grasps.pose_files.frames import UnknownUnitError
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.postures import refuse_joints
@@ -21,24 +22,27 @@ from grasp3d.hand.choices import ContactRule, ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.closing import ways
 from grasp3d.hand.hand import Hand, touching
-from grasp3d.hand.jaws import metres_per_unit
+from grasp3d.hand.hand_files import GivenHand, given_hand
+from grasp3d.hand.jaws import IN_METRES
 from grasp3d.hand.pose_checks import check_near, numbers_text
 from grasp3d.hand.scene import Scene
-from grasp3d.hand.table import Approach, Table
+from grasp3d.hand.table import Approach, GivenTable
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
+from grasp3d.mesh.object_mesh import scale_of
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points
 from grasp3d.quality.critical_angle import critical_friction_angle
-from grasp3d.quality.loads import Load
+from grasp3d.quality.loads import GivenLoad, Load
 from grasp3d.settings import (
     MAX_FINGERS,
+    GivenModel,
     GraspModel,
     MeshOptions,
     with_fingers,
 )
-from grasp3d.settings.lengths import METRES, GivenLength, Unit
 from grasp3d.settings.pose_error import PoseError
+from grasp3d.settings.units import METRES, GivenLength, Unit, with_lengths_scaled
 from grasp3d.surface.contacts import JawContacts, SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_table import GraspTable
@@ -59,37 +63,45 @@ PROJECTED, ANGLES_COMPUTED = 0.5, 0.9
 
 @overload
 def evaluate_grasps(
-    mesh: MeshSource, grasps: GraspPoses, model: GraspModel | None = None, *,
-    hand: ArticulatedHand, table: Table | None = None, approach: Approach | None = None,
+    mesh: MeshSource, grasps: GraspPoses, model: GivenModel = None, *,
+    hand: ArticulatedHand, table: GivenTable = None, approach: Approach | None = None,
     contact_rule: ContactRule = "given", contact_distance: GivenLength | None = None,
-    object_motion: ObjectMotion = "free", load: Load | None = None,
+    object_motion: ObjectMotion = "free", load: GivenLoad = None,
 ) -> EvaluatedHandGrasps: ...  # fmt: skip
 @overload
 def evaluate_grasps(
-    mesh: MeshSource, grasps: GraspPoses, model: GraspModel | None = None, *,
-    hand: Hand | None = None, table: Table | None = None,
+    mesh: MeshSource, grasps: GraspPoses, model: GivenModel = None, *,
+    hand: GivenHand = None, table: GivenTable = None,
     approach: Approach | None = None, pose_error: PoseError | str | None = None,
-    scene: Scene | None = None, object_motion: ObjectMotion = "free", load: Load | None = None,
+    scene: Scene | None = None, object_motion: ObjectMotion = "free", load: GivenLoad = None,
 ) -> EvaluatedPoses: ...  # fmt: skip
 @overload
 def evaluate_grasps(
-    mesh: MeshSource, grasps: ArrayLike, model: GraspModel | None = None, *,
-    max_distance: GivenLength | None = None, load: Load | None = None,
+    mesh: MeshSource, grasps: ArrayLike, model: GivenModel = None, *,
+    max_distance: GivenLength | None = None, load: GivenLoad = None,
 ) -> GraspTable: ...  # fmt: skip
 @overload
 def evaluate_grasps(
-    mesh: MeshSource, grasps: ArrayLike, model: GraspModel | None = None, *,
-    hand: Hand, table: Table | None = None, approach: Approach | None = None,
+    mesh: MeshSource, grasps: ArrayLike, model: GivenModel = None, *,
+    hand: GivenHand, table: GivenTable = None, approach: Approach | None = None,
     pose_error: PoseError | str | None = None,
-    object_motion: ObjectMotion = "free", load: Load | None = None,
+    object_motion: ObjectMotion = "free", load: GivenLoad = None,
 ) -> EvaluatedPoses: ...  # fmt: skip
+@overload
+def evaluate_grasps(
+    mesh: MeshSource, grasps: str | Path, model: GivenModel = None, *,
+    hand: GivenHand = None, table: GivenTable = None, approach: Approach | None = None,
+    pose_error: PoseError | str | None = None, scene: Scene | None = None,
+    object_motion: ObjectMotion = "free", max_distance: GivenLength | None = None,
+    load: GivenLoad = None,
+) -> GraspTable | EvaluatedPoses | EvaluatedHandGrasps: ...  # fmt: skip
 def evaluate_grasps(
     mesh: MeshSource,
-    grasps: GraspPoses | ArrayLike,
-    model: GraspModel | None = None,
+    grasps: GraspPoses | ArrayLike | str | Path,
+    model: GivenModel = None,
     *,
-    hand: Hand | None = None,
-    table: Table | None = None,
+    hand: GivenHand = None,
+    table: GivenTable = None,
     approach: Approach | None = None,
     pose_error: PoseError | str | None = None,
     scene: Scene | None = None,
@@ -97,7 +109,7 @@ def evaluate_grasps(
     contact_distance: GivenLength | None = None,
     object_motion: ObjectMotion = "free",
     max_distance: GivenLength | None = None,
-    load: Load | None = None,
+    load: GivenLoad = None,
 ) -> GraspTable | EvaluatedPoses | EvaluatedHandGrasps:
     """Compute the label, critical friction angle and epsilon of given grasps: contacts, or poses.
 
@@ -116,15 +128,15 @@ def evaluate_grasps(
         mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes (a path, a mesh of trimesh,
             PyVista or Open3D, or a pair of arrays), which is then prepared with default options.
             One whose unit is not known gets the scale that poses state, if they state one.
-        grasps: Contacts in the mesh's frame and unit, shape (b, n, 3), or (n, 3) for one grasp;
-            n is 2 to 32 for every grasp. Or poses of a gripper: `GraspPoses`, or 4x4 matrices,
-            shape (k, 4, 4), or (4, 4) for one; without a unit they are in the mesh's. `read_grasps`
-            reads both.
-        model: Friction and sensor resolution [rad]; None: the defaults, at poses with the
-            resolution that the gripper states, if any. Its number of fingers, unless it is the
-            default 2, must be that of the grasps.
-        hand: The gripper, or hand, of the poses.
-        table: What the object stands on, at poses; None: nothing.
+        grasps: Contacts in the mesh's frame, shape (b, n, 3), or (n, 3) for one grasp; n is 2 to 32
+            for every grasp. Or poses of a gripper: `GraspPoses`, without a unit in that of the
+            mesh's file, or 4x4 matrices [m], shape (k, 4, 4), or (4, 4) for one. Or a file of
+            either, as `read_grasps` takes it, without a unit in that of the mesh's file.
+        model: Friction and sensor resolution [rad], or a dict of fields; None: the defaults, at
+            poses with the resolution that the gripper states, if any. Its number of fingers, unless
+            it is the default 2, must be that of the grasps.
+        hand: The gripper, or hand, of the poses; also its name or file.
+        table: What the object stands on, at poses, as in `label_surface`; None: nothing.
         approach: Allowed approach directions of the gripper; None: any.
         pose_error: How wrong the poses may be, as a text '5mm,3deg': `robustness` then has numbers
             of poses that are wrong by so much, and fingers that start in the object by less are not
@@ -134,10 +146,10 @@ def evaluate_grasps(
             links within `contact_distance` of the surface; closed: the hand closes from its
             preshape "open" until its links touch.
         contact_distance: Hands with joints: distance from the surface, to either side, up to which
-            a link touches, in the mesh's unit or with a unit; None: 5 mm.
+            a link touches, in metres or with a unit; None: 5 mm.
         object_motion: Of poses of grippers: free: the object settles between the jaws; fixed: it
             does not move.
-        max_distance: Largest distance of a contact from the surface, in the mesh's unit or with a
+        max_distance: Largest distance of a contact from the surface, in metres or with a
             unit; None: 1/100 of the object's size.
         load: What each grasp must hold, and with which force: `holding` then has the grip force and
             payload of each, at poses with the greatest force of the gripper at hand unless the load
@@ -195,8 +207,9 @@ def evaluate_grasps(
         0   closed     S     0.08       True
         1  nothing     U      NaN      False
     """
-    scene = scene or Scene.given(hand, table, approach, pose_error)
-    grasps = _poses_or_contacts(grasps)
+    model, load, hand = GraspModel.given("model", model), Load.given("load", load), given_hand(hand)
+    grasps, mesh = _on_mesh(grasps, load_mesh(mesh), hand)
+    scene = scene or Scene.given(mesh, hand, table, approach, pose_error)
     of_links = {"contact_rule": contact_rule, "contact_distance": contact_distance}
     of_links = {name: value for name, value in of_links.items() if value is not None}
     if of_links and not (scene is not None and isinstance(scene.hand, ArticulatedHand)):
@@ -218,6 +231,51 @@ def evaluate_grasps(
     )
 
 
+def _on_mesh(
+    grasps: GraspPoses | ArrayLike | str | Path, mesh: ObjectMesh, hand: Hand | None
+) -> tuple[GraspPoses | ArrayLike, ObjectMesh]:
+    """Poses or contacts on a mesh, in the scale that they state."""
+    if isinstance(grasps, str | Path):
+        if holds_poses(grasps):
+            grasps = poses_of_file(Path(grasps), mesh, hand=hand)
+        else:
+            return contacts_on(mesh, *contacts_in(Path(grasps))), mesh
+    grasps = _poses_or_contacts(grasps)
+    return grasps, in_stated_scale(mesh, grasps) if isinstance(grasps, GraspPoses) else mesh
+
+
+def poses_of_file(path: Path, mesh: ObjectMesh, **stated: Any) -> GraspPoses:
+    """Read poses; where they need a unit and the file states none, it is that of the mesh's file.
+
+    Args:
+        path: The file.
+        mesh: The object.
+        stated: What is stated of the file, as `read_poses` takes it.
+    """
+    try:
+        return read_poses(path, **stated)
+    except UnknownUnitError:
+        if mesh.file_unit is None:
+            raise
+        return read_poses(path, unit=mesh.file_unit, **stated)
+
+
+def contacts_on(mesh: ObjectMesh, contacts: Floats, unit: Unit | None) -> Floats:
+    """Contacts (b, n, 3) of a file as those of a mesh.
+
+    Args:
+        mesh: The object.
+        contacts: Contacts as the file has them.
+        unit: The unit that it states; None: they are in that of the mesh's file.
+
+    Raises:
+        SettingError: It states a unit, but that of the mesh is not known.
+    """
+    if unit is not None:
+        mesh.needs_metres(f"the contacts are in {unit}")
+    return np.asarray(contacts * scale_of(unit or mesh.file_unit))
+
+
 def _poses_or_contacts(grasps: GraspPoses | ArrayLike) -> GraspPoses | ArrayLike:
     """What is given; matrices, shape (..., 4, 4), as poses, as contacts end with 3 coordinates."""
     if isinstance(grasps, GivenGrasps):
@@ -233,7 +291,7 @@ def _poses_or_contacts(grasps: GraspPoses | ArrayLike) -> GraspPoses | ArrayLike
         shape = np.shape(grasps)
     except ValueError:  # not as many contacts in each grasp, which is refused as such
         return grasps
-    return GraspPoses(poses=np.asarray(grasps)) if shape[-2:] == (4, 4) else grasps
+    return GraspPoses(poses=np.asarray(grasps), unit="m") if shape[-2:] == (4, 4) else grasps
 
 
 def evaluate_contacts(
@@ -246,8 +304,8 @@ def evaluate_contacts(
 ) -> GraspTable:
     """Move contacts (b, n, 3) to the surface, and evaluate the grasps; see `evaluate_grasps`."""
     mesh, positions = load_mesh(mesh), _checked(points)
-    (own_model,) = mesh.in_own_unit(model or GraspModel())
-    own_model = with_fingers(own_model, positions.shape[1])
+    own_model = with_fingers(model or GraspModel(), positions.shape[1])
+    mesh.check_units(own_model)
     given_limit = OFF_SURFACE * mesh.size if max_distance is None else max_distance
     limit = mesh.length("max_distance", given_limit)
     if not (limit >= 0.0 and math.isfinite(limit)):
@@ -323,9 +381,9 @@ def _check_near(mesh: ObjectMesh, array: Floats, distances: Floats, limit: float
     raise ContactError(
         f"{_name(grasp, contact)} at {numbers_text(array[grasp, contact])} is "
         f"{distance:.4g} from the surface, more than the allowed {limit:.4g}, as are {len(off)} "
-        f"of {distances.size} contacts; "
-        f"are they in the frame and unit of {mesh.report.source}, which is {mesh.size:.4g} {unit} "
-        "in size? max_distance (--max-distance) allows more"
+        f"of {distances.size} contacts; are they in the frame of {mesh.report.source}, which is "
+        f"{mesh.size:.4g} {unit} in size, and in that unit? max_distance (--max-distance) allows "
+        "more"
     )
 
 
@@ -357,7 +415,7 @@ def evaluate_poses(
 
     Args:
         mesh: The object; one whose unit is not known gets the scale that the poses state, if any.
-        poses: The poses; without a unit they are in the mesh's.
+        poses: The poses; without a unit they are in that of the mesh's file.
         model: Friction and sensor resolution [rad]; None: the defaults, with the resolution that
             the gripper states, if any.
         scene: The gripper, the table and the allowed approach.
@@ -373,17 +431,19 @@ def evaluate_poses(
     """
     hand = scene.hand
     mesh = in_stated_scale(load_mesh(mesh), poses)
-    reach = hand.size / metres_per_unit(mesh)
-    assert mesh.unit is not None
-    start = poses.scaled(1.0, mesh.unit) if poses.unit is None else poses.in_unit(mesh.unit)
+    mesh.needs_metres(IN_METRES)
+    start = poses.on(mesh)
+    if start.object_scale is None:
+        start = replace(start, object_scale=mesh.file_scale)
     _check_external(start)
-    check_near(start.poses, mesh.center, mesh.size, mesh.unit, stated=poses.unit, reach=reach)
+    check_near(start.poses, mesh, stated=poses.unit, reach=hand.size)
     if isinstance(hand, ArticulatedHand):
         case = None if load is None else LoadCase.of(load, mesh, model or GraspModel(), hand)
         return evaluate_hand(mesh, start, model, scene, load=case, **of_links)
     refuse_joints(start, hand)
     own_model = touching(hand, GraspModel()) if model is None else model
-    (own_model,) = mesh.in_own_unit(with_fingers(own_model, hand.fingers[-1]))
+    own_model = with_fingers(own_model, hand.fingers[-1])
+    mesh.check_units(own_model)
     if load is not None:
         LoadCase.of(load, mesh, own_model, hand)  # refuse it before the work
     result = closed_at(mesh, start, own_model, scene, object_motion=object_motion, load=load)
@@ -407,14 +467,13 @@ def closed_at(
 
     Args:
         mesh: The object, of a known unit.
-        start: The poses in that unit.
-        model: As `evaluate_poses` makes it: in the unit of the mesh, of so many fingers.
+        start: The poses, in metres.
+        model: As `evaluate_poses` makes it, of so many fingers.
         scene: The gripper, the table and the allowed approach.
         object_motion: As in `evaluate_poses`.
         load: What each grasp must hold; None: nothing.
     """
-    assert mesh.unit is not None
-    hand, most = scene.hand, scene.pose_error.offsets(mesh.unit).position
+    hand, most = scene.hand, scene.pose_error.position
     with within(0.0, JAWS_CLOSED):
         jaws = hand.close(
             mesh,
@@ -444,7 +503,7 @@ def closed_at(
         object_motion=object_motion,
         collides=locked(colliding),
         reachable=locked(
-            jaws.closed & ~colliding & hand.opens_to(mesh, jaws) & scene.allows(start.poses)
+            jaws.closed & ~colliding & hand.opens_to(jaws) & scene.allows(start.poses)
         ),
     )
 
@@ -456,7 +515,7 @@ def using(
 
     Args:
         grasps: Evaluated grasps.
-        model: With lengths in the unit of the mesh.
+        model: The model.
         load: What each grasp must hold; None: nothing.
     """
     if isinstance(grasps, GraspTable):
@@ -472,7 +531,7 @@ def using(
 def _blocked(
     mesh: ObjectMesh, start: GraspPoses, jaws: ClosedJaws, held: Bools, scene: Scene, most: float
 ) -> tuple[Bools, Floats]:
-    """Whether the gripper collides at each pose, and how far it gave way before [mesh unit], (k,).
+    """Whether the gripper collides at each pose, and how far it gave way before [m], (k,).
 
     It gives way along the closing axis by at most as much as is stated.
     """
@@ -499,20 +558,14 @@ def poses_on(
     """Read poses and the mesh that they are on.
 
     Args:
-        path: File of the poses; one that states no unit has them in that of the mesh.
+        path: File of the poses; one that states no unit has them in that of the mesh's file.
         source: The mesh, which gets the scale that the poses state.
         options: How it is read.
         stated: What is stated of the file of poses, as `read_grasps` takes it.
     """
-    mesh = None
-    try:
-        poses = read_poses(path, **stated)
-    except UnknownUnitError:
-        mesh = load_mesh(source, options)
-        if mesh.unit is None:
-            raise
-        poses = read_poses(path, unit=mesh.unit, **stated)
-    return poses, in_stated_scale(mesh or load_mesh(source, options), poses)
+    mesh = load_mesh(source, options)
+    poses = poses_of_file(path, mesh, **stated)
+    return poses, in_stated_scale(mesh, poses)
 
 
 def in_stated_scale(mesh: ObjectMesh, grasps: GraspPoses | Floats) -> ObjectMesh:
@@ -530,12 +583,17 @@ def in_stated_scale(mesh: ObjectMesh, grasps: GraspPoses | Floats) -> ObjectMesh
     scale = grasps.object_scale if isinstance(grasps, GraspPoses) else None
     if scale is None or any(step.name == SCALED for step in mesh.report.repairs):
         return mesh
-    if mesh.unit is not None:
+    if mesh.file_unit is not None:
         assert isinstance(grasps, GraspPoses)
-        return _checked_scale(mesh, mesh.unit, scale, grasps.object_file)
+        return _checked_scale(mesh, mesh.file_unit, scale, grasps.object_file)
     step = RepairStep(SCALED, len(mesh.vertices), f"vertices scaled by {scale:g}: the poses say so")
     repairs = (*mesh.report.repairs, step)
-    return replace(mesh.scaled(scale), report=replace(mesh.report, unit="m", repairs=repairs))
+    if unit := next((one for one, metres in METRES.items() if math.isclose(metres, scale)), None):
+        mesh = mesh.with_unit(unit)
+        return replace(mesh, report=replace(mesh.report, repairs=repairs))
+    options = replace(with_lengths_scaled(mesh.options, scale), unit="m")
+    report = replace(mesh.report, unit="m", repairs=repairs)
+    return replace(mesh.scaled(scale), options=options, report=report)
 
 
 SCALED = "scaled"

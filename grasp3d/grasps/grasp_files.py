@@ -22,11 +22,17 @@ from grasp3d.grasps.pose_files.documents import (
     rows_of,
     write_rows,
 )
-from grasp3d.grasps.pose_files.frames import GivenFrame, GivenPose, check_object_frame
+from grasp3d.grasps.pose_files.frames import (
+    GivenFrame,
+    GivenPose,
+    check_object_frame,
+    stated_unit,
+)
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
+from grasp3d.mesh.object_mesh import scale_of
 from grasp3d.settings import MAX_FINGERS, PoseFormat
-from grasp3d.settings.lengths import Unit
+from grasp3d.settings.units import Unit
 from grasp3d.surface.grasp_table import NO_POSES, GraspTable
 from grasp3d.system.documents import described, load_json, number_of
 from grasp3d.system.files import check_suffix
@@ -62,14 +68,15 @@ def read_grasps(
     Which of the two a file contains is found from its name and content. Contacts: CSV and Parquet
     have columns x1 y1 z1 x2 y2 z2 ..., a row for each grasp; other columns are ignored. JSON is a
     list of grasps, each a list of contacts [x, y, z]. Poses are those of the TCP in the object's
-    frame, whatever frame the file has; see `GraspPoses`.
+    frame, whatever frame the file has; see `GraspPoses`. Contacts without a unit are returned as
+    the file has them, though `evaluate_grasps` takes metres on a mesh whose unit is known: give
+    `unit`, or the file itself to `evaluate_grasps`, which has them in the unit of the mesh's file.
 
     Args:
         path: File to read; of poses of hands with joints also a folder of .npy files.
         hand: The gripper that the poses are of; formats with the pose of the hand's base (all but
             json, csv, parquet and acronym) need it.
-        unit: Unit of the lengths of poses, for files that state none; formats of robots are in
-            metres.
+        unit: Unit of the lengths, for files that state none; formats of robots are in metres.
         object_pose: Pose of the object in the frame of the poses, for files in the frame of a robot
             that do not state it; see `write_grasps`.
         frame: Frame of the gripper in which the file has the poses: a name, such as 'graspgen', or
@@ -83,7 +90,7 @@ def read_grasps(
 
     Returns:
         The poses; or contacts in the order of the file, shape (b, n, 3) with n from 2 to 32; b at
-        least 1. `evaluate_grasps` takes both.
+        least 1: in metres, or as in the file where no unit is known. `evaluate_grasps` takes both.
 
     Raises:
         ContactError: The file is missing, or contains no grasps, or no such outcomes; or there is
@@ -112,10 +119,10 @@ def read_grasps(
             raise SettingError(
                 f"{path}: contains no poses; {name} applies to poses, not to contacts"
             )
-    return read_contacts(path)
+    return read_contacts(path, unit=unit)
 
 
-def read_contacts(path: str | Path) -> Floats:
+def read_contacts(path: str | Path, *, unit: Unit | None = None) -> Floats:
     """Read the contacts of grasps, see `read_grasps`; also from files that `write_grasps` wrote.
 
     CSV and Parquet have columns x1 y1 z1 x2 y2 z2 ..., a row for each grasp; other columns are
@@ -123,28 +130,39 @@ def read_contacts(path: str | Path) -> Floats:
 
     Args:
         path: File to read; .csv, .parquet or .json.
+        unit: Unit of the coordinates, if the file states none.
 
     Returns:
-        Contacts in the order of the file, shape (b, n, 3) with n from 2 to 32; b at least 1.
+        Contacts in the order of the file, shape (b, n, 3) with n from 2 to 32; b at least 1. In
+        metres, or as in the file where no unit is known.
 
     Raises:
         ContactError: The file is missing, or contains no such contacts.
     """
-    path = Path(path)
+    contacts, stated = contacts_in(Path(path))
+    try:
+        return np.asarray(contacts * scale_of(stated_unit(stated, unit)))
+    except ContactError as error:
+        raise one_line(Path(path), str(error)) from error
+
+
+def contacts_in(path: Path) -> tuple[Floats, Unit | None]:
+    """The contacts in a file as it has them, and the unit that it states; see `read_contacts`."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise ContactError(unsupported(path, SUFFIXES, "contacts"))
     check_file(path)
     try:
-        return read_file(_from_json if suffix == ".json" else _from_table, path)
+        contacts, unit = read_file(_from_json if suffix == ".json" else _from_table, path)
+        return contacts, stated_unit(unit, None)
     except OSError as error:
         raise one_line(path, f"cannot be read ({error.strerror or error})") from error
     except (ContactError, ValueError) as error:
         raise one_line(path, str(error)) from error
 
 
-def _from_table(path: Path) -> Floats:
-    """Contacts of a CSV or Parquet file. Raises ContactError, ValueError, OSError."""
+def _from_table(path: Path) -> tuple[Floats, Any]:
+    """Contacts of a table, and their unit. Raises ContactError, ValueError, OSError."""
     from grasp3d.system.tables import read_columns
 
     table = read_columns(path)
@@ -153,7 +171,11 @@ def _from_table(path: Path) -> Floats:
     columns = [_column(name, table[name]) for name in required]
     if not len(columns[0]):
         raise ContactError("there are no grasps in it, only column names")
-    return np.stack(columns, axis=1).reshape(-1, len(required) // 3, 3)
+    units = {one or "" for one in table.get("unit", ())}  # None: an empty cell
+    if len(units) > 1:
+        raise ContactError("its contacts are in several units; put them into separate files")
+    points = np.stack(columns, axis=1).reshape(-1, len(required) // 3, 3)
+    return points, next(map(str, units), None)
 
 
 def _coordinate_columns(names: Sequence[str]) -> list[str]:
@@ -194,11 +216,13 @@ def _column(name: str, values: npt.NDArray[Any]) -> Floats:
     return numbers
 
 
-def _from_json(path: Path) -> Floats:
-    """Contacts of a JSON file. Raises ContactError, ValueError, OSError."""
-    content = load_json(path)
+def _from_json(path: Path) -> tuple[Floats, Any]:
+    """Contacts of a JSON file, and their unit. Raises ContactError, ValueError, OSError."""
+    content, unit = load_json(path), None
     if isinstance(content, dict):
         check_object_frame([content.get("frame")])
+        header = content.get("grasp3d")
+        unit = header.get("unit") if isinstance(header, dict) else content.get("unit")
         content = _from_written(content)
     if not isinstance(content, list):
         raise ContactError(f"expected {GRASPS}; found {described(content)}")
@@ -212,7 +236,7 @@ def _from_json(path: Path) -> Floats:
             f"all grasps need the same number of contacts: grasp 1 has {counts[0]}, grasp "
             f"{other + 1} has {counts[other]}; put them into separate files"
         )
-    return np.array(rows, dtype=np.float64)
+    return np.array(rows, dtype=np.float64), unit
 
 
 def _from_written(content: dict[str, Any]) -> object:
@@ -267,9 +291,9 @@ def write_grasps(
     1), `label`, `critical_angle`, `critical_angle_best`, `max_resolution`, `margin` [rad],
     `epsilon`, `epsilon_min`, `epsilon_max`, `rank`, `opening`, `separation`; and for each contact
     its position on the surface `x1` `y1` `z1`, the outward normal there `nx1` `ny1` `nz1`,
-    `distance1`, its distance from the surface before it was moved there, and `on_crease1`. nan is
-    written as an empty cell, in JSON as null, where infinite numbers are null as well. JSON and
-    Parquet contain the settings.
+    `distance1`, its distance from the surface before it was moved there, and `on_crease1`. Tables
+    have a column `unit`. nan is written as an empty cell, in JSON as null, where infinite numbers
+    are null as well. JSON and Parquet contain the settings.
 
     With a load also `grip_force`, `grip_force_least`, `grip_force_largest` [N], `payload` [kg] if a
     force is at hand; see `Holding`. `label` is that of everything stated, and `score` the one

@@ -11,7 +11,6 @@ from grasp3d.grasps.reasons import Reasons
 from grasp3d.hand.closed_jaws import MEANING, ClosedJaws, Closing
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaw_reach import collides
-from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
@@ -73,11 +72,11 @@ class GripperReasons(Reasons):
 
     def __init__(self, poses: Evaluated) -> None:
         self._size = len(poses.poses)
-        super().__init__(self._size, poses.mesh)
+        super().__init__(self._size)
         assert isinstance(poses.hand, ParallelGripper)
-        self._poses, self._hand, self._metres = poses, poses.hand, metres_per_unit(poses.mesh)
+        self._poses, self._hand = poses, poses.hand
         # The object yields to the pads, as in the test of the stroke.
-        self._widest = (poses.hand.limits[1] + 2.0 * poses.hand.compliance) / self._metres
+        self._widest = poses.hand.limits[1] + 2.0 * poses.hand.compliance
         with unreported():
             self._add_direction()
             self._add_wide()
@@ -101,7 +100,7 @@ class GripperReasons(Reasons):
         rows = self.without(poses.jaws.state == Closing.STARTS_INSIDE)
         if not len(rows):
             return
-        wider = self._hand.opening_to(self._hand.max_opening + poses.mesh.size * self._metres)
+        wider = self._hand.opening_to(self._hand.max_opening + poses.mesh.size)
         closed = wider.close(poses.mesh, poses.poses[rows], object_motion="fixed")
         excess = closed.opening - self._widest
         wide = excess > 0.0  # nan: they do not close there either
@@ -117,7 +116,7 @@ class GripperReasons(Reasons):
         rows = self.without(inside | (poses.collides & jaws.closed))
         if not len(rows):
             return
-        at, wide = poses.poses[rows], self._hand.limits[1] / self._metres
+        at, wide = poses.poses[rows], self._hand.limits[1]
         meets = np.stack(
             [collides(poses.mesh, at, wide, self._hand, only=part) for part in range(len(PARTS))],
             axis=1,
@@ -148,7 +147,7 @@ class GripperReasons(Reasons):
             ])  # fmt: skip
 
     def _box(self, part: int) -> tuple[Floats, Floats]:
-        """Lowest and highest corner of a part of the open gripper in its frame [mesh unit]."""
+        """Lowest and highest corner of a part of the open gripper in its frame."""
         hand = self._hand
         top = 0.0 if hand.round_tips else 0.5 * hand.pad_height
         bottom = top - hand.finger_length
@@ -161,10 +160,10 @@ class GripperReasons(Reasons):
             near, far = (-outer, -inner) if part == 0 else (inner, outer)
             half_width = 0.5 * hand.finger_width
             low, high = [near, -half_width, bottom], [far, half_width, top]
-        return np.array(low) / self._metres, np.array(high) / self._metres
+        return np.array(low), np.array(high)
 
     def _depths(self, poses: Floats) -> Floats:
-        """How deep each part is in the object at poses (r, 4, 4) [mesh unit], shape (r, 3).
+        """How deep each part is in the object at poses (r, 4, 4), shape (r, 3).
 
         Measured at points of a grid; 0 where none is inside, or the object is open.
         """
@@ -193,8 +192,8 @@ class GripperReasons(Reasons):
             if state != Closing.CLOSED:
                 self.add(meaning, poses.jaws.state == state)
         jaws = poses.jaws
-        shut = jaws.closed & ~self._hand.opens_to(poses.mesh, jaws)
-        least, most = self._hand.limits[0] / self._metres, self._widest
+        shut = jaws.closed & ~self._hand.opens_to(jaws)
+        least, most = self._hand.limits[0], self._widest
         texts = [
             f"wider than the stroke by {self.length(opening - most)}"
             if opening > most
@@ -233,10 +232,7 @@ class GripperReasons(Reasons):
         assert scene is not None
         if robust.pad_margin is None:
             return np.zeros(self._size, dtype=np.bool_)
-        unit = self._poses.mesh.unit
-        assert unit is not None
-        position = scene.pose_error.offsets(unit).position
-        return np.asarray(robust.pad_margin < self._metres * position)
+        return np.asarray(robust.pad_margin < scene.pose_error.position)
 
     def _add_forces(self, left: Bools) -> None:
         case, needed = self._poses.load_case, self._poses.grip_force

@@ -20,14 +20,13 @@ from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, HandContacts, hand_contacts
 from grasp3d.hand.articulated.plausible_numbers import implausible
 from grasp3d.hand.choices import ContactRule
-from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.quality.loads import load_settings
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import GraspModel
-from grasp3d.settings.lengths import GivenLength
+from grasp3d.settings.units import GivenLength
 from grasp3d.stability.contact_sets import ContactSets, SetLabels, contact_margins, label_sets
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.fields import HAND_GRASPS, Arrays, columns_of
@@ -60,16 +59,16 @@ class EvaluatedHandGrasps(GivenGrasps):
     mesh: ObjectMesh
     """The object."""
     model: GraspModel
-    """Friction and sensor resolution, with lengths in the mesh's unit."""
+    """Friction and sensor resolution."""
     scene: Scene
     """The hand, and what it must not touch."""
     given: GraspPoses
-    """The poses as they were given, with their outcomes, in the mesh's unit; the posture in the
+    """The poses as they were given, with their outcomes [m]; the posture in the
     order of the hand's joints."""
     contacts: HandContacts
     """What the links touch, by which rule, with gaps and collisions."""
     contact_distance: float
-    """Distance of a link from the surface up to which it touches, in the mesh's unit."""
+    """Distance of a link from the surface up to which it touches [m]."""
     to_hold: LoadCase | None = None
     """What each grasp must hold; None: nothing is stated."""
 
@@ -243,10 +242,10 @@ class EvaluatedHandGrasps(GivenGrasps):
 
         Shape (c, 3, p).
         """
-        contacts, metres, row = self.contacts, metres_per_unit(self.mesh), self.sets.row
+        contacts, row = self.contacts, self.sets.row
         rotation, offset = contacts.poses[:, :3, :3], contacts.poses[:, :3, 3]
         points = self.sets.points + self.mesh.center_mass - offset[row]
-        in_hand = metres * (points[:, None] @ rotation[row])[:, 0]
+        in_hand = (points[:, None] @ rotation[row])[:, 0]
         links = self.hand.link_poses(contacts.posture)
         return locked(rotation[row] @ self.hand.jacobians(links, row, self._link, in_hand))
 
@@ -258,7 +257,7 @@ class EvaluatedHandGrasps(GivenGrasps):
 
     @cached_property
     def gap(self) -> Floats:
-        """Largest gap between the surface and a link that touches [mesh unit], shape (k,).
+        """Largest gap between the surface and a link that touches [m], shape (k,).
 
         0: all of them are inside; nan: none touches.
         """
@@ -267,23 +266,23 @@ class EvaluatedHandGrasps(GivenGrasps):
 
     @property
     def penetration(self) -> Floats:
-        """How deep the deepest link is inside the object [mesh unit], shape (k,)."""
+        """How deep the deepest link is inside the object [m], shape (k,)."""
         return np.asarray(np.maximum(0.0, -self.contacts.gaps.min(axis=1, initial=math.inf)))
 
     @property
     def overlap(self) -> Floats:
-        """Depth of the deepest collision of two links [mesh unit], shape (k,)."""
+        """Depth of the deepest collision of two links [m], shape (k,)."""
         return np.maximum(0.0, self.contacts.self_depth)
 
     @property
     def below_table(self) -> Floats:
-        """How far the hand reaches below the table [mesh unit], shape (k,); nan: no table."""
+        """How far the hand reaches below the table [m], shape (k,); nan: no table."""
         return np.maximum(0.0, self.contacts.table_depth)
 
     @cached_property
     def reasons(self) -> HandReasons:
         """What is wrong with each grasp."""
-        reasons = HandReasons(self.hand, self.mesh, self.contacts, self.contact_distance)
+        reasons = HandReasons(self.hand, self.contacts, self.contact_distance)
         reasons.add_impossible(self.given.posture, self.scene)
         reasons.add_contacts(self._touching)
         reasons.add("touches outside --region", self.outside)
@@ -393,7 +392,7 @@ def evaluate_hand(
 
     Args:
         mesh: The object.
-        poses: The poses, in the unit of the mesh, with values of the joints.
+        poses: The poses, in metres, with values of the joints.
         model: Friction and sensor resolution [rad]; None: the defaults.
         scene: The hand and the table.
         contact_rule: given or closed.
@@ -407,13 +406,14 @@ def evaluate_hand(
     hand = scene.hand
     assert isinstance(hand, ArticulatedHand)
     _refuse(hand, scene, model or GraspModel(), load)
-    (own_model,) = mesh.in_own_unit(model or GraspModel())
+    own_model = model or GraspModel()
+    mesh.check_units(own_model)
     distance = mesh.length("contact_distance", contact_distance)
     poses = replace(matched(poses, hand), joint_names=hand.joint_names)
     with within(0.0, TOUCHED):
         contacts = hand_contacts(
             mesh, hand, poses.poses, poses.posture, rule=contact_rule,
-            contact_distance=distance * metres_per_unit(mesh), table=scene.table,
+            contact_distance=distance, table=scene.table,
         )  # fmt: skip
     result = EvaluatedHandGrasps(
         mesh=mesh, model=own_model, scene=scene, given=poses, contacts=contacts,

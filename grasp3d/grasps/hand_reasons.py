@@ -10,7 +10,6 @@ from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
 from grasp3d.hand.articulated.contacts import HandContacts
 from grasp3d.hand.scene import LEVEL, Scene
 from grasp3d.hand.table import best_approach
-from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import MAX_FINGERS
 
 
@@ -19,15 +18,12 @@ class HandReasons(Reasons):
 
     Args:
         hand: The hand.
-        mesh: The object.
         contacts: What its links touch at k poses.
-        tolerance: Depth up to which links may be inside something [mesh unit].
+        tolerance: Depth up to which links may be inside something [m].
     """
 
-    def __init__(
-        self, hand: ArticulatedHand, mesh: ObjectMesh, contacts: HandContacts, tolerance: float
-    ) -> None:
-        super().__init__(len(contacts.poses), mesh)
+    def __init__(self, hand: ArticulatedHand, contacts: HandContacts, tolerance: float) -> None:
+        super().__init__(len(contacts.poses))
         self._hand, self._contacts, self._tolerance = hand, contacts, tolerance
         self.impossible: Bools = np.zeros(len(contacts.poses), dtype=np.bool_)
         """Whether the hand cannot be there, shape (k,)."""

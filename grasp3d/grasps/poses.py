@@ -13,13 +13,17 @@ from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.pose_checks import checked_poses
-from grasp3d.settings.lengths import METRES, Unit
-from grasp3d.surface.fields import HAND_GRASPS, LENGTH, given_poses
+from grasp3d.mesh import ObjectMesh
+from grasp3d.settings.units import METRES, Unit
+from grasp3d.surface.fields import AREA, HAND_GRASPS, LENGTH, given_poses
 
-LENGTH_COLUMNS = frozenset({
-    "contacts", *(field.name for field in (*given_poses(), *HAND_GRASPS) if field.unit == LENGTH)
-})  # fmt: skip
-"""Columns that are lengths, and are converted with the unit."""
+_POWERS = {LENGTH: 1, AREA: 2}
+POWERS = {
+    field.name: _POWERS[field.unit]
+    for field in (*given_poses(), *HAND_GRASPS)
+    if field.unit in _POWERS
+} | {"contacts": 1}
+"""Powers of a length by the name of a column, which is converted with the unit."""
 
 GAP = "gap_"
 """Start of the names of columns with the distance of one link of a hand from the surface."""
@@ -44,6 +48,10 @@ PART = 10_000
 
 VECTOR_COLUMNS = ("contacts", "normals")
 """Columns of shape (k, n, 3), for n contacts."""
+
+
+def _power(column: str) -> int:
+    return POWERS.get(column, int(column.startswith(GAP)))
 
 
 def _unknown() -> Floats:
@@ -159,6 +167,11 @@ class GraspPoses:
         metres = self._metres_per_unit()
         return self if unit == self.unit else self.scaled(metres / METRES[unit], unit)
 
+    def on(self, mesh: ObjectMesh) -> Self:
+        """The same poses with lengths as those of a mesh; without a unit they are in its file's."""
+        stated = self if self.unit else replace(self, unit=mesh.file_unit)
+        return stated.in_unit("m") if mesh.unit else stated
+
     def _metres_per_unit(self) -> float:
         if self.unit is None:
             raise ContactError(
@@ -181,7 +194,7 @@ class GraspPoses:
             return poses
 
         columns = {
-            name: values * factor if name in LENGTH_COLUMNS or name.startswith(GAP) else values
+            name: values * factor ** _power(name) if _power(name) else values
             for name, values in self.columns.items()
         }
         return replace(

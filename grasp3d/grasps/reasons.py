@@ -6,8 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bools, Ints
-from grasp3d.hand.jaws import metres_per_unit
-from grasp3d.mesh import ObjectMesh
 
 
 class Reasons:
@@ -15,11 +13,9 @@ class Reasons:
 
     Args:
         count: Number of poses.
-        mesh: The object.
     """
 
-    def __init__(self, count: int, mesh: ObjectMesh) -> None:
-        self._millimetres = 1000.0 * metres_per_unit(mesh)
+    def __init__(self, count: int) -> None:
         self._texts = [""] * count
         self.kinds = [""] * count
         """What the sentences are about, to count them."""
@@ -46,7 +42,8 @@ class Reasons:
             if not self._texts[row]:
                 self._texts[row], self.kinds[row] = texts[number] if texts else kind, kind
 
-    def length(self, length: float) -> str:
-        """A length [mesh unit] in millimetres, with two digits below 10."""
-        millimetres = self._millimetres * float(length)
+    @staticmethod
+    def length(length: float) -> str:
+        """A length [m] in millimetres, with two digits below 10."""
+        millimetres = 1000.0 * float(length)
         return f"{millimetres:.2g} mm" if millimetres < 10.0 else f"{millimetres:.0f} mm"

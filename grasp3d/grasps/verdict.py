@@ -19,7 +19,6 @@ from grasp3d.grasps.evaluation import using
 from grasp3d.grasps.explanations import finger_words
 from grasp3d.grasps.gripper_reasons import MISSED, OFF_PADS, UNSURE
 from grasp3d.grasps.ranking import ranked_rows
-from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.scene import Scene
 from grasp3d.quality.grip_forces import Resistance
@@ -490,16 +489,16 @@ def _wider_jaws(labels: SurfaceLabels) -> list[Remedy]:
     scene = labels.scene
     if scene is None or not has_poses(labels) or not isinstance(scene.hand, ParallelGripper):
         return []
-    hand, metres = scene.hand, metres_per_unit(labels.mesh)
+    hand = scene.hand
 
     def opening_to(opening: float) -> Scene:
         return replace(scene, hand=hand.opening_to(opening))
 
-    search = replace(PoseSearch.of(labels), scene=opening_to(2.0 * metres * labels.mesh.size))
+    search = replace(PoseSearch.of(labels), scene=opening_to(2.0 * labels.mesh.size))
     pool = search.pool()
     sure = pool.take(np.flatnonzero(pool.letter == Label.S))
     for row in np.argsort(sure.opening)[:MOST_JAWS].tolist():
-        needed = metres * sure.opening[row] + 2.0 * hand.clearance
+        needed = sure.opening[row] + 2.0 * hand.clearance
         opening = 1e-3 * math.ceil(round(1e3 * needed, 6))
         one = replace(search, scene=opening_to(opening)).evaluated(sure.poses[[row]])
         if (one.letter == Label.S).all():

@@ -5,6 +5,9 @@ from typing import Literal
 
 from grasp3d.settings.checks import check_range
 
+Standing = Literal["none", "as-is", "stable"]
+"""What an object stands on: nothing, a table below it as it is, or in a resting pose."""
+
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 ObjectMotion = Literal["free", "fixed"]
 """Whether an object gives way to closing fingers."""

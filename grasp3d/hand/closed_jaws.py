@@ -67,27 +67,27 @@ class ClosedJaws:
     state: Bytes
     """`Closing` codes, shape (k,)."""
     poses: Floats
-    """The gripper in the object's frame when the jaws are closed [mesh unit], shape (k, 4, 4): as
+    """The gripper in the object's frame when the jaws are closed [m], shape (k, 4, 4): as
     given where the object is fixed; one that is free has moved relative to the gripper, whose TCP
     is then midway between the jaws."""
     points: Floats
-    """Contacts, in the mesh's frame and unit, shape (k, n, 3): of a fixed object the centroids of
+    """Contacts, in the mesh's frame, shape (k, n, 3): of a fixed object the centroids of
     the touched patches, of a free one the centres of pressure."""
     normals: Floats
     """Unit normals into the object, means over the patches, shape (k, n, 3)."""
     opening: Floats
     """Distance of the pads, or of the nearest points of round tips, when both touch first
-    [mesh unit], shape (k,); nan unless CLOSED."""
+    [m], shape (k,); nan unless CLOSED."""
     positions: Floats
     """Where the jaws stop: x of the pads, or of the foremost points of round tips, in the frame of
-    `poses` [mesh unit], shape (k, n)."""
+    `poses` [m], shape (k, n)."""
     area: Floats
-    """Areas of the touched patches [mesh unit squared], shape (k, n)."""
+    """Areas of the touched patches [m^2], shape (k, n)."""
     extents: Floats
-    """Sizes of the touched patches along y and z of the gripper [mesh unit], shape (k, n, 2)."""
+    """Sizes of the touched patches along y and z of the gripper [m], shape (k, n, 2)."""
     corners: Floats
     """Points of the touched patches that are farthest in eight directions of the pads, in the
-    mesh's frame and unit, shape (k, n, 8, 3): their convex hull is within that of the patch."""
+    mesh's frame, shape (k, n, 8, 3): their convex hull is within that of the patch."""
     touch: Bytes
     """`Touch` codes, shape (k, n)."""
     apart: Bools
@@ -95,7 +95,7 @@ class ClosedJaws:
     different heights, shape (k,)."""
     shift: Floats
     """How far the gripper moved along the closing axis, relative to the object, before the jaws
-    closed, as they would have started in it [mesh unit], shape (k,)."""
+    closed, as they would have started in it [m], shape (k,)."""
     turn: Floats
     """Angle by which the object has turned relative to the gripper [rad], shape (k,); 0 where it is
     fixed or has not moved."""
@@ -109,7 +109,7 @@ class ClosedJaws:
 
     @property
     def offset(self) -> Floats:
-        """How far the middle between the jaws is from the TCP, along x [mesh unit], shape (k,).
+        """How far the middle between the jaws is from the TCP, along x [m], shape (k,).
 
         A rigid hand whose jaws move symmetrically pushes the object by as much, against x.
         """
@@ -130,7 +130,7 @@ def closed_jaws(
     free: bool,
     shift: Floats,
 ) -> ClosedJaws:
-    """States, and everything in the mesh's frame and unit.
+    """States, and everything in the mesh's frame.
 
     Args:
         mesh: The object.
@@ -139,7 +139,7 @@ def closed_jaws(
         jaw: The jaws.
         least: Smallest opening [object sizes].
         free: Whether the object is free, and contacts are centres of pressure.
-        shift: As in `ClosedJaws` [mesh unit], shape (k,).
+        shift: As in `ClosedJaws` [m], shape (k,).
     """
     touches = result.outcome == TOUCHES
     opening = result.position[:, 1] - result.position[:, 0]
@@ -192,7 +192,7 @@ def centres_of_pressure(points: Floats, low: Floats, high: Floats, poses: Floats
 
 
 def _matrices(mesh: ObjectMesh, poses: Floats) -> Floats:
-    """Poses in the mesh's frame and unit, shape (k, 4, 4)."""
+    """Poses in the mesh's frame, shape (k, 4, 4)."""
     matrices = np.zeros((len(poses), 4, 4))
     matrices[:, :3, :3] = poses[..., :3]
     matrices[:, :3, 3] = mesh.from_normalized(poses[..., 3])

@@ -11,11 +11,11 @@ from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.errors import SettingError
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws, closed_jaws
-from grasp3d.hand.jaws import Corners, Jaws, metres_per_unit
+from grasp3d.hand.jaws import IN_METRES, Corners, Jaws
 from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import check_choice
-from grasp3d.settings.lengths import GivenLength, Measure
+from grasp3d.settings.units import GivenLength
 from grasp3d.system.context import report_progress, thread_count, unreported
 
 FOOTPRINT = 1.0 / 3.0
@@ -125,14 +125,13 @@ def close_jaws(
     Args:
         mesh: The object, whose unit is known.
         poses: Matrices that take coordinates of the gripper's frame to the mesh's, translations in
-            the mesh's unit, shape (k, 4, 4), or (4, 4) for one.
+            metres, shape (k, 4, 4), or (4, 4) for one.
         hand: The gripper.
-        opening: Opening at the start, in the mesh's unit or with a unit, one or (k,); None: the
-            stroke.
+        opening: Opening at the start, in metres or with a unit, one or (k,); None: the stroke.
         object_motion: free: the object gives way; fixed: it does not move.
         friction: Coulomb coefficient between the jaws and a free object; at least 0.
         give_way: Where a finger starts in the object, how far it may be shifted along the closing
-            axis until none does, in the mesh's unit; see `ClosedJaws.shift`.
+            axis until none does [m]; see `ClosedJaws.shift`.
 
     Raises:
         SettingError: The unit of the mesh is not known, or a setting is outside its range.
@@ -161,7 +160,8 @@ def close_jaws(
     free_object = object_motion == "free"
     if not 0.0 <= friction < math.inf:
         raise SettingError(f"friction must be a finite number of at least 0; got {friction:g}")
-    scale = 1.0 / (metres_per_unit(mesh) * mesh.size)  # from metres
+    mesh.needs_metres(IN_METRES)
+    scale = 1.0 / mesh.size
     matrices = _normalized(mesh, poses)
     start = _openings(mesh, opening, hand, len(matrices))
     jaw = jaw_of(hand, scale)
@@ -225,8 +225,8 @@ def _openings(
     mesh: ObjectMesh, opening: ArrayLike | GivenLength | None, hand: Jaws, count: int
 ) -> Floats:
     """Openings at the start [object sizes], shape (k,)."""
-    stroke = hand.max_opening / metres_per_unit(mesh)
-    if isinstance(opening, str | Measure):
+    stroke = hand.max_opening
+    if isinstance(opening, str):
         opening = mesh.length("opening", opening)
     try:
         lengths = np.asarray(stroke if opening is None else opening, dtype=np.float64)
@@ -240,7 +240,7 @@ def _openings(
     if len(bad):
         raise SettingError(
             f"pose {bad[0] + 1}: opening must be from 0 to the stroke of gripper "
-            f"{hand.name!r}, {stroke:.4g} {mesh.unit}; got {start[bad[0]]:.4g}"
+            f"{hand.name!r}, {stroke:.4g} m; got {start[bad[0]]:.4g}"
         )
     return np.asarray(start / mesh.size)
 

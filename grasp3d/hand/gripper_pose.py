@@ -11,12 +11,11 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.shapes import hand_triangles
 from grasp3d.hand.triangles import Triangles
-from grasp3d.settings.lengths import Unit
 
 
 @dataclass(frozen=True, eq=False)
 class GripperPose:
-    """A gripper at one grasp; lengths in the mesh's unit."""
+    """A gripper at one grasp; lengths in metres."""
 
     pose: Floats
     """Matrix that takes coordinates of the gripper's frame to the mesh's, shape (4, 4)."""
@@ -66,9 +65,9 @@ class GripperPose:
         """Approach direction in the mesh's frame, shape (3,)."""
         return np.asarray(self.pose[:3, :3] @ self.toward)
 
-    def triangles(self, hand: Hand, unit: Unit) -> Triangles:
-        """The shape of the gripper there, in the frame and unit of the mesh."""
-        return hand_triangles(hand, self.opening, posture=self.posture, pose=self.pose, unit=unit)
+    def triangles(self, hand: Hand) -> Triangles:
+        """The shape of the gripper there, in the frame of the mesh."""
+        return hand_triangles(hand, self.opening, posture=self.posture, pose=self.pose)
 
     @property
     def arcs(self) -> list[tuple[float, float]]:

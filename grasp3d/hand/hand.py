@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 class Hand(Protocol):
     """Whatever can hold an object; nothing outside its module depends on how many joints it has.
 
-    Its lengths are in metres; those of meshes, poses and results are in the unit of the mesh. Its
-    frame has z as the approach direction, from the palm toward the object. Its state is one
-    opening, and a posture, the values of its further joints, of which there may be none.
+    All lengths are in metres, also those of meshes, poses and results. Its frame has z as the
+    approach direction, from the palm toward the object. Its state is one opening, and a posture,
+    the values of its further joints, of which there may be none.
     """
 
     @property
@@ -74,18 +74,6 @@ class Hand(Protocol):
     def shape(self, opening: float, posture: "ArrayLike" = ()) -> "Triangles":
         """Its solid parts in its own frame at an opening [m] and a posture."""
 
-    def opening_at(
-        self, points: "Floats", normals: "Floats", internal: "Bools", metres: float
-    ) -> "Floats":
-        """Openings at which it holds contacts, in their unit, shape (b,).
-
-        Args:
-            points: Contacts, shape (b, n, 3).
-            normals: Outward unit normals there, shape (b, n, 3).
-            internal: Whether the fingers push outward, shape (b,).
-            metres: Metres per unit of the contacts.
-        """
-
     def reach(
         self,
         mesh: "ObjectMesh",
@@ -100,7 +88,7 @@ class Hand(Protocol):
 
         Args:
             mesh: The object; its unit must be known.
-            points: Contacts, in the mesh's frame and unit, shape (b, n, 3).
+            points: Contacts, in the mesh's frame, shape (b, n, 3).
             normals: Inward unit normals there, shape (b, n, 3).
             grip: +1 external grasps, -1 internal ones, one number or shape (b,).
             table: What the object stands on; None: nothing.
@@ -123,8 +111,8 @@ class Hand(Protocol):
             poses: From the hand's frame to the mesh's, shape (k, 4, 4).
             object_motion: free: the object gives way; fixed: it does not move.
             friction: Coulomb coefficient between the fingers and a free object.
-            give_way: How far the object or the fingers may give way where fingers start in it, in
-                the mesh's unit; see `ClosedJaws.shift`.
+            give_way: How far the object or the fingers may give way where fingers start in it [m];
+                see `ClosedJaws.shift`.
         """
 
     def blocked(
@@ -147,7 +135,7 @@ class Hand(Protocol):
             table: What the object stands on; None: nothing.
         """
 
-    def opens_to(self, mesh: "ObjectMesh", closed: "ClosedJaws") -> "Bools":
+    def opens_to(self, closed: "ClosedJaws") -> "Bools":
         """Whether the openings of closed grasps are within the limits, shape (k,)."""
 
     def description(self) -> Mapping[str, Any]:

@@ -4,7 +4,7 @@ import json
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.presets import FORMAT as ARTICULATED
@@ -36,6 +36,25 @@ MODEL = "description"
 """Key of the file that a description needs, named from the folder of the JSON file."""
 
 SUFFIXES = (".json", *MODELS)
+
+
+GivenHand: TypeAlias = Hand | str | Path | None
+"""A hand as functions take it: also a name or a file, as `read_hand` takes them."""
+
+
+def given_hand(hand: GivenHand) -> Hand | None:
+    """The hand that is given as such, by its name or by its file.
+
+    Raises:
+        SettingError: It is none of that.
+    """
+    found = read_hand(hand) if isinstance(hand, str | Path) else hand
+    if found is None or (isinstance(found, Hand) and not isinstance(found, type)):
+        return found
+    raise SettingError(
+        f"hand must be a Hand, such as a ParallelGripper, its name ('franka') or its file; got "
+        f"{found!r}"
+    )
 
 
 def read_hand(

@@ -12,7 +12,7 @@ from grasp3d._kernels.surface.box_tree import BoxTree
 from grasp3d.arrays import ArrayLike, Bools, Floats, unit_rows
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.hand.closed_jaws import ClosedJaws
-from grasp3d.hand.jaws import Jaws, metres_per_unit
+from grasp3d.hand.jaws import IN_METRES, Jaws
 from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.table import Approach, Table, best_approach
@@ -43,7 +43,8 @@ class NormalizedScene(NamedTuple):
         Raises:
             SettingError: The mesh has no unit.
         """
-        scale = 1.0 / (metres_per_unit(mesh) * mesh.size)
+        mesh.needs_metres(IN_METRES)
+        scale = 1.0 / mesh.size
         lengths = {name: getattr(hand, name) * scale for name in GripperShape._fields}
         if hand.round_tips:
             lengths["pad_height"] = 0.0
@@ -101,7 +102,7 @@ def reach_grasps(
 
     Args:
         mesh: The object; its unit must be known.
-        points: Contacts, in the mesh's frame and unit, shape (b, n, 3).
+        points: Contacts, in the mesh's frame, shape (b, n, 3).
         normals: Inward unit normals there, shape (b, n, 3).
         hand: The gripper, in metres.
         grip: +1 external grasps, -1 internal ones (the fingers inside, pushing outward), one
@@ -123,9 +124,10 @@ def reach_grasps(
         ...     name="hand", max_opening=0.08, finger_thickness=0.02, finger_width=0.02,
         ...     finger_length=0.045, pad_width=0.018, pad_height=0.018, palm_thickness=0.2,
         ...     palm_width=0.06, palm_length=0.06)
-        >>> reach = reach_grasps(mesh, [[[0, -20, 0], [0, 20, 0]]], [[[0, 1, 0], [0, -1, 0]]], hand)
+        >>> reach = reach_grasps(
+        ...     mesh, [[[0, -0.02, 0], [0, 0.02, 0]]], [[[0, 1, 0], [0, -1, 0]]], hand)
         >>> Reachability(reach.state[0]).name, float(reach.opening[0].round(6))
-        ('REACHED', 40.0)
+        ('REACHED', 0.04)
     """
     points, normals, signs = _checked(points, normals, grip)
     approach = approach or Approach()
@@ -187,9 +189,9 @@ def collides(
 
     Args:
         mesh: The object; its unit must be known.
-        poses: From the gripper's frame to the mesh's, in the mesh's unit, shape (b, 4, 4).
+        poses: From the gripper's frame to the mesh's [m], shape (b, 4, 4).
         opening: Distance between the inner faces of the fingers, or between the nearest points of
-            round tips, in the mesh's unit, one number or shape (b,).
+            round tips [m], one number or shape (b,).
         hand: The gripper, in metres.
         grip: +1: the fingers close from a clearance outside, -1: from inside, one number or (b,).
         table: What the object stands on; None: nothing.
@@ -214,7 +216,7 @@ def collides(
         ...     name="hand", max_opening=0.08, finger_thickness=0.02, finger_width=0.02,
         ...     finger_length=0.045, pad_width=0.018, pad_height=0.018, palm_thickness=0.2,
         ...     palm_width=0.06, palm_length=0.06)
-        >>> collides(mesh, [np.eye(4), np.eye(4)], [70.0, 50.0], hand)
+        >>> collides(mesh, [np.eye(4), np.eye(4)], [0.07, 0.05], hand)
         array([False,  True])
     """
     matrices = checked_poses(poses)
@@ -249,7 +251,7 @@ def collides_closing(
 
     Args:
         mesh: The object; its unit must be known.
-        poses: From the gripper's frame to the mesh's, in the mesh's unit, shape (k, 4, 4).
+        poses: From the gripper's frame to the mesh's, shape (k, 4, 4).
         closed: Where the jaws close there.
         hand: The gripper, in metres.
         held: Whether it is tested around the object that it holds there, or else wide open, shape
@@ -259,7 +261,7 @@ def collides_closing(
     Returns:
         Whether the gripper collides, shape (k,).
     """
-    wide = hand.limits[1] / metres_per_unit(mesh)
+    wide = hand.limits[1]
     opening = np.where(held, np.maximum(closed.opening, 0.0), wide)
     centred = poses.copy()
     offset = np.where(held, closed.offset, 0.0)

@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, Self
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, Radians
-from grasp3d.settings.lengths import METRES, known_unit
 from grasp3d.system.documents import check_text, described, number_of
 
 if TYPE_CHECKING:
     from grasp3d.arrays import Floats
-    from grasp3d.mesh import ObjectMesh
     from grasp3d.settings.sampling import Grip
 
 Corners = tuple[tuple[float, float, float], ...]
@@ -270,14 +268,8 @@ def check_metres(gripper: str, name: str, value: object, *, positive: bool = Fal
         )
 
 
-def metres_per_unit(mesh: "ObjectMesh") -> float:
-    """Metres per unit of a mesh.
-
-    Raises:
-        SettingError: The unit of the mesh is not known.
-    """
-    what = "hands and grippers are given in metres"
-    return METRES[known_unit(mesh.unit, what, mesh.report.source)]
+IN_METRES = "hands and grippers are given in metres"
+"""Why the unit of a mesh must be known where there is one, for errors."""
 
 
 def problem_of_face(face: Corners) -> str | None:

@@ -8,11 +8,11 @@ from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
 from grasp3d.hand.gripper_json import FORMAT, VERSION, fields_in_json, read_json
 from grasp3d.hand.hand import touching
-from grasp3d.hand.jaws import Jaws, metres_per_unit
+from grasp3d.hand.jaws import Jaws
 from grasp3d.system.names import unknown
 
 if TYPE_CHECKING:
-    from grasp3d.arrays import ArrayLike, Bools, Floats
+    from grasp3d.arrays import ArrayLike, Bools
     from grasp3d.hand.closed_jaws import ClosedJaws
     from grasp3d.hand.reach import Reach
     from grasp3d.hand.triangles import Triangles
@@ -125,21 +125,6 @@ class ParallelGripper(Jaws):
         del posture
         return jaw_triangles(self, opening)
 
-    def opening_at(
-        self, points: "Floats", normals: "Floats", internal: "Bools", metres: float
-    ) -> "Floats":
-        """Distances between the pads, or between the nearest points of round tips, shape (b,).
-
-        As in `Hand.opening_at`.
-        """
-        import numpy as np
-
-        radius, thickness = self.tip_radius / metres, self.finger_thickness / metres
-        centres = points + radius * normals
-        gaps = np.linalg.norm(centres[:, 1] - centres[:, 0], axis=1) - 2.0 * radius
-        inside = 0.0 if self.round_tips else 2.0 * thickness
-        return np.asarray(np.maximum(gaps - np.where(internal, inside, 0.0), 0.0))
-
     def reach(self, mesh: "ObjectMesh", points: Any, normals: Any, **options: Any) -> "Reach":
         """Which grasps it reaches; see `Hand.reach` and `reach_grasps`."""
         from grasp3d.hand.jaw_reach import reach_grasps
@@ -160,15 +145,14 @@ class ParallelGripper(Jaws):
 
         return collides_closing(mesh, poses, closed, self, **options)
 
-    def opens_to(self, mesh: "ObjectMesh", closed: "ClosedJaws") -> "Bools":
+    def opens_to(self, closed: "ClosedJaws") -> "Bools":
         """Whether it can open to each opening, with clearance on both sides, shape (k,)."""
         import numpy as np
 
-        metres = metres_per_unit(mesh)
-        least, most = (limit / metres for limit in self.limits)
+        least, most = self.limits
         slack = ROUNDING * most
         # The object yields to the pads, which end up nearer to each other than at the first touch.
-        soft = 2.0 * self.compliance / metres
+        soft = 2.0 * self.compliance
         return np.asarray(
             (closed.opening >= least - slack) & (closed.opening - soft <= most + slack)
         )

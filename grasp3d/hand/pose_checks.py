@@ -1,12 +1,17 @@
 """Checks of grasp poses: rotations, and whether they fit the object."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError
-from grasp3d.mesh.plausible_lengths import guess_unit, unit_warning
-from grasp3d.settings.lengths import METRES, Unit
+from grasp3d.mesh.plausible_units import guess_unit, unit_warning
+from grasp3d.settings.units import METRES, Unit
+
+if TYPE_CHECKING:
+    from grasp3d.mesh import ObjectMesh
 
 TOLERANCE = 1e-3
 """Largest deviation from a rotation, for numbers rounded to few digits; more is an error."""
@@ -142,17 +147,14 @@ def _why_no_rotation(product: Floats) -> str:
 
 
 def check_near(
-    poses: Floats, center: Floats, size: float, unit: Unit, *, stated: Unit | None = None,
-    reach: float = 0.0,
-) -> None:  # fmt: skip
+    poses: Floats, mesh: "ObjectMesh", *, stated: Unit | None = None, reach: float = 0.0
+) -> None:
     """Refuse poses that are all far away from the object.
 
     Args:
         poses: TCP frame to the object's frame, shape (k, 4, 4).
-        center: Centre of the object, shape (3,).
-        size: Diameter of the object.
-        unit: Unit of the object's coordinates and of the poses.
-        stated: Unit that was stated of the poses; None: none, they were read in that of the object.
+        mesh: The object.
+        stated: Unit that was stated of the poses; None: none, they were read in that of its file.
         reach: Distance up to which no pose is far, such as the size of the hand.
 
     Raises:
@@ -160,21 +162,24 @@ def check_near(
 
     Example:
         >>> import numpy as np
+        >>> import trimesh
+        >>> import grasp3d
         >>> from grasp3d.hand.pose_checks import check_near
         >>> pose = np.eye(4)
         >>> pose[:3, 3] = [10.0, 20.0, 60.0]
-        >>> check_near(pose[None], np.zeros(3), 0.1, "m")
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(1, 0.05), unit="m")
+        >>> check_near(pose[None], ball)
         Traceback (most recent call last):
             ...
         grasp3d.errors.ContactError: all poses (1) are far from the object, 640 times its size: ...
     """
-    points = poses[:, :3, 3]
-    distances = np.linalg.norm(points - center, axis=1)
-    if not len(points) or not (distances > max(FAR * size, reach)).all():
+    points, size, unit = poses[:, :3, 3], mesh.size, mesh.file_unit
+    distances = np.linalg.norm(points - mesh.center, axis=1)
+    if unit is None or not len(points) or not (distances > max(FAR * size, reach)).all():
         return
-    unit_of, of_mesh = stated or unit, guess_unit(size).unit
-    other = _likely_units(points, center, size, unit_of)
-    if stated is not None and of_mesh is not None and unit_warning(size, unit):
+    unit_of, of_mesh = stated or unit, guess_unit(mesh.file_size).unit
+    other = _likely_units(points, mesh, unit_of)
+    if stated is not None and of_mesh is not None and unit_warning(mesh.file_size, unit):
         remedy = f"if the mesh is in {of_mesh}, not in {unit}, give --unit {of_mesh}"
     elif other:
         remedy = f"if their lengths are in {other}, not in {unit_of}, {GIVE_UNIT}"
@@ -186,14 +191,14 @@ def check_near(
     )
 
 
-def _likely_units(points: Floats, center: Floats, size: float, unit: Unit) -> str:
-    """Units in which positions that were read in `unit` are at the object; empty: none."""
-    ratios = {
-        other: float(np.median(np.linalg.norm(points * (metres / METRES[unit]) - center, axis=1)))
-        / size
-        for other, metres in METRES.items()
-        if other != unit
-    }
+def _likely_units(points: Floats, mesh: "ObjectMesh", unit: Unit) -> str:
+    """Units in which positions [m] that were read in `unit` are at the object; empty: none."""
+
+    def ratio_for(metres: float) -> float:
+        away = np.linalg.norm(points * (metres / METRES[unit]) - mesh.center, axis=1)
+        return float(np.median(away) / mesh.size)
+
+    ratios = {other: ratio_for(metres) for other, metres in METRES.items() if other != unit}
     near = [other for other, ratio in ratios.items() if BESIDE[0] <= ratio <= BESIDE[1]]
     nearest = min(ratios, key=lambda other: ratios[other])
     if not near and ratios[nearest] <= BESIDE[2]:
@@ -201,23 +206,19 @@ def _likely_units(points: Floats, center: Floats, size: float, unit: Unit) -> st
     return " or ".join(near)
 
 
-def pose_warning(
-    poses: Floats, center: Floats, size: float, unit: Unit, *, reach: float = 0.0
-) -> str | None:
+def pose_warning(poses: Floats, mesh: "ObjectMesh", *, reach: float = 0.0) -> str | None:
     """What suggests that poses are in another unit or frame than the object.
 
     Args:
         poses: As in `check_near`.
-        center: As in `check_near`.
-        size: As in `check_near`.
-        unit: As in `check_near`.
+        mesh: The object.
         reach: As in `check_near`.
 
     Returns:
         One sentence, or None if nothing does.
     """
-    points = poses[:, :3, 3]
-    far = int((np.linalg.norm(points - center, axis=1) > max(FAR * size, reach)).sum())
+    points, size = poses[:, :3, 3], mesh.size
+    far = int((np.linalg.norm(points - mesh.center, axis=1) > max(FAR * size, reach)).sum())
     if far:
         return (
             f"{far} of {len(points)} poses are over {FAR:g} object sizes away from the object: are "
@@ -225,13 +226,14 @@ def pose_warning(
         )
     extent = float(np.linalg.norm(np.ptp(points, axis=0))) / size if len(points) > 2 else 0.0
     origin = float(np.linalg.norm(points, axis=1).max(initial=0.0)) / size
-    other = _likely_units(points, center, size, unit) if 0.0 < extent < NEAR > origin else ""
+    unit, small = mesh.file_unit, 0.0 < extent < NEAR > origin
+    other = _likely_units(points, mesh, unit) if unit and small else ""
     if other:
         return (
             f"the positions of these poses differ by {extent:.2g} object sizes only: if their "
             f"lengths are in {other}, not in {unit}, {GIVE_UNIT}"
         )
-    return _warn_of_directions(poses, center, size)
+    return _warn_of_directions(poses, mesh.center, size)
 
 
 def _warn_of_directions(poses: Floats, center: Floats, size: float) -> str | None:

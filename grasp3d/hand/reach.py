@@ -33,7 +33,7 @@ class Reachability(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """What a gripper reaches of b grasps; lengths in the mesh's unit."""
+    """What a gripper reaches of b grasps; lengths in metres."""
 
     state: Bytes
     """`Reachability` of each grasp, shape (b,)."""

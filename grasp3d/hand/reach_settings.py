@@ -2,16 +2,14 @@
 
 import math
 from dataclasses import dataclass, fields
-from typing import Annotated, Literal
+from typing import Annotated
 
 from grasp3d.errors import SettingError
-from grasp3d.hand.choices import Axis, check_approach
+from grasp3d.hand.choices import Axis, Standing, check_approach
 from grasp3d.hand.hand import Hand, touching
 from grasp3d.settings import GraspModel, Radians, check_choice, whole_number
 from grasp3d.settings.parsing import IN_PYTHON, Main, Settings
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
-
-Standing = Literal["none", "as-is", "stable"]
 
 
 @dataclass(frozen=True)
@@ -46,6 +44,10 @@ class ReachSettings(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.hand is not None and not isinstance(self.hand, Hand):
+            from grasp3d.hand.hand_files import given_hand
+
+            object.__setattr__(self, "hand", given_hand(self.hand))
         check_choice("table", self.table, Standing)
         check_choice("axis", self.up, Axis)
         whole_number("resting pose", self.resting_pose, 1)

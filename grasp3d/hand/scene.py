@@ -9,12 +9,19 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Bools, Floats, angles_between
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.hand_files import hand_line
-from grasp3d.hand.jaws import Jaws, metres_per_unit
+from grasp3d.hand.hand_files import GivenHand, given_hand, hand_line
+from grasp3d.hand.jaws import IN_METRES, Jaws
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.hand.table import Approach, Table, axis_vector, best_approach
+from grasp3d.hand.table import (
+    Approach,
+    GivenTable,
+    Table,
+    axis_vector,
+    best_approach,
+    given_table,
+)
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import Sampling
 from grasp3d.settings.pose_error import PoseError
@@ -37,18 +44,14 @@ class Scene:
     hand: Hand
     """The hand [m]."""
     table: Table | None = None
-    """In the frame and unit of the mesh; None: nothing is in the way but the object."""
+    """In the frame of the mesh; None: nothing is in the way but the object."""
     approach: Approach = field(default_factory=Approach)
     """Allowed approach directions, in the frame of the mesh."""
     pose_error: PoseError = field(default_factory=PoseError)
     """How wrong its poses may be."""
 
     def __post_init__(self) -> None:
-        if not isinstance(self.hand, Hand):
-            raise SettingError(
-                f"hand must be a Hand, such as a ParallelGripper; got {self.hand!r}; "
-                "read_hand('franka') reads one by its name or file"
-            )
+        object.__setattr__(self, "hand", given_hand(self.hand))
 
     @classmethod
     def of(cls, settings: ReachSettings, mesh: ObjectMesh) -> "Scene | None":
@@ -69,7 +72,7 @@ class Scene:
             if settings.pose_error:
                 raise SettingError("pose_error applies to grippers only; give a gripper as well")
             return None
-        metres_per_unit(mesh)
+        mesh.needs_metres(IN_METRES)
         table: Table | None
         if settings.table == "stable":
             table = Table.resting(mesh, settings.resting_pose)
@@ -83,22 +86,23 @@ class Scene:
     @classmethod
     def given(
         cls,
-        hand: Hand | None,
-        table: Table | None = None,
+        mesh: ObjectMesh,
+        hand: GivenHand,
+        table: GivenTable = None,
         approach: Approach | None = None,
         pose_error: PoseError | str | None = None,
     ) -> "Scene | None":
-        """What keywords of one name each state.
+        """What keywords of one name each state beside an object.
 
         Returns:
             None without a hand.
 
         Raises:
-            SettingError: A table, an approach or a pose error, but no hand.
+            SettingError: A table, an approach or a pose error, but no hand; or it is none of that.
         """
-        error = PoseError.of(pose_error or PoseError())
-        if hand is not None:
-            return cls(hand, table, approach or Approach(), error)
+        error, table = PoseError.of(pose_error or PoseError()), given_table(mesh, table)
+        if (found := given_hand(hand)) is not None:
+            return cls(found, table, approach or Approach(), error)
         if table is not None or approach is not None or error:
             raise SettingError(
                 "a table, approach directions and pose errors apply to grippers only; give one"
@@ -155,10 +159,10 @@ class Scene:
 
         Args:
             mesh: The object.
-            sampling: Settings with lengths in the unit of the mesh.
+            sampling: Settings of the search.
         """
-        metres = metres_per_unit(mesh)
-        least, most = (limit / metres for limit in self.hand.distances(sampling.grip))
+        mesh.needs_metres(IN_METRES)
+        least, most = self.hand.distances(sampling.grip)
         try:
             return replace(
                 sampling,
@@ -167,7 +171,7 @@ class Scene:
             )
         except SettingError as error:
             raise SettingError(
-                f"gripper {self.hand.name!r} opens from {least:.4g} to {most:.4g} {mesh.unit}, "
+                f"gripper {self.hand.name!r} opens from {least:.4g} to {most:.4g} m, "
                 f"which contradicts the limits of openings: {error}"
             ) from error
 

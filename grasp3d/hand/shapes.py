@@ -13,7 +13,6 @@ from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.hand.table import Table
 from grasp3d.hand.triangles import Triangles, triangles_of
 from grasp3d.mesh import ObjectMesh
-from grasp3d.settings.lengths import METRES, Unit
 
 ARC_STEP = math.radians(3.0)
 """Largest angle between neighbouring points of an arc [rad]."""
@@ -34,17 +33,15 @@ def hand_triangles(
     *,
     posture: ArrayLike = (),
     pose: ArrayLike | None = None,
-    unit: Unit = "m",
 ) -> Triangles:
     """The shape of a hand at a pose.
 
     Args:
         hand: The hand.
-        opening: Its opening, as in `Reach.opening` [unit].
+        opening: Its opening, as in `Reach.opening` [m].
         posture: Values of its further joints, of a hand with joints.
-        pose: Matrix that takes coordinates of the hand's frame to the mesh's, shape (4, 4), with
-            translations in `unit`; None: they are the same.
-        unit: Unit of the mesh.
+        pose: Matrix that takes coordinates of the hand's frame to the mesh's, shape (4, 4); None:
+            they are the same.
 
     Raises:
         SettingError: The opening is no length, or the pose no matrix.
@@ -52,12 +49,12 @@ def hand_triangles(
     Example:
         >>> from grasp3d.hand.parallel_gripper import preset
         >>> from grasp3d.hand.shapes import hand_triangles
-        >>> shape = hand_triangles(preset("franka"), 40.0, unit="mm")
-        >>> shape.vertices.max(axis=0).round(1).tolist()
-        [104.0, 31.6, 8.8]
+        >>> shape = hand_triangles(preset("franka"), 0.04)
+        >>> shape.vertices.max(axis=0).round(4).tolist()
+        [0.104, 0.0316, 0.0088]
     """
-    shape = hand.shape(opening * METRES[unit], posture)
-    vertices = moved(shape.vertices / METRES[unit], pose)
+    shape = hand.shape(opening, posture)
+    vertices = moved(shape.vertices, pose)
     return triangles_of(vertices, shape.faces, shape.parts, shape.links)
 
 
@@ -73,7 +70,7 @@ def approach_triangles(
         pose: Matrix of the grasp whose approach is the angle 0, shape (4, 4).
         arcs: Intervals of approach angles (low, high) about the pose's x-axis [rad]; the approach
             margin h of a pose in the middle of its arc is the interval (-h, h).
-        radius: Outer radius of the fan [mesh unit].
+        radius: Outer radius of the fan.
         inner: Its inner radius, as a fraction of the outer one.
 
     Returns:

@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Self, TypeAlias
 
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.hand.choices import Axis, check_approach
+from grasp3d.hand.choices import Axis, Standing, check_approach
 from grasp3d.settings import check_choice
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ class Table:
     normal: Floats
     """Unit vector that points up, out of the table, shape (3,)."""
     offset: float
-    """Height of the table's surface along the normal, in the mesh's unit."""
+    """Height of the table's surface along the normal."""
     probability: float | None = None
     """Probability that the object, dropped, comes to rest like this; None: not computed."""
 
@@ -76,6 +76,30 @@ class Table:
         row = order[number - 1]
         table = cls.below(mesh, transforms[row][2, :3])
         return cls(table.normal, table.offset, float(probabilities[row]))
+
+
+GivenTable: TypeAlias = Table | Standing | None
+"""A table as functions take it: also what the object stands on, in words."""
+
+
+def given_table(mesh: "ObjectMesh", table: GivenTable) -> Table | None:
+    """The table that is given as such or in words.
+
+    Args:
+        mesh: The object.
+        table: The table; none, as-is (below the object as it is, z up) or stable (below it in its
+            most probable resting pose).
+
+    Raises:
+        SettingError: It is none of that.
+    """
+    if table is None or isinstance(table, Table):
+        return table
+    if isinstance(table, str):
+        check_choice("table", table, Standing)
+        below = Table.resting if table == "stable" else Table.below
+        return None if table == "none" else below(mesh)
+    raise SettingError(f"table must be Table(...), or one of none, as-is, stable; got {table!r}")
 
 
 def axis_vector(name: str) -> Floats:

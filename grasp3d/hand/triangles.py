@@ -38,7 +38,7 @@ class Triangles:
     """Triangles to be drawn; normals of closed parts point outward."""
 
     vertices: Floats
-    """Positions in the frame and unit of the mesh, shape (V, 3)."""
+    """Positions in the frame of the mesh, shape (V, 3)."""
     faces: Ints
     """Vertices of the triangles, shape (F, 3)."""
     parts: Bytes

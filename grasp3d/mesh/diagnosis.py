@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,13 +21,8 @@ from grasp3d.mesh.measures import (
 from grasp3d.mesh.mesh_sources import MeshSource
 from grasp3d.mesh.noise import normal_noise
 from grasp3d.mesh.object_mesh import ObjectMesh
-from grasp3d.mesh.plausible_lengths import (
-    UnitGuess,
-    guess_unit,
-    impossible_size,
-    length_warnings,
-    refuse_lengths,
-)
+from grasp3d.mesh.plausible_lengths import length_warnings, refuse_lengths
+from grasp3d.mesh.plausible_units import UnitGuess, guess_unit, impossible_size
 from grasp3d.mesh.preparing import PreparedMesh, prepare, repair_given
 from grasp3d.mesh.ray_tracing import crossings
 from grasp3d.mesh.repair.cleaning import is_face
@@ -35,9 +30,17 @@ from grasp3d.mesh.repair.holes import close_holes, fan_area, holes_of
 from grasp3d.mesh.repair.solids import manifold_status
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.work_bounds import WorkBoundError
-from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling
+from grasp3d.settings import (
+    AnySampling,
+    GivenModel,
+    GivenSampling,
+    GraspModel,
+    MeshOptions,
+    Sampling,
+    given_sampling,
+)
 from grasp3d.settings.costs import Cost, labelling_cost
-from grasp3d.settings.lengths import Unit
+from grasp3d.settings.units import Unit
 from grasp3d.system.context import available_processors
 
 MISSING = 0.05
@@ -99,7 +102,7 @@ class SurfaceMeasures:
 
 @dataclass(frozen=True)
 class MeshDiagnosis:
-    """Diagnosis of a mesh; lengths are in the file's unit, angles in radians."""
+    """Diagnosis of a mesh; lengths are in metres, or as in the file if its unit is not known."""
 
     mesh: str
     """Name of the file, the type of another library's object, or 'arrays'."""
@@ -107,8 +110,10 @@ class MeshDiagnosis:
     """File suffix without its dot, in lower case; else the other library, or 'arrays'."""
     file_bytes: int | None
     """Size of the file; None: the mesh is not from a file."""
-    unit: Unit | None
-    """Unit stated by the file or the user; None: not stated."""
+    file_unit: Unit | None
+    """Unit of the file's coordinates, stated by the file or the user; None: not stated."""
+    unit: Literal["m"] | None
+    """Unit of the lengths here: metres, or None where that of the file is not known."""
     guess: UnitGuess
     """Unit that the size suggests; never applied."""
     size: float
@@ -156,8 +161,8 @@ class MeshDiagnosis:
 def check_mesh(
     source: MeshSource,
     *,
-    model: GraspModel | None = None,
-    sampling: AnySampling | None = None,
+    model: GivenModel = None,
+    sampling: GivenSampling = None,
     options: MeshOptions | None = None,
     **fields: Any,
 ) -> MeshDiagnosis:
@@ -173,7 +178,7 @@ def check_mesh(
 
     Returns:
         Measures before and after repair, warnings, whether labels can be trusted, and the time and
-        memory that labelling takes. Lengths are in the mesh's unit.
+        memory that labelling takes.
 
     Raises:
         MeshError: The mesh cannot be read, for the same reasons as in `load_mesh`.
@@ -193,8 +198,9 @@ def check_mesh(
     """
     own = source.options if isinstance(source, ObjectMesh) else None
     settings = MeshOptions.of(options or own, fields)
-    model = model or GraspModel()
-    return diagnose(source, model, sampling or Sampling().fitted(model.fingers), settings)
+    model = GraspModel.given("model", model) or GraspModel()
+    sampling = given_sampling(model, sampling) or Sampling().fitted(model.fingers)
+    return diagnose(source, model, sampling, settings)
 
 
 def diagnose(
@@ -211,17 +217,20 @@ def diagnose(
     """
     prepared = prepare(source, options)
     given, repaired, mesh = prepared.given, prepared.repaired, prepared.mesh
-    model, sampling = mesh.in_own_unit(model, sampling)
+    mesh.check_units(model, sampling)
     lengths = model.lengths() | sampling.lengths() | mesh.options.lengths()
-    surface = Triangles((repaired.vertices - mesh.center) / mesh.size, repaired.faces)
-    given_points = (given.vertices - mesh.center) / mesh.size
+    scale = mesh.file_scale
+    surface = Triangles((scale * repaired.vertices - mesh.center) / mesh.size, repaired.faces)
+    given_points = (scale * given.vertices - mesh.center) / mesh.size
     joined = first_at_position(given.vertices)  # vertices at equal positions count once
     given_surface = Triangles(given_points, joined[given.faces])
     crossing = np.unique(crossings(surface.vertices, surface.faces))
     fraction = float(surface.areas[crossing].sum() / surface.areas.sum())
     noise = normal_noise(surface)
     bodies, cavities = _count_parts(surface)
-    impossible = impossible_size(mesh.size, mesh.unit)  # then it is not the object that is meant
+    impossible = impossible_size(
+        mesh.file_size, mesh.file_unit
+    )  # then it is not the object that is meant
     warnings = (
         *(
             MeshWarning(Trust.NO if message == impossible else Trust.CARE, message)
@@ -233,16 +242,16 @@ def diagnose(
         *_noise_warnings(noise),
         *_length_warnings(mesh, lengths, force=force),
     )
-    corners = repaired.vertices[repaired.faces].reshape(-1, 3)
-    extents = np.ptp(corners, axis=0).tolist()
+    extents = np.ptp(repaired.vertices[repaired.faces].reshape(-1, 3), axis=0)
     return MeshDiagnosis(
         mesh=given.name,
         format=given.format,
         file_bytes=given.path.stat().st_size if given.path else None,
+        file_unit=mesh.file_unit,
         unit=mesh.unit,
-        guess=guess_unit(max(extents)),
+        guess=guess_unit(float(extents.max())),
         size=mesh.size,
-        extents=(extents[0], extents[1], extents[2]),
+        extents=tuple((scale * extents).tolist()),
         bodies=bodies,
         cavities=cavities,
         before=_measure(given_surface, mesh),
@@ -292,7 +301,7 @@ def _length_warnings(
     except SettingError as error:
         yield MeshWarning(Trust.NO, str(error))
         return
-    for message in length_warnings(lengths, mesh.size, mesh.unit):
+    for message in length_warnings(lengths, mesh):
         yield MeshWarning(Trust.CARE, message)
 
 

@@ -122,22 +122,24 @@ def _fewest_vertices(vertices: Floats, used: Ints, faces: int) -> int:
     return max(fewest, len(cell_counts(points, APART)))
 
 
-def read_source(source: MeshSource) -> RawMesh:
+def read_source(source: MeshSource | RawMesh) -> RawMesh:
     """Read a mesh from any source.
 
     Args:
-        source: A path, or an object as in `MeshSource`.
+        source: A path, or an object as in `MeshSource`; what was read already is returned.
 
     Raises:
         MeshError: A file cannot be read, or an object is no mesh.
     """
+    if isinstance(source, RawMesh):
+        return source
     if isinstance(source, str | os.PathLike):
         path = Path(os.fsdecode(source))
         return replace(read_mesh(path), name=path.name, path=path)
     if isinstance(source, ObjectMesh):
         report = source.report
         return RawMesh(
-            source.vertices, source.faces, report.format, source.unit, name=report.source
+            source.file_points, source.faces, report.format, source.file_unit, name=report.source
         )
     if isinstance(source, tuple | list):
         return _of_arrays(source)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -12,18 +12,21 @@ from grasp3d._kernels.surface.box_tree import BoxTree, box_tree
 from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
 from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows, used_indices
+from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import face_areas, paired_edges
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins, normal_sets
+from grasp3d.mesh.plausible_units import guess_unit
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.touched_surface import touched_surface
 from grasp3d.settings import MeshOptions
-from grasp3d.settings.lengths import (
+from grasp3d.settings.units import (
     METRES,
     GivenLength,
-    SettingsTs,
     Unit,
-    length_in_unit,
-    settings_in_unit,
+    parse_length,
+    small_length,
+    with_lengths_scaled,
+    with_units,
 )
 
 if TYPE_CHECKING:
@@ -40,7 +43,7 @@ class MeshReport:
     format: str
     """Suffix of the file, name of the other library ('trimesh'), or 'arrays'."""
     unit: Unit | None
-    """Unit of positions and openings; None if neither the file nor the user states it."""
+    """Unit of the file's coordinates; None if neither the file nor the user states it."""
     file_vertices: int
     file_faces: int
     vertices: int
@@ -62,20 +65,24 @@ class MeshReport:
 class ObjectMesh:
     """An object's surface, with the normals that a contact may have at each surface point.
 
-    Positions are in the file's own unit and frame; normals point into the object.
+    Positions are in the file's frame, in metres, or as the file has them where its unit is not
+    known; normals point into the object.
 
     Example:
         >>> import trimesh
         >>> import grasp3d
-        >>> mesh = grasp3d.load_mesh(trimesh.creation.box([4.0, 3.0, 2.0]), unit="cm", max_edge=9.0)
-        >>> mesh.vertices.shape, mesh.faces.shape, round(mesh.volume, 6), mesh.unit
-        ((8, 3), (12, 3), 24.0, 'cm')
-        >>> mesh.to_trimesh().units
-        'cm'
+        >>> box = trimesh.creation.box([4.0, 3.0, 2.0])
+        >>> mesh = grasp3d.load_mesh(box, unit="cm", max_edge="9cm")
+        >>> mesh.vertices.shape, mesh.faces.shape, round(mesh.volume, 9), mesh.unit
+        ((8, 3), (12, 3), 2.4e-05, 'm')
+        >>> mesh.file_points[0].tolist(), mesh.file_unit
+        ([-2.0, -1.5, -1.0], 'cm')
     """
 
     vertices: Floats
     """Shape (V, 3): the file's vertices in their own order, then those added by refinement."""
+    file_points: Floats
+    """The same in the file's own coordinates, shape (V, 3), as written files have them."""
     faces: Ints
     """Shape (F, 3), counter-clockwise from outside; they use canonical vertices only."""
     canonical: Ints
@@ -101,33 +108,66 @@ class ObjectMesh:
     __repr__ = short_repr
 
     @property
-    def unit(self) -> Unit | None:
-        """Unit of positions and openings."""
+    def unit(self) -> Literal["m"] | None:
+        """Unit of positions and lengths: metres; None: as in the file, whose unit is not known."""
+        return None if self.file_unit is None else "m"
+
+    @property
+    def file_unit(self) -> Unit | None:
+        """Unit of the file's coordinates; None: not known."""
         return self.report.unit
 
-    def in_own_unit(self, *settings: *SettingsTs) -> tuple[*SettingsTs]:
-        """Settings with every length as a number in the mesh's unit.
+    @property
+    def file_scale(self) -> float:
+        """Factor from the file's coordinates to those of the mesh."""
+        return scale_of(self.file_unit)
 
-        Args:
-            settings: Settings, or None, which stays None.
+    @property
+    def file_size(self) -> float:
+        """The object's size in the file's coordinates."""
+        return self.size / self.file_scale
+
+    def needs_metres(self, what: str) -> None:
+        """Refuse a mesh whose unit is not known; `what` needs it, for the error.
 
         Raises:
-            SettingError: A length has a unit, but that of the mesh is not known.
+            SettingError: It is not known; the message names the plausible one.
         """
-        return settings_in_unit(self.unit, *settings, source=self.report.source)
+        if self.unit is None:
+            extents = np.ptp(self.vertices[self.faces].reshape(-1, 3), axis=0)
+            raise unknown_unit(what, self.report.source, float(extents.max()))
+
+    def check_units(self, *settings: object) -> None:
+        """Refuse lengths that are stated with a unit for a mesh that has none.
+
+        Args:
+            settings: Settings, or tuples of lengths.
+
+        Raises:
+            SettingError: There is such a length, as in `needs_metres`.
+        """
+        for one in settings:
+            for name, length in with_units("", one):
+                self.needs_metres(f"{name or 'a length'} is {length}")
 
     def length(self, name: str, value: GivenLength) -> float:
-        """A length as a number in the mesh's unit.
+        """A length of this mesh.
 
         Args:
             name: Name of the setting, for the error.
-            value: A number in that unit, or a length with a unit.
+            value: A number, or a text with a unit.
 
         Raises:
             SettingError: It is no length, or has a unit, but that of the mesh is not known.
         """
-        number = length_in_unit(name, value, self.unit, source=self.report.source)
-        return float(number)
+        length = parse_length(name, value)
+        for _ in with_units(name, length):
+            self.needs_metres(f"{name} is {value}")
+        return float(length)
+
+    def length_text(self, length: float, digits: int = 4) -> str:
+        """A length of this mesh for people: in millimetres, if its unit is known."""
+        return small_length(length, metres=self.unit is not None, digits=digits)
 
     @cached_property
     def on_surface(self) -> Bools:
@@ -251,11 +291,10 @@ class ObjectMesh:
 
     @cached_property
     def touched_surface(self) -> TouchedSurface:
-        """The surface in metres, as the kernels of hands take it; the mesh must have a unit."""
-        assert self.unit is not None
+        """The surface as the kernels of hands take it; the mesh must be in metres."""
         corners = self.corner_normals
         return touched_surface(
-            self.vertices * METRES[self.unit],
+            self.vertices,
             self.faces,
             corners.corners,
             corners.normals,
@@ -263,7 +302,7 @@ class ObjectMesh:
         )
 
     def scaled(self, factor: float) -> "ObjectMesh":
-        """The same object at another size, in the same unit.
+        """The same object at another size.
 
         Args:
             factor: Of all lengths, above 0.
@@ -272,11 +311,24 @@ class ObjectMesh:
         return replace(
             self,
             vertices=locked(self.vertices * factor),
+            file_points=locked(self.file_points * factor),
             center=locked(self.center * factor),
             size=self.size * factor,
             center_mass=locked(self.center_mass * factor),
             volume=self.volume * factor**3,
         )
+
+    def with_unit(self, unit: Unit) -> "ObjectMesh":
+        """The same object, whose unit was not known, in metres.
+
+        Args:
+            unit: Unit of the file's coordinates.
+        """
+        scale = METRES[unit]
+        options = replace(with_lengths_scaled(self.options, scale), unit=unit)
+        report = replace(self.report, unit=unit)
+        points = self.file_points
+        return replace(self.scaled(scale), file_points=points, options=options, report=report)
 
     def to_trimesh(self) -> "trimesh.Trimesh":
         """Return the prepared surface as a `trimesh.Trimesh`, with outward normals and its unit."""
@@ -307,8 +359,29 @@ class ObjectMesh:
         return import_module("grasp3d.viewer.show").show(self, **options)
 
     def from_normalized(self, points: Floats) -> Floats:
-        """Transform points (..., 3) of the normalised frame to the file's frame and unit."""
+        """Transform points (..., 3) of the normalised frame to the mesh's."""
         return points * self.size + self.center
+
+
+def scale_of(unit: Unit | None) -> float:
+    """Factor from coordinates in a unit to metres; 1 where it is not known."""
+    return 1.0 if unit is None else METRES[unit]
+
+
+def unknown_unit(what: str, source: str, size: float) -> SettingError:
+    """The error of a mesh whose unit must be known.
+
+    Args:
+        what: What needs it.
+        source: Name of the mesh.
+        size: Its largest extent, in its unit.
+    """
+    guess = guess_unit(size)
+    option = f"--unit {guess.unit}" if guess.unit else "--unit"
+    return SettingError(
+        f"{what}, but the unit of {source} is not known ({guess.reason}): add {option} "
+        f"(in Python unit={guess.unit or '...'!r})"
+    )
 
 
 def polydata_of(vertices: Floats, faces: Ints) -> "pyvista.PolyData":

@@ -12,15 +12,15 @@ from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import Triangles, rounding_of, surface_extent
 from grasp3d.mesh.mesh_sources import MeshSource, check_surface, read_source
 from grasp3d.mesh.normals import corner_normals
-from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
-from grasp3d.mesh.plausible_lengths import impossible_size, unit_warning
+from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh, scale_of, unknown_unit
+from grasp3d.mesh.plausible_units import impossible_size, unit_warning
 from grasp3d.mesh.refinement import check_refinement, longest_edge, refine
 from grasp3d.mesh.region import restricted
 from grasp3d.mesh.repair.work import MOST_ROUNDING, RepairedSurface, repair_surface
 from grasp3d.mesh.work_bounds import bounds_of
 from grasp3d.reading.sources import RawMesh
 from grasp3d.settings import MeshOptions
-from grasp3d.settings.lengths import Unit, settings_in_unit
+from grasp3d.settings.units import Unit, with_units
 from grasp3d.system.names import printable
 
 OUTSIDE = 1e-6
@@ -40,7 +40,7 @@ class PreparedMesh:
     given: RawMesh
     """As it was read."""
     repaired: RepairedSurface
-    """Repaired, before long edges are divided; in the mesh's frame and unit."""
+    """Repaired, before long edges are divided; in the file's coordinates."""
     mesh: ObjectMesh
 
     __repr__ = short_repr
@@ -49,7 +49,8 @@ class PreparedMesh:
 def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: Any) -> ObjectMesh:
     """Read a mesh, and prepare its surface for contacts.
 
-    The source's own vertices keep their order and come first. Nothing is scaled or moved.
+    The source's own vertices keep their order and come first. Nothing is moved; where the unit is
+    known, positions are in metres.
 
     Args:
         source: A path (STL, OBJ, PLY, OFF, GLB, glTF, 3MF, ...), a trimesh `Trimesh` or `Scene`, a
@@ -64,12 +65,13 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
 
     Returns:
         The mesh, with a report of what was read, repaired and doubtful in `report`. Positions are
-        in the source's own unit and frame, normals point into the object.
+        in the source's frame, in metres if its unit is known, and normals point into the object.
 
     Raises:
         MeshError: The file is missing, damaged, too large, of an unknown format, or contains no
             surface; or the object is no mesh.
-        SettingError: An option is outside its range.
+        SettingError: An option is outside its range; or a length has a unit, but that of the mesh
+            is not known.
 
     Example:
         A cube of 40 mm as arrays, and as an object of trimesh:
@@ -79,10 +81,10 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
         >>> import grasp3d
         >>> cube = trimesh.creation.box([40.0, 40.0, 40.0])
         >>> mesh = grasp3d.load_mesh((cube.vertices, cube.faces), unit="mm")
-        >>> mesh.report.source, mesh.unit, mesh.report.closed
+        >>> mesh.report.source, mesh.file_unit, mesh.report.closed
         ('arrays', 'mm', True)
-        >>> print(f"{mesh.volume:.0f}, {mesh.file_vertices} of {len(mesh.vertices):,} vertices")
-        64000, 8 of 6,146 vertices
+        >>> print(f"{mesh.volume:.2g}, {mesh.file_vertices} of {len(mesh.vertices):,} vertices")
+        6.4e-05, 8 of 6,146 vertices
         >>> coarse = grasp3d.load_mesh(cube, max_edge=20.0)
         >>> coarse.report.source, coarse.unit, len(coarse.vertices)
         ('trimesh.Trimesh', None, 50)
@@ -93,6 +95,9 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
         >>> len(end.contact_faces), round(end.allowed_fraction, 3)
         (16, 0.278)
     """
+    if isinstance(source, ObjectMesh) and source.unit is None:
+        unit = MeshOptions.of(options, fields).unit
+        source = source if unit is None else source.with_unit(unit)
     own = source.options if isinstance(source, ObjectMesh) else None
     settings = MeshOptions.of(options or own, fields)
     if isinstance(source, ObjectMesh):
@@ -103,11 +108,11 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
     return prepare(source, settings).mesh
 
 
-def prepare(source: MeshSource, options: MeshOptions) -> PreparedMesh:
+def prepare(source: MeshSource | RawMesh, options: MeshOptions) -> PreparedMesh:
     """Prepare a mesh, as `load_mesh` does, and keep the surfaces that it was made of.
 
     Args:
-        source: As in `load_mesh`; an `ObjectMesh` is prepared again.
+        source: As in `load_mesh`; an `ObjectMesh` is prepared again; or a mesh that was read.
         options: How the mesh is read and prepared.
 
     Raises:
@@ -116,8 +121,33 @@ def prepare(source: MeshSource, options: MeshOptions) -> PreparedMesh:
             is far away.
     """
     mesh = read_source(source)
+    check_unit(mesh, options)
     repaired = repair_given(mesh, options)
     return PreparedMesh(mesh, repaired, refined_mesh(mesh, repaired, options))
+
+
+def check_unit(
+    mesh: RawMesh, options: MeshOptions, *settings: object, needed_by: str | None = None
+) -> None:
+    """Ask for the unit of a surface, before any work, where it must be known and is not.
+
+    Args:
+        mesh: The surface as it was read.
+        options: How it is prepared; they may state the unit.
+        settings: Further settings.
+        needed_by: Whatever else needs it, as the beginning of a sentence; None: nothing.
+
+    Raises:
+        SettingError: A length in them has a unit, or it is needed, but it is not known.
+        MeshError: It is not a surface.
+    """
+    if mesh.unit is None and options.unit is None:
+        every = (options, *settings)
+        lengths = (f"{name} is {one}" for each in every for name, one in with_units("", each))
+        if what := needed_by or next(lengths, None):
+            check_surface(mesh, options.max_memory)
+            extents = np.ptp(mesh.vertices[mesh.faces].reshape(-1, 3), axis=0)
+            raise unknown_unit(what, mesh.name, float(extents.max()))
 
 
 def repair_given(mesh: RawMesh, options: MeshOptions) -> RepairedSurface:
@@ -149,37 +179,37 @@ def refined_mesh(source: RawMesh, repaired: RepairedSurface, options: MeshOption
             is far away.
     """
     unit = options.unit or source.unit
-    (options,) = settings_in_unit(unit, options, source=source.name)
+    metres = scale_of(unit)
     error = rounding_of(source.vertices)
     center, size = surface_extent(repaired.vertices, repaired.faces)
     surface = Triangles((repaired.vertices - center) / size, repaired.faces)
     normals = corner_normals(surface, options.crease_angle)
-    edge = longest_edge(options, size)
+    edge = longest_edge(options, metres * size)
     check_refinement(surface, edge, options.max_memory, source.where)
     with bounds_of(source.where):
         refined, normals = refine(surface, normals, edge, min(error / size, MOST_ROUNDING))
     center_mass, volume = center_and_volume(surface, closed=repaired.closed)
     warnings = [
         *_surface_warnings(repaired, volume, given=options.center_of_mass is not None),
-        *_size_warnings(source, size, unit),
+        *_size_warnings(source, metres * size / metres, unit),
     ]
     if options.center_of_mass is not None:
-        center_mass = (np.array(options.center_of_mass) - center) / size
+        center_mass = (np.array(options.center_of_mass) / metres - center) / size
         _check_distance(center_mass, source.where)
     warnings += _center_warnings(surface, center_mass, given=options.center_of_mass is not None)
     added = np.arange(len(repaired.vertices), len(refined.vertices))
+    points = np.concatenate([repaired.vertices, refined.vertices[added] * size + center])
     mesh = ObjectMesh(
-        vertices=locked(
-            np.concatenate([repaired.vertices, refined.vertices[added] * size + center])
-        ),
+        vertices=locked(points * metres),
+        file_points=locked(points),
         faces=locked(refined.faces),
         canonical=locked(np.concatenate([repaired.canonical, added])),
         file_vertices=len(source.vertices),
         corner_normals=normals.locked(),
-        center=locked(center),
-        size=size,
-        center_mass=locked(center_mass * size + center),
-        volume=volume * size**3,
+        center=locked(center * metres),
+        size=size * metres,
+        center_mass=locked((center_mass * size + center) * metres),
+        volume=volume * (size * metres) ** 3,
         options=options,
         report=MeshReport(
             source=source.name,
@@ -239,8 +269,8 @@ def _size_warnings(raw: RawMesh, size: float, unit: Unit | None) -> Iterator[str
 
     Args:
         raw: The surface as it was read, with the unit that it states.
-        size: The object's size, in the mesh's unit.
-        unit: The mesh's unit; None: unknown.
+        size: The object's size, in the file's coordinates.
+        unit: Their unit; None: unknown.
     """
     if raw.unit not in {None, unit}:
         yield f"the mesh states the unit {raw.unit}, but {unit} was requested"
@@ -264,7 +294,7 @@ def _check_distance(center_mass: Floats, where: str) -> None:
     if not away <= FAR:
         raise SettingError(
             f"center_of_mass is {away:.3g} times the object's size away from {where}: give it in "
-            "the mesh's frame, with its unit if that is another one (10mm,0,-2mm)"
+            "the mesh's frame, with its unit (10mm,0,-2mm)"
         )
 
 
@@ -275,7 +305,7 @@ def _center_warnings(surface: Triangles, center_mass: Floats, *, given: bool) ->
     beyond = float(np.maximum(low - center_mass, center_mass - high).max())
     if beyond > OUTSIDE:
         reason = (
-            "is it in the mesh's unit and frame?"
+            "is it in the mesh's frame? Lengths without a unit are in metres"
             if given
             else "the surface crosses itself, and is inside out beyond; mend it, or give the "
             "centre of mass (--center-of-mass)"

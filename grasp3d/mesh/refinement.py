@@ -22,8 +22,8 @@ def longest_edge(options: MeshOptions, size: float) -> float:
     """Longest edge after refinement, as a fraction of the object's size.
 
     Args:
-        options: How the mesh is prepared, with lengths in its unit.
-        size: The object's size, in the mesh's unit.
+        options: How the mesh is prepared.
+        size: The object's size.
     """
     return DEFAULT_EDGE if options.max_edge is None else options.max_edge / size
 

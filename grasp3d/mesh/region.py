@@ -14,8 +14,8 @@ from grasp3d.reading.mesh_files import read_mesh
 from grasp3d.reading.polygon_files import read_elements, read_ply_header, scalars
 from grasp3d.reading.sources import find_source
 from grasp3d.settings import MeshOptions
-from grasp3d.settings.lengths import one_line, settings_in_unit
 from grasp3d.settings.regions import Box, Mask
+from grasp3d.settings.units import one_line
 from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import printable
 
@@ -48,7 +48,7 @@ def restricted(mesh: ObjectMesh, options: MeshOptions) -> ObjectMesh:
             known.
         MeshError: A mask cannot be read.
     """
-    (options,) = settings_in_unit(mesh.unit, options, source=mesh.report.source)
+    mesh.check_units(options)
     mesh, part = replace(mesh, options=options, region=None), options.region
     if part is None:
         return mesh
@@ -102,7 +102,7 @@ def _on_paint(mesh: ObjectMesh, mask: Mask) -> Bools:
     raw = read_mesh(mask.path)
     paint = _paint(read_file(_vertex_columns, mask.path), mask.painted, where)
     faces = locked(raw.faces[face_areas(raw.vertices, raw.faces) > 0.0])
-    surface = replace(mesh, vertices=raw.vertices, faces=faces)
+    surface = replace(mesh, vertices=raw.vertices * mesh.file_scale, faces=faces)
     used, reach = np.flatnonzero(mesh.on_surface), OFF_MASK * mesh.size
     nearest, _, gaps = nearest_surface_points(surface, mesh.vertices[used], limit=reach)
     if np.isinf(gaps).any():

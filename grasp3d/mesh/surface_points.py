@@ -13,7 +13,7 @@ from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
-from grasp3d.settings.lengths import GivenLength
+from grasp3d.settings.units import GivenLength
 from grasp3d.system.context import report_progress, thread_count
 
 ON_BORDER = 1e-9
@@ -41,7 +41,7 @@ class SurfacePoints:
     __repr__ = short_repr
 
     def positions(self, mesh: ObjectMesh) -> Floats:
-        """Positions in the mesh's frame and unit, shape (..., 3)."""
+        """Positions in the mesh's frame, shape (..., 3)."""
         corners = mesh.vertices[mesh.faces[self.faces]]  # (..., 3, 3)
         return (self.weights[..., None, :] @ corners)[..., 0, :]
 
@@ -56,11 +56,11 @@ def nearest_surface_points(
 
     Args:
         mesh: The surface.
-        points: Finite positions in the mesh's frame and unit, shape (k, 3).
-        limit: Largest distance to search, in the mesh's unit.
+        points: Finite positions in the mesh's frame, shape (k, 3).
+        limit: Largest distance to search [m].
 
     Returns:
-        The surface points (k,); their positions (k, 3) in the mesh's frame and unit; the distances
+        The surface points (k,); their positions (k, 3) in the mesh's frame; the distances
         (k,). Points farther away than `limit` have face -1, nan and inf.
     """
     numbers, weights = np.full(len(points), -1, dtype=np.int64), np.zeros((len(points), 3))
@@ -87,7 +87,7 @@ def contains(mesh: ObjectMesh, points: Floats) -> Bools:
 
     Args:
         mesh: The object.
-        points: Positions in the mesh's frame and unit, shape (k, 3).
+        points: Positions in the mesh's frame, shape (k, 3).
     """
     rays = FaceRays(mesh.normalized, mesh.faces)
     outward = -Triangles(mesh.normalized, mesh.faces).normals
@@ -123,7 +123,7 @@ def nearest_vertex(mesh: ObjectMesh, name: str, position: Sequence[GivenLength])
     Args:
         mesh: The surface.
         name: Name of the position, for the error.
-        position: In the mesh's frame and unit, or with a unit, three lengths.
+        position: In the mesh's frame, three lengths.
 
     Raises:
         SettingError: It is farther from the surface than a twentieth of the object's size; or it
@@ -133,11 +133,11 @@ def nearest_vertex(mesh: ObjectMesh, name: str, position: Sequence[GivenLength])
     nearest, face, weights = nearest_surface_point(mesh, (point - mesh.center) / mesh.size)
     distance = float(np.linalg.norm(mesh.from_normalized(nearest) - point))
     if distance > NEAR * mesh.size:
-        unit, at = mesh.unit or "(unit not stated)", ",".join(map(str, position))
+        at = ",".join(map(str, position))
         raise SettingError(
-            f"{name} {at} is {distance:.4g} {unit} from the surface of {mesh.report.source}, more "
-            f"than the allowed {NEAR * mesh.size:.4g}: give a point on the surface, in its frame "
-            "and in its unit or with one"
+            f"{name} {at} is {mesh.length_text(distance)} from the surface of "
+            f"{mesh.report.source}, more than the allowed {mesh.length_text(NEAR * mesh.size)}: "
+            "give a point on the surface, in its frame with its unit"
         )
     return int(mesh.faces[face, np.argmax(weights)])
 

@@ -42,7 +42,7 @@ PART_DEPTH = 0.05
 
 @dataclass(frozen=True, eq=False)
 class TruePoints:
-    """Surface points that a tip reaches; lengths in the mesh's unit."""
+    """Surface points that a tip reaches; lengths in metres."""
 
     points: Floats
     """Shape (k, 3)."""
@@ -56,7 +56,7 @@ class TruePoints:
 
 @dataclass(frozen=True, eq=False)
 class DrawnGrasps:
-    """Grasps of two fingers; lengths in the mesh's unit, arrays over the grasps (k, ...)."""
+    """Grasps of two fingers; lengths in metres, arrays over the grasps (k, ...)."""
 
     points: Floats
     """True contact points, shape (k, 2, 3)."""
@@ -97,7 +97,7 @@ def true_points(
     Args:
         mesh: The object.
         parts: Its convex parts.
-        tip_radius: Radius of the tips, in the mesh's unit.
+        tip_radius: Radius of the tips [m].
         part_angle: Largest angle between the normals of mesh and parts [rad].
         random: Source of randomness.
     """
@@ -130,7 +130,7 @@ def draw_grasps(
     Args:
         mesh: The object.
         reached: Where contacts may be.
-        model: Friction, and what is uncertain, in the mesh's unit.
+        model: Friction, and what is uncertain.
         sampling: Its limits of the opening.
         count: Number of grasps, of all labels.
         random: Source of randomness.

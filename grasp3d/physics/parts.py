@@ -29,7 +29,7 @@ class ConvexParts:
     """Convex bodies whose union is nearly an object."""
 
     vertices: tuple[Floats, ...]
-    """Corners of each part, in the mesh's unit, shape (n, 3)."""
+    """Corners of each part [m], shape (n, 3)."""
 
     __repr__ = short_repr
 
@@ -47,7 +47,7 @@ class ConvexParts:
         """How deep points lie below the surface of the union.
 
         Args:
-            points: Positions in the mesh's frame and unit, shape (k, 3).
+            points: Positions in the mesh's frame, shape (k, 3).
 
         Returns:
             Depth in the deepest part, shape (k,); negative outside, there at most the distance.

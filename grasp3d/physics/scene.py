@@ -6,13 +6,12 @@ those of a gripper are its `Fingers`, with the palm.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from grasp3d.arrays import Floats, short_repr
-from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.mesh import ObjectMesh
 from grasp3d.physics.engine import IMPEDANCE, STIFFNESS, contact_fields, mujoco_module, new_spec
 from grasp3d.physics.fingers import Fingers
@@ -178,7 +177,7 @@ class Stage:
     def of(
         cls, mesh: ObjectMesh, parts: ConvexParts, tips: Tips, settings: SimulationSettings
     ) -> "Stage":
-        """The object of a mesh whose unit is known, and of its convex parts in that unit.
+        """The object of a mesh in metres, and of its convex parts.
 
         Args:
             mesh: The object.
@@ -186,14 +185,8 @@ class Stage:
             tips: The tips, in metres.
             settings: Forces, times and limits; lengths in metres.
         """
-        scale = metres_per_unit(mesh)
-        return cls(
-            replace(parts, vertices=tuple(scale * one for one in parts.vertices)),
-            scale * mesh.center_mass,
-            scale * np.ptp(mesh.vertices[mesh.faces].reshape(-1, 3), axis=0),
-            tips,
-            settings,
-        )
+        extents = np.ptp(mesh.vertices[mesh.faces].reshape(-1, 3), axis=0)
+        return cls(parts, mesh.center_mass, extents, tips, settings)
 
     @property
     def inertia(self) -> Floats:

@@ -1,8 +1,10 @@
 """Simulating grasps that are drawn from an object: do S hold, and U fail? And given poses."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,10 +14,11 @@ from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.run import run
 from grasp3d.errors import GraspError, MeshError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.evaluation import evaluate_grasps, in_stated_scale
+from grasp3d.grasps.evaluation import evaluate_grasps, in_stated_scale, poses_of_file
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand, touching
-from grasp3d.hand.jaws import Jaws, metres_per_unit
+from grasp3d.hand.hand_files import GivenHand, given_hand
+from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.physics.drawing import DrawnGrasps, TruePoints, draw_grasps, true_points
@@ -26,9 +29,15 @@ from grasp3d.physics.pulling import Attempt, Fate, Outcome, simulate_attempt
 from grasp3d.physics.scene import Stage, Tips, grasp_model
 from grasp3d.physics.simulation import Simulation
 from grasp3d.physics.simulation_settings import SimulationSettings
-from grasp3d.quality.loads import Load
-from grasp3d.settings import GraspModel, MeshOptions, Sampling, with_fingers
-from grasp3d.settings.lengths import METRES, known_unit, settings_in_unit
+from grasp3d.quality.loads import GivenLoad, Load
+from grasp3d.settings import (
+    GivenModel,
+    GivenSampling,
+    GraspModel,
+    MeshOptions,
+    Sampling,
+    with_fingers,
+)
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import input_warnings, mass_of
@@ -173,11 +182,11 @@ UNUSED = ("count", "tip_radius", "grip_ratio", "pulled", "part_angle")
 
 def simulate_grasps(
     mesh: MeshSource,
-    model: GraspModel | None = None,
+    model: GivenModel = None,
     *,
-    simulation: SimulationSettings | None = None,
-    sampling: Sampling | None = None,
-    hand: Hand | None = None,
+    simulation: SimulationSettings | Mapping[str, Any] | None = None,
+    sampling: GivenSampling = None,
+    hand: GivenHand = None,
     options: MeshOptions | None = None,
     cluster: ClusterSettings | None = None,
 ) -> Simulation:
@@ -229,11 +238,11 @@ def simulate_grasps(
     """
     mujoco_module()
     surface = load_mesh(mesh, options)
-    what = "a simulation is in metres"
-    scale = METRES[known_unit(surface.unit, what, surface.report.source)]
-    settings = simulation or SimulationSettings()
-    own_model, own_sampling = surface.in_own_unit(_model(model, hand), sampling or Sampling())
-    within = _within(own_sampling, surface, hand)
+    surface.needs_metres("a simulation is in metres")
+    settings = SimulationSettings.given("simulation", simulation) or SimulationSettings()
+    hand, model = given_hand(hand), GraspModel.given("model", model)
+    own_model = _model(model, hand)
+    within = _within(Sampling.given("sampling", sampling) or Sampling(), surface, hand)
     radius = _tip_radius(settings, surface, hand)
     processes = cluster or ClusterSettings()
     parts = divided(surface, settings, processes)
@@ -242,15 +251,13 @@ def simulate_grasps(
         reached = true_points(surface, parts, radius, settings.part_angle, random)
         grasps = draw_grasps(surface, reached, own_model, within, settings.count, random)
         poses, openings = _poses(grasps, radius, random)
-    tips = Tips(radius * scale, own_model.nominal_friction, own_model.torsion_radius * scale)
-    stage = Stage.of(surface, parts, tips, *settings_in_unit("m", settings))
+    tips = Tips(radius, own_model.nominal_friction, own_model.torsion_radius)
+    stage = Stage.of(surface, parts, tips, settings)
     centers = np.broadcast_to(surface.center_mass, (grasps.count, 3))
     if settings.pulled == "line":
         centers = grasps.points.mean(axis=1)
-    metric = poses.copy()
-    metric[:, :3, 3] *= scale
-    starts = (openings * scale + 2.0 * GAP).tolist()
-    attempts = list(map(Attempt, metric, starts, centers * scale, grasps.friction))
+    starts = (openings + 2.0 * GAP).tolist()
+    attempts = list(map(Attempt, poses, starts, centers, grasps.friction))
     outcomes, errors = simulate_attempts(attempts, stage, processes)
     warnings = (
         *input_warnings(surface, None if hand is None else Scene(hand), None, own_model),
@@ -296,12 +303,12 @@ def _within(sampling: Sampling, mesh: ObjectMesh, hand: Hand | None) -> Sampling
 
 
 def _tip_radius(settings: SimulationSettings, mesh: ObjectMesh, hand: Hand | None) -> float:
-    """Radius of the tips, in the mesh's unit."""
+    """Radius of the tips [m]."""
     if hand is None:
-        radius = float(mesh.in_own_unit(settings)[0].tip_radius)
+        radius = float(settings.tip_radius)
         if radius >= mesh.size:
             raise SettingError(
-                f"tip_radius must be below the size of the object, {mesh.size:.4g} {mesh.unit}; "
+                f"tip_radius must be below the size of the object, {mesh.size:.4g} m; "
                 f"got {radius:.4g}"
             )
         return radius
@@ -311,7 +318,7 @@ def _tip_radius(settings: SimulationSettings, mesh: ObjectMesh, hand: Hand | Non
             f"gripper {hand.name!r} has flat pads, which touch more than two points; simulate "
             "round tips of its size without it (--tip-radius, --max-opening)"
         )
-    return jaws.tip_radius / metres_per_unit(mesh)
+    return jaws.tip_radius
 
 
 def _poses(drawn: DrawnGrasps, radius: float, random: np.random.Generator) -> tuple[Floats, Floats]:
@@ -350,12 +357,12 @@ def _warnings(reached: TruePoints, grasps: DrawnGrasps, settings: SimulationSett
 
 def simulate_poses(
     mesh: MeshSource,
-    poses: GraspPoses,
-    model: GraspModel | None = None,
+    poses: GraspPoses | str | Path,
+    model: GivenModel = None,
     *,
-    hand: Hand,
-    load: Load | None = None,
-    simulation: SimulationSettings | None = None,
+    hand: GivenHand,
+    load: GivenLoad = None,
+    simulation: SimulationSettings | Mapping[str, Any] | None = None,
     cluster: ClusterSettings | None = None,
 ) -> GraspPoses:
     """Close a gripper at given poses in MuJoCo, and pull at the object that it holds.
@@ -369,7 +376,7 @@ def simulate_poses(
 
     Args:
         mesh: The object, whose unit is known or stated by the poses.
-        poses: The poses.
+        poses: The poses, or a file of them.
         model: Friction, torsion radius of round tips, and what labels depend on; None: as in
             `evaluate_grasps`. Torsion on pads follows from where they are touched.
         hand: The gripper.
@@ -413,17 +420,21 @@ def simulate_poses(
         ([1.0, 0.0], ['held', 'missed'])
     """
     mujoco_module()
-    surface, processes = in_stated_scale(load_mesh(mesh), poses), cluster or ClusterSettings()
-    scale = metres_per_unit(surface)
-    (settings,) = settings_in_unit("m", simulation or SimulationSettings())
+    hand, load = _needed(given_hand(hand)), Load.given("load", load)
+    surface, processes = load_mesh(mesh), cluster or ClusterSettings()
+    if isinstance(poses, str | Path):
+        poses = poses_of_file(Path(poses), surface, hand=hand)
+    surface = in_stated_scale(surface, poses)
+    surface.needs_metres("a simulation is in metres")
+    settings = SimulationSettings.given("simulation", simulation) or SimulationSettings()
     settings = _loaded(replace(settings, pulled="center_of_mass"), surface, hand, load)
     with unreported():
         evaluated = evaluate_grasps(surface, poses, model, hand=hand, load=load)
     parts = divided(evaluated.mesh, settings, processes)
-    stage = Stage.of(evaluated.mesh, parts, _tips(hand, evaluated.model, scale, settings), settings)
+    stage = Stage.of(evaluated.mesh, parts, _tips(hand, evaluated.model, settings), settings)
     given = np.repeat(np.arange(evaluated.size), settings.trials)
-    errors = settings.pose_error.draw(len(given), "m", _random_stream(settings.seed, OFFSETS))
-    attempts = _posed_attempts(evaluated, given, errors, stage.tips, scale)
+    errors = settings.pose_error.draw(len(given), _random_stream(settings.seed, OFFSETS))
+    attempts = _posed_attempts(evaluated, given, errors, stage.tips)
     outcomes, _ = simulate_attempts(attempts, stage, processes)
     table = {
         "fate": np.array([str(one.fate) for one in outcomes]),
@@ -447,6 +458,13 @@ def simulate_poses(
         columns={**results.columns, **table},
         settings={**results.settings, **entries},
     )
+
+
+def _needed(hand: Hand | None) -> Hand:
+    """A hand that must be given. Raises SettingError."""
+    if hand is None:
+        raise SettingError("poses are simulated with their gripper; give it (hand='franka')")
+    return hand
 
 
 def _loaded(
@@ -483,18 +501,18 @@ def _needed_jaws(hand: Hand) -> Jaws:
     return hand
 
 
-def _tips(hand: Hand, model: GraspModel, scale: float, settings: SimulationSettings) -> Tips:
+def _tips(hand: Hand, model: GraspModel, settings: SimulationSettings) -> Tips:
     """The gripper's fingers, in metres."""
     jaws = _needed_jaws(hand)
     return Tips(
         friction=model.nominal_friction,
-        torsion_radius=model.torsion_radius * scale if jaws.round_tips else 0.0,
+        torsion_radius=model.torsion_radius if jaws.round_tips else 0.0,
         fingers=Fingers.of(jaws, settings.pad_stiffness),
     )
 
 
 def _posed_attempts(
-    grasps: EvaluatedPoses, given: Ints, errors: Floats, tips: Tips, scale: float
+    grasps: EvaluatedPoses, given: Ints, errors: Floats, tips: Tips
 ) -> list[Attempt]:
     """The attempts, from the opening with which the gripper comes.
 
@@ -503,12 +521,10 @@ def _posed_attempts(
         given: Index of the pose of each attempt, shape (k,).
         errors: True poses in the frames of the given ones [m], shape (k, 4, 4).
         tips: The gripper.
-        scale: Metres per unit of the mesh.
     """
     poses = grasps.poses[given]
-    poses[:, :3, 3] *= scale
     stroke = grasps.hand.max_opening
-    openings = np.nan_to_num(grasps.given.pregrasp_opening[given] * scale, nan=stroke)
-    center, friction = grasps.mesh.center_mass * scale, np.full(2, tips.friction)
+    openings = np.nan_to_num(grasps.given.pregrasp_opening[given], nan=stroke)
+    center, friction = grasps.mesh.center_mass, np.full(2, tips.friction)
     attempt = partial(Attempt, center=center, friction=friction, may_move=True)
     return list(map(attempt, poses @ errors, np.minimum(openings, stroke).tolist()))

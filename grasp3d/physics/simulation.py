@@ -19,7 +19,6 @@ from grasp3d.physics.pulling import Fate, Outcome
 from grasp3d.physics.simulation_settings import SimulationSettings
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.settings import GraspModel
-from grasp3d.settings.lengths import METRES
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import Label
 from grasp3d.surface.label_settings import chosen_settings
@@ -115,18 +114,18 @@ class Simulation:
     """Friction, and what is uncertain."""
     settings: SimulationSettings
     grasps: DrawnGrasps
-    """True and perceived contacts, in the mesh's unit, and labels."""
+    """True and perceived contacts [m], and labels."""
     poses: Floats
     """Matrices that take the gripper's coordinates to the mesh's frame, shape (k, 4, 4);
-    translations in the mesh's unit."""
+    translations [m]."""
     openings: Floats
-    """Distance of the nearest points of the tips at the contacts [mesh unit], shape (k,)."""
+    """Distance of the nearest points of the tips at the contacts [m], shape (k,)."""
     outcomes: tuple[Outcome, ...]
     """What became of each grasp; lengths in metres."""
     parts: int
     """Number of convex parts of the simulated object."""
     part_depth: Floats
-    """Distance of the mesh from the parts' surface at the contacts [mesh unit], shape (k, 2)."""
+    """Distance of the mesh from the parts' surface at the contacts [m], shape (k, 2)."""
     part_angle: Floats
     """Angle between the normals of mesh and parts there [rad], shape (k, 2)."""
     warnings: tuple[str, ...] = ()
@@ -188,22 +187,19 @@ class Simulation:
         return tuple(rates_by(margin, success, MARGINS))
 
     def columns(self) -> Mapping[str, npt.NDArray[Any]]:
-        """The columns of the table; angles in radians, lengths in the mesh's unit.
+        """The columns of the table; angles in radians, lengths in metres.
 
         `grasp` (its number from 1), `success`, `held`, `fate`; `label`, `critical_angle`, `margin`,
         `friction1`, `friction2`, `true_critical_angle`; `slip`, `shift`, `squeeze_shift`, `turn`,
         `spin`, `squeeze_turn`, `pulls_held`; `opening`; true contacts `x1` `y1` `z1` with inward
         normals `nx1` `ny1` `nz1` ..., perceived ones with `perceived_` before their names;
-        `part_depth1`, `part_angle1`, ...
+        `part_depth1`, `part_angle1`, ...; `unit`, that of the lengths, m.
         """
-        assert self.mesh.unit is not None  # grasps of a mesh without a unit are not simulated
-        metres, grasps = METRES[self.mesh.unit], self.grasps
+        grasps = self.grasps
         moved = {
             name: np.array([getattr(one, name) for one in self.outcomes], dtype=np.float64)
             for name in ("slip", "shift", "squeeze_shift", "turn", "spin", "squeeze_turn")
         }
-        for name in ("slip", "shift", "squeeze_shift"):
-            moved[name] /= metres
         parts = {
             f"part_{name}{finger + 1}": values[:, finger]
             for finger in range(2)
@@ -225,6 +221,7 @@ class Simulation:
             "opening": self.openings,
             **_contact_columns(grasps),
             **parts,
+            "unit": np.full(self.size, "m"),
         }
 
     def to_dataframe(self) -> "pd.DataFrame":
@@ -276,6 +273,7 @@ def settings_of(simulation: Simulation) -> dict[str, Any]:
     return {
         "version": package_version(),
         **chosen_settings(simulation.mesh, simulation.model, None, "scan"),
+        "unit": "m",
         **{name: value for name, value in stored.items() if name != "seed"},
         "simulation_seed": simulation.settings.seed,
         "parts": simulation.parts,

@@ -6,10 +6,9 @@ from typing import Annotated, Literal
 
 from grasp3d.settings import DEGREE, Radians, check_choice
 from grasp3d.settings.checks import check_length, check_range, check_seed
-from grasp3d.settings.lengths import Length, LengthSettings, Measure
 from grasp3d.settings.parsing import Main
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
-from grasp3d.settings.quantities import FORCES, MASSES, STIFFNESSES, Quantity
+from grasp3d.settings.units import FORCES, MASSES, STIFFNESSES, Length, LengthSettings, Quantity
 
 Pulled = Literal["line", "center_of_mass"]
 MAX_GRASPS = 100_000
@@ -23,7 +22,7 @@ GRAVITY = 9.80665
 class SimulationSettings(LengthSettings):
     """How grasps are drawn, and how they are simulated.
 
-    A length is a number in the mesh's unit, or has a unit: '3mm', '0.003 m'.
+    A length is in metres, or has a unit: '3mm'; see `Length`.
 
     Attributes:
         count: Grasps that are drawn from the surface, as many of each label, from 3.
@@ -65,9 +64,7 @@ class SimulationSettings(LengthSettings):
     """
 
     count: Annotated[int, Main("grasps that are drawn")] = 60
-    tip_radius: Annotated[Length[float], Main("radius of round tips")] = Length(
-        Measure(3.0, "mm")  # type: ignore[arg-type]
-    )
+    tip_radius: Annotated[Length[float], Main("radius of round tips")] = Length(0.003)
     object_mass: Annotated[Quantity[float], Main("mass of the object")] = Quantity(0.1, MASSES)
     grip_ratio: float = 50.0
     grip_force: Annotated[Quantity[float | None], Main("force of each finger")] = Quantity(
@@ -77,11 +74,11 @@ class SimulationSettings(LengthSettings):
     pad_stiffness: Quantity[float] = Quantity(3e5, STIFFNESSES)
     pose_error: PoseErrorField = PoseErrorField(PoseError())
     trials: int = 1
-    give_way: Length[float] = Length(Measure(1.0, "mm"))  # type: ignore[arg-type]
+    give_way: Length[float] = Length(0.001)
     pulled: Pulled = "line"
     pull_time: float = 2.0
-    max_slip: Length[float] = Length(Measure(1.0, "mm"))  # type: ignore[arg-type]
-    max_shift: Length[float] = Length(Measure(50.0, "mm"))  # type: ignore[arg-type]
+    max_slip: Length[float] = Length(0.001)
+    max_shift: Length[float] = Length(0.05)
     max_turn: Radians = 15.0 * DEGREE
     part_threshold: float = 0.02
     part_angle: Radians = 3.0 * DEGREE
@@ -122,7 +119,7 @@ class SimulationSettings(LengthSettings):
 
     @property
     def may_yield(self) -> float:
-        """Depth of the open gripper in the object to which it gives way, in the lengths' unit."""
+        """Depth of the open gripper in the object to which it gives way [m]."""
         return float(self.give_way + self.pose_error.position)
 
     @property

@@ -49,7 +49,7 @@ def grasp_figure(
     """
     model, of_hand = grasps.model, isinstance(grasps, EvaluatedHandGrasps)
     fingers = f"{model.fingers} fingers" if grasps.scene is None else grasps.scene.hand.name
-    settings = f"{printable(fingers)}, {model_line(model, grasps.mesh.unit)}"
+    settings = f"{printable(fingers)}, {model_line(model, metres=grasps.mesh.unit is not None)}"
     texts = [_lines(grasps, row) for row in range(len(pictures))]
     below = max(map(len, texts))
     figure, grid = _sheet(grasps.mesh.report.source, settings, len(pictures), below)

@@ -50,7 +50,7 @@ class Certificate:
         """Forces in equilibrium, computed when they are first read.
 
         If the grasp is force-closed, nonzero forces in equilibrium, each inside its friction cone,
-        shape (..., n, 4): force along x, y, z, and torsional moment about the normal [mesh unit].
+        shape (..., n, 4): force along x, y, z, and torsional moment about the normal [m].
         For given wrenches their weights, shape (..., n). nan where not force-closed, where
         `cone_offset` makes cones of 90 degrees or more, and where closure is so narrow that only
         the hull proves it. Copies and pickles hold the forces.

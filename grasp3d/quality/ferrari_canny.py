@@ -67,7 +67,7 @@ def epsilon(
         edges: Edges of polygonal friction cones; None: circular cones.
         actuation: 'total': all forces together are at most 1 (the hull of the contacts' wrenches);
             'per_finger': each finger's force is (the Minkowski sum).
-        torque_scale: Length that torques are divided by [mesh unit]; `ObjectMesh.torque_scale`
+        torque_scale: Length that torques are divided by [m]; `ObjectMesh.torque_scale`
             makes the value independent of the unit.
         rtol: Circular cones: largest difference of the bounds, as a fraction of the upper one.
         cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n). For

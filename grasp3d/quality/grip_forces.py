@@ -301,7 +301,7 @@ def grip_force(
         contacts: The contacts. Soft fingers have the elliptic limit surface of Howe & Cutkosky
             (IJRR 1996), (f_t / friction)^2 + (moment / torsion_radius)^2 <= f_n^2.
         task: A `Task`, the same for all grasps; or wrenches that act on the object, shape (..., 6):
-            force [N] and torque about the centre of mass [N x mesh unit].
+            force [N] and torque about the centre of mass [N m].
         bound: What is limited: 'normal', the normal component of every finger's force, which the
             data sheets of grippers call force per finger; 'norm', the length of every finger's
             force; 'total', the sum of the normal components of all fingers.

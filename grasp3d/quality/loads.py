@@ -3,13 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeAlias
 
 from grasp3d.errors import SettingError
 from grasp3d.quality.task_texts import TaskField, TaskText
-from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.settings.parsing import Main, Settings, settings_of_texts
-from grasp3d.settings.quantities import DENSITIES, FORCES, MASSES, TORQUES, Quantity
+from grasp3d.settings.units import DENSITIES, FORCES, MASSES, TORQUES, Quantity
 
 if TYPE_CHECKING:
     from grasp3d.quality.tasks import Task
@@ -41,10 +40,12 @@ class Load(Settings):
         >>> load = grasp3d.Load(mass="500 g", grip_force="40 N")
         >>> load.mass, load.grip_force, load.task
         (0.5, 40.0, 'weight')
-        >>> task = load.task_for(load.mass, "mm")
+        >>> task = load.task_for(load.mass)
         >>> print(f"{task.support([0, 0, 1, 0, 0, 0]):.3f} N")
         4.903 N
     """
+
+    lone: ClassVar[str] = "mass"
 
     mass: Annotated[Quantity[float | None], Main("mass of the object, such as 0.5kg")] = Quantity(
         None, MASSES
@@ -82,24 +83,20 @@ class Load(Settings):
         """
         return replace(self, task=self.task.with_files_read()) if self.task_files else self
 
-    def task_for(
-        self, mass: float | None, unit: Unit | None, *, source: str = "the mesh"
-    ) -> "Task":
-        """The task for a mass, in the unit of a mesh.
+    def task_for(self, mass: float | None) -> "Task":
+        """The task for a mass.
 
         Args:
             mass: Mass [kg]; None: 1 kg.
-            unit: Unit of the mesh and of the contacts' points; None: it is not known.
-            source: Name of the mesh, for the error.
 
         Raises:
-            SettingError: The unit is not known, but torques need it; a file is missing or damaged.
+            SettingError: A file is missing or damaged.
         """
-        return self.task.task(
-            mass=1.0 if mass is None else mass,
-            metres_per_unit=None if unit is None else METRES[unit],
-            source=source,
-        )
+        return self.task.task(mass=1.0 if mass is None else mass)
+
+
+GivenLoad: TypeAlias = Load | Mapping[str, Any] | str | float | None
+"""A load as functions take it: also a dict of its fields, or its mass, '0.5kg' or 0.5 [kg]."""
 
 
 def load_settings(load: Load | None) -> dict[str, str | float | None]:

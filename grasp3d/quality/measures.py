@@ -55,7 +55,7 @@ def metrics(
     Args:
         contacts: Point contacts.
         names: 'all', names of measures in a list, or separated by commas in one text.
-        torque_scale: Length that torques are divided by [mesh unit]; with
+        torque_scale: Length that torques are divided by [m]; with
             `ObjectMesh.torque_scale` nothing depends on the unit.
         edges: Edges of the polygonal friction cones; about the normal they lie as those of
             `epsilon`.
@@ -146,7 +146,7 @@ def _axes(contacts: Contacts, torque_scale: float) -> Floats:
 
 
 def _extent(contacts: Contacts) -> Floats:
-    """Largest distance of a contact from the contacts' mean [mesh unit], shape (b,)."""
+    """Largest distance of a contact from the contacts' mean [m], shape (b,)."""
     _, mean, _ = centred(contacts.points)
     return np.asarray(np.linalg.norm(contacts.points - mean, axis=-1).max(axis=-1))
 

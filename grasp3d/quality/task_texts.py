@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.checks import parse_angle
 from grasp3d.settings.parsing import ParsedField, TextValue
+from grasp3d.settings.units import parse_angle
 from grasp3d.system.documents import problem_of_file
 from grasp3d.system.names import printable
 
@@ -203,13 +203,12 @@ finite numbers; got '0,0,-5'
         TaskText(self.text, parts).checked()
         return TaskText(" + ".join(part.text for part in parts), parts)
 
-    def task(
-        self,
-        *,
-        mass: float = 1.0,
-        metres_per_unit: float | None = None,
-        source: str = "the mesh",
-    ) -> "Task":
+    @property
+    def has_torques(self) -> bool:
+        """Whether it states torques, so that the contacts' points must be in metres."""
+        return any(any(row[3:]) for part in self.with_files_read().parts for row in part.rows)
+
+    def task(self, *, mass: float = 1.0) -> "Task":
         """The task that it describes; see `parse_task`."""
         from grasp3d.quality.tasks import Acceleration, Weight, Wrenches
 
@@ -219,8 +218,7 @@ finite numbers; got '0,0,-5'
                 return Weight(mass, axis, part.within)  # type: ignore[arg-type]
             if part.kind == "acceleration":
                 return Acceleration(mass, part.rows[0][0])
-            rows = ((*row[:3], *_torque(row[3:], metres_per_unit, source)) for row in part.rows)
-            return Wrenches(list(rows))
+            return Wrenches(list(part.rows))
 
         return reduce(add, map(build, self.with_files_read().parts))
 
@@ -237,13 +235,7 @@ class TaskField(ParsedField["TaskText", "str | TaskText"]):
         return TaskText.of(value)
 
 
-def parse_task(
-    text: str,
-    *,
-    mass: float = 1.0,
-    metres_per_unit: float | None = None,
-    source: str = "the mesh",
-) -> "Task":
+def parse_task(text: str, *, mass: float = 1.0) -> "Task":
     """Make the task that a text describes.
 
     Args:
@@ -252,33 +244,19 @@ def parse_task(
             several joined by ' + '. An axis is x, y, z, -x, -y or -z of the contacts' frame, or
             three numbers with commas.
         mass: Mass of the object [kg].
-        metres_per_unit: Unit of the contacts' points [m]; None: it is not known.
-        source: Name of the mesh, for the error.
 
     Raises:
-        SettingError: It is no task, a file is missing or damaged, or torques need the unit.
+        SettingError: It is no task, or a file is missing or damaged.
 
     Example:
-        An object of 0.5 kg that is pushed with 5 N, whose points are in millimetres:
+        An object of 0.5 kg that is pushed with 5 N:
 
         >>> from grasp3d.quality.task_texts import parse_task
-        >>> task = parse_task("weight + wrench 5,0,0,0,0,0.1", mass=0.5, metres_per_unit=0.001)
-        >>> print(f"{task.support([0, 0, 0, 0, 0, 1]):.0f} N mm")
-        100 N mm
+        >>> task = parse_task("weight + wrench 5,0,0,0,0,0.1", mass=0.5)
+        >>> print(f"{task.support([1, 0, 0, 0, 0, 0]):.3f} N")
+        9.903 N
     """
-    return TaskText.of(text).task(mass=mass, metres_per_unit=metres_per_unit, source=source)
-
-
-def _torque(torque: Row, metres: float | None, source: str) -> Row:
-    """A torque [N m] in newtons times a unit of so many metres."""
-    if metres is None:
-        if any(torque):
-            raise SettingError(
-                f"torques of the task are in N m, but the unit of {source} is not known: give the "
-                "unit of its coordinates (--unit, in Python unit=...)"
-            )
-        return torque
-    return tuple(float(f"{component / metres:.15g}") for component in torque)
+    return TaskText.of(text).task(mass=mass)
 
 
 def _with_rows(part: _Part) -> _Part:

@@ -1,9 +1,9 @@
 """Tasks: the wrenches that a grasp must resist.
 
 A task is a convex set of wrenches, given by its support function: how far it reaches in a
-direction. A wrench is (force [N], torque about the centre of mass [N x the contacts' unit of
-length]), as it acts on the object. Sums of tasks act together: any wrench of the first with
-any of the second.
+direction. A wrench is (force [N], torque about the centre of mass [N m]), as it acts on the object;
+where contacts are not in metres, torques are in newtons times their unit. Sums of tasks act
+together: any wrench of the first with any of the second.
 """
 
 import math

@@ -55,10 +55,10 @@ def wrench_axes(
     allows.
 
     Args:
-        points: Relative to the centre of mass [mesh unit], shape (..., 3).
+        points: Relative to the centre of mass [m], shape (..., 3).
         normals: Inward unit normals, shape (..., 3).
-        torsion_radius: [mesh unit], shape (...).
-        torque_scale: rho [mesh unit].
+        torsion_radius: [m], shape (...).
+        torque_scale: rho [m].
 
     Returns:
         Shape (..., 4, 6).
@@ -118,7 +118,7 @@ def wrenches(
     Args:
         contacts: The contacts.
         edges: Number of edges of each cone, at least 3.
-        torque_scale: rho [mesh unit].
+        torque_scale: rho [m].
         phase: Angle of the first edge about the normal, from the first of
             `friction_cones.tangents` [rad].
         bounded: 'force': edges of length 1; 'normal': of normal component 1, as in some
@@ -184,7 +184,7 @@ class EpsilonOptions:
         edges: Edges of polygonal friction cones; None: circular cones.
         actuation: 'total': the sum of all forces is at most 1 (the hull of the contacts' wrenches);
             'per_finger': each finger's force is (the Minkowski sum).
-        torque_scale: Length that torques are divided by [mesh unit]; `ObjectMesh.torque_scale`
+        torque_scale: Length that torques are divided by [m]; `ObjectMesh.torque_scale`
             makes epsilon independent of the unit.
         rtol: Circular cones: largest difference of the bounds, as a fraction of the upper one.
 

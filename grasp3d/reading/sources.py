@@ -9,7 +9,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, short_repr
 from grasp3d.errors import MeshError
-from grasp3d.settings.lengths import Unit
+from grasp3d.settings.units import Unit
 from grasp3d.system.documents import is_folder, problem_of_file
 from grasp3d.system.names import printable
 

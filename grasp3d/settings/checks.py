@@ -1,50 +1,13 @@
-"""Angles in settings, and checks of single values."""
+"""Checks of single values of settings."""
 
 import math
-import re
 from numbers import Integral
-from typing import Annotated, Literal, get_args
+from typing import Literal, get_args
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.lengths import AnyLength, comparable, describe_length
+from grasp3d.settings.units import describe_length
 
-Radians = Annotated[float, "angle"]
-"""An angle; on the command line it is a text, see `parse_angle`."""
-
-ANGLE_UNITS = ("deg", "degrees", "°", "rad")
-"""Units of angles in texts."""
-
-ANGLE = "an angle (a number of degrees, or a number with a unit: deg, rad)"
-"""What the text of an angle must be, for messages."""
-
-DEGREE = math.pi / 180.0
 SEED_LIMIT = 2**63
-
-_ANGLE = re.compile(rf"(\S+?)\s*({'|'.join(ANGLE_UNITS)})?", re.IGNORECASE)
-
-
-def parse_angle(name: str, text: str) -> float:
-    """An angle [rad] from a text, in which a number without a unit is one of degrees.
-
-    Args:
-        name: Name of the setting, for the error message.
-        text: A number, or a number with a unit: deg, degrees, ° or rad.
-
-    Raises:
-        SettingError: It is no such text.
-
-    Example:
-        >>> from grasp3d.settings.checks import parse_angle
-        >>> parse_angle("search_angle", "0.26rad"), round(parse_angle("search_angle", "15 deg"), 4)
-        (0.26, 0.2618)
-    """
-    match = _ANGLE.fullmatch(text.strip())
-    try:
-        number = float(match[1] if match else text)
-    except ValueError as error:
-        raise SettingError(f"{name} must be {ANGLE}; got {text!r}") from error
-    in_radians = match is not None and (match[2] or "").lower() == "rad"
-    return number if in_radians else math.radians(number)
 
 
 def check_choice(what: str, value: object, choices: object) -> None:
@@ -141,8 +104,8 @@ def check_seed(name: str, seed: object) -> None:
         raise SettingError(f"{name} must be below 2^63; got {seed}")
 
 
-def check_length(name: str, length: AnyLength, *, above: bool = False) -> None:
-    """Refuse a length that is negative or not finite; in any unit.
+def check_length(name: str, length: float, *, above: bool = False) -> None:
+    """Refuse a length that is negative or not finite.
 
     Args:
         name: Name of the setting, for the error message.
@@ -152,8 +115,7 @@ def check_length(name: str, length: AnyLength, *, above: bool = False) -> None:
     Raises:
         SettingError: It is no such length.
     """
-    numbers = comparable(length) or ()
-    if not all(0.0 <= one < math.inf for one in numbers) or (above and not all(numbers)):
+    if not 0.0 <= length < math.inf or (above and not length):
         least = "above 0" if above else "of at least 0"
         raise SettingError(f"{name} must be a finite length {least}; got {describe_length(length)}")
 

@@ -1,21 +1,15 @@
 """The grasp model: friction, sensor resolution, fingers, and what is uncertain of contacts."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.checks import (
-    DEGREE,
-    Radians,
-    check_choice,
-    check_length,
-    check_range,
-    check_resolution,
-)
+from grasp3d.settings.checks import check_choice, check_length, check_range, check_resolution
 from grasp3d.settings.friction import Friction, friction_interval
-from grasp3d.settings.lengths import Length, LengthSettings
 from grasp3d.settings.parsing import IN_PYTHON, Group, Main
+from grasp3d.settings.units import DEGREE, Length, LengthSettings, Radians
 
 Actuation = Literal["total", "per_finger"]
 Method = Literal["exact", "extremes"]
@@ -31,7 +25,7 @@ MIN_EXTREMES, MAX_EXTREMES = 3, 360
 class GraspModel(LengthSettings):
     """Friction, sensor resolution and fingers, from which a grasp's label follows.
 
-    A length is a number in the mesh's unit, or has a unit: '5mm', '0.005 m', '0.5cm', '0.2in'.
+    A length is in metres, or has a unit: '5mm', '0.5cm', '0.2in'; see `Length`.
 
     Attributes:
         friction: Coulomb coefficient of friction between fingertip and object, above 0; or the
@@ -178,8 +172,12 @@ class GraspModel(LengthSettings):
 
     @property
     def soft(self) -> bool:
-        """Whether the fingers are soft: they have a torsion radius, in any unit."""
+        """Whether the fingers are soft: they have a torsion radius."""
         return self.torsion_radius != 0.0
+
+
+GivenModel: TypeAlias = GraspModel | Mapping[str, Any] | None
+"""A model as functions take it: also a dict of its fields."""
 
 
 def with_fingers(model: GraspModel, count: int) -> GraspModel:

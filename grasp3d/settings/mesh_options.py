@@ -6,17 +6,18 @@ from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, Literal
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.checks import DEGREE, Radians, check_choice, check_range
-from grasp3d.settings.lengths import (
+from grasp3d.settings.checks import check_choice, check_range
+from grasp3d.settings.parsing import Main
+from grasp3d.settings.regions import Region
+from grasp3d.settings.units import (
+    DEGREE,
     Length,
     LengthSettings,
     Position,
+    Radians,
     Unit,
-    comparable,
     describe_length,
 )
-from grasp3d.settings.parsing import Main
-from grasp3d.settings.regions import Region
 
 Repair = Literal["none", "safe", "full"]
 MIN_MEMORY = 0.5
@@ -26,11 +27,12 @@ MIN_MEMORY = 0.5
 class MeshOptions(LengthSettings):
     """How a mesh file is read and prepared.
 
-    A length is a number in the mesh's unit, or has a unit: '3mm', '0.003 m', '0.3cm', '0.1in'.
+    A length is in metres, or has a unit: '3mm', '0.3cm', '0.1in'; see `Length`.
 
     Attributes:
-        unit: Unit of the mesh's coordinates, and of lengths without a unit; none: the unit that the
-            file states, if any. Nothing is scaled: positions and openings stay in this unit.
+        unit: Unit of the file's coordinates, from which they become metres; none: the unit that the
+            file states, if any. Without either, lengths are in the mesh's own unit, and nothing can
+            be said about grippers, masses and lengths with a unit.
         max_edge: Longest edge of the mesh, a length; longer edges are divided. none: 1/32 of the
             object's size.
         crease_angle: An edge whose faces meet at more than this angle is a crease (a sharp edge):
@@ -50,11 +52,11 @@ class MeshOptions(LengthSettings):
     Example:
         >>> import trimesh
         >>> import grasp3d
-        >>> options = grasp3d.MeshOptions(unit="mm", max_edge=20.0)
+        >>> options = grasp3d.MeshOptions(unit="mm", max_edge="20mm")
         >>> cube = trimesh.creation.box([40.0, 40.0, 40.0])
-        >>> grasp3d.load_mesh(cube, options).unit
+        >>> grasp3d.load_mesh(cube, options).file_unit
         'mm'
-        >>> len(grasp3d.load_mesh(cube, options, max_edge=10.0).vertices)
+        >>> len(grasp3d.load_mesh(cube, options, max_edge="10mm").vertices)
         194
     """
 
@@ -70,29 +72,29 @@ class MeshOptions(LengthSettings):
         super().__post_init__()
         if self.unit is not None:
             check_choice("unit", self.unit, Unit)
-        edge = comparable(self.max_edge)
-        if self.max_edge is not None and not (edge and edge[0] > 0.0):
+        if self.max_edge is not None and not self.max_edge > 0.0:
             raise SettingError(f"max_edge must be above 0; got {describe_length(self.max_edge)}")
         check_range("crease angle", self.crease_angle, 0.0, math.pi, degrees=True)
         check_choice("repair", self.repair, Repair)
         check_range("max memory", self.max_memory, MIN_MEMORY, unit="GB")
 
     @classmethod
-    def of(cls, options: "MeshOptions | None", fields_: Mapping[str, Any]) -> "MeshOptions":
+    def of(
+        cls, options: "MeshOptions | Mapping[str, Any] | None", fields_: Mapping[str, Any]
+    ) -> "MeshOptions":
         """Options with some fields changed, as functions take them as keywords.
 
         Args:
-            options: The options to change; None: the defaults.
+            options: The options to change, or a dict of fields; None: the defaults.
             fields_: New values by name of the field.
 
         Raises:
             SettingError: No field has such a name, or a value is outside its range.
         """
-        if not (options is None or isinstance(options, cls)):
-            raise SettingError(f"options must be MeshOptions(...); got {options!r}")
+        own = cls.given("options", options) or cls()
         names = [field.name for field in fields(cls)]
         unknown = [name for name in fields_ if name not in names]
         if unknown:
             choices = ", ".join(names)
             raise SettingError(f"no mesh option is called {unknown[0]!r}; known: {choices}")
-        return replace(options or cls(), **fields_)
+        return replace(own, **fields_)

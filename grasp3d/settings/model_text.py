@@ -4,7 +4,7 @@ import math
 
 from grasp3d.settings import GraspModel
 from grasp3d.settings.grasp_model import Tilts
-from grasp3d.settings.lengths import Unit, small_length
+from grasp3d.settings.units import small_length
 
 SAFE_LABELS = "every S and U is correct, an M may be one of them"
 """What labels with a location error mean."""
@@ -51,12 +51,12 @@ def friction_text(model: GraspModel) -> str:
     return " to ".join(dict.fromkeys(f"{end:.4g}" for end in model.friction_interval))
 
 
-def location_texts(model: GraspModel, unit: Unit | None = None) -> list[str]:
+def location_texts(model: GraspModel, *, metres: bool = True) -> list[str]:
     """The error of contact locations as a text, none where there is no such error.
 
     Args:
         model: The model.
-        unit: Unit of lengths without one; None: not known.
+        metres: Whether its lengths are in metres; otherwise their unit is not known.
 
     Example:
         >>> import grasp3d
@@ -65,15 +65,15 @@ def location_texts(model: GraspModel, unit: Unit | None = None) -> list[str]:
         locations ± 2 mm
     """
     error = model.location_error
-    return [f"locations ± {small_length(error, unit)}"] * (error != 0.0)
+    return [f"locations ± {small_length(error, metres=metres)}"] * (error != 0.0)
 
 
-def model_line(model: GraspModel, unit: Unit | None = None) -> str:
+def model_line(model: GraspModel, *, metres: bool = True) -> str:
     """Friction, resolution and location error in one line.
 
     Args:
         model: The model.
-        unit: Unit of lengths without one; None: not known.
+        metres: As in `location_texts`.
 
     Example:
         >>> import grasp3d
@@ -82,4 +82,5 @@ def model_line(model: GraspModel, unit: Unit | None = None) -> str:
         μ 0.5, α 11.46°, locations ± 1 mm
     """
     resolution = f"α {math.degrees(model.sensor_resolution):.4g}°"
-    return ", ".join([f"μ {friction_text(model)}", resolution, *location_texts(model, unit)])
+    locations = location_texts(model, metres=metres)
+    return ", ".join([f"μ {friction_text(model)}", resolution, *locations])

@@ -4,7 +4,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from types import NoneType
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar, get_args, get_type_hints
+
+from grasp3d.errors import SettingError
 
 ValueT = TypeVar("ValueT")
 GivenT = TypeVar("GivenT")
@@ -76,10 +78,44 @@ class Settings:
 
     parsed_fields: ClassVar[Mapping[str, ParsedField[Any, Any]]] = {}
     """Those fields by name."""
+    lone: ClassVar[str] = ""
+    """Name of the field that a number or a text alone is; empty: none."""
 
     def __init_subclass__(cls) -> None:
         own = {name: one for name, one in cls.__dict__.items() if isinstance(one, ParsedField)}
         cls.parsed_fields = {**cls.parsed_fields, **own}
+
+    @classmethod
+    def given(cls, name: str, value: Any) -> Self | None:
+        """Settings as functions take them: such settings, their plain form, or None.
+
+        Args:
+            name: What they are called, for the error.
+            value: Settings; a dict of fields; or the value of the `lone` field, if there is one.
+
+        Raises:
+            SettingError: It is nothing of that, or a field is unknown or outside its range.
+
+        Example:
+            >>> import grasp3d
+            >>> grasp3d.Load.given("load", "500 g").mass
+            0.5
+            >>> grasp3d.GraspModel.given("model", {"friction": 0.4}).friction
+            0.4
+        """
+        if value is None or isinstance(value, cls):
+            return value
+        if isinstance(value, Mapping):
+            names = [one.name for one in fields(cls)]  # type: ignore[arg-type]
+            if unknown := [key for key in value if key not in names]:
+                raise SettingError(f"{name} has no {unknown[0]!r}; known: {', '.join(names)}")
+            return cls(**value)
+        if cls.lone and isinstance(value, str | int | float):
+            return cls(**{cls.lone: value})
+        lone = f", its {cls.lone}" if cls.lone else ""
+        raise SettingError(
+            f"{name} must be {cls.__name__}(...), a dict of its fields{lone}; got {value!r}"
+        )
 
     def __post_init__(self) -> None:
         for name, field in self.parsed_fields.items():
@@ -96,15 +132,15 @@ def plain_values(settings: Any) -> dict[str, Any]:
         settings: A dataclass.
 
     Returns:
-        Lengths with a unit, intervals of friction and tasks as texts; settings within settings as
-        such a dictionary. `settings_of_texts` reads them.
+        Intervals of friction and tasks as texts; settings within settings as such a dictionary.
+        `settings_of_texts` reads them.
 
     Example:
         >>> import grasp3d
         >>> from grasp3d.settings.parsing import plain_values
         >>> values = plain_values(grasp3d.GraspModel(torsion_radius="5mm", friction=(0.4, 0.6)))
         >>> values["torsion_radius"], values["friction"]
-        ('5 mm', '0.4..0.6')
+        (0.005, '0.4..0.6')
     """
     return {one.name: _plain(getattr(settings, one.name)) for one in fields(settings)}
 
@@ -136,6 +172,8 @@ def settings_of_texts(kind: type[SettingsT], texts: Mapping[str, str]) -> Settin
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, float):  # also where it was stated with a unit
+        return float(value)
     if isinstance(value, TextValue):
         return str(value)
     if isinstance(value, tuple | list):

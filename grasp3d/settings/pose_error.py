@@ -5,15 +5,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.checks import Radians, check_length, check_range, parse_angle
-from grasp3d.settings.lengths import (
+from grasp3d.settings.checks import check_length, check_range
+from grasp3d.settings.parsing import ParsedField, TextValue
+from grasp3d.settings.units import (
     Length,
     LengthSettings,
-    Unit,
-    length_in_unit,
+    Metres,
+    Radians,
+    parse_angle,
     parse_length,
 )
-from grasp3d.settings.parsing import ParsedField, TextValue
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,7 +40,7 @@ class PoseOffsets(NamedTuple):
     poses: "Floats"
     """The stated one, the identity, first, shape (k, 4, 4)."""
     position: float
-    """Radius of the ball in which the origin lies, in the unit of the poses."""
+    """Radius of the ball in which the origin lies [m]."""
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,8 @@ class PoseError(LengthSettings, TextValue):
         >>> from grasp3d.settings.pose_error import PoseError
         >>> error = PoseError.of("5mm,3deg")
         >>> error.position, round(error.angle, 4), str(error)
-        ('5 mm', 0.0524, '5 mm,3 deg')
-        >>> error.offsets("m").poses.shape
+        (0.005, 0.0524, '5 mm,3 deg')
+        >>> error.offsets().poses.shape
         (3, 4, 4)
     """
 
@@ -96,7 +97,7 @@ class PoseError(LengthSettings, TextValue):
         except SettingError:
             turn = math.nan
         # A lone number may be meant as either.
-        unclear = len(value.split(",")) == 1 and isinstance(position, float) and position != 0.0
+        unclear = len(value.split(",")) == 1 and position and not isinstance(position, Metres)
         if others or math.isnan(turn) or unclear:
             raise SettingError(
                 "a pose error must be a length with its unit ('5mm'), an angle ('3deg'), or both "
@@ -116,23 +117,20 @@ class PoseError(LengthSettings, TextValue):
         """Whether any pose but the stated one is possible."""
         return bool(self.position or self.angle)
 
-    def offsets(self, unit: Unit) -> "PoseOffsets":
+    def offsets(self) -> "PoseOffsets":
         """Poses that are tried, in the frame of the stated one, which is the first of k.
 
         Two opposite ones, which are as wrong as can be: shifted along the pads, and turned. Each
         takes as long as the stated pose, so there are no more.
-
-        Args:
-            unit: Unit of translations, and of a position without one.
         """
         import numpy as np
 
-        position = length_in_unit("position", self.position, unit)
         signs = np.array([[1.0], [-1.0]]) if self else np.zeros((0, 1))
-        shifts, turns = signs * position * np.array(TOWARD), signs * self.angle * np.array(ABOUT)
-        return PoseOffsets(poses_of(shifts, turns), position)
+        shifts = signs * self.position * np.array(TOWARD)
+        turns = signs * self.angle * np.array(ABOUT)
+        return PoseOffsets(poses_of(shifts, turns), self.position)
 
-    def draw(self, count: int, unit: Unit, random: "np.random.Generator") -> "Floats":
+    def draw(self, count: int, random: "np.random.Generator") -> "Floats":
         """Normally distributed errors, as poses in the frame of the stated one, (count, 4, 4).
 
         Standard deviations along and about each axis are such that two of them are the error: the
@@ -140,12 +138,10 @@ class PoseError(LengthSettings, TextValue):
 
         Args:
             count: How many.
-            unit: As in `offsets`.
             random: Random numbers.
         """
-        position = length_in_unit("position", self.position, unit)
         shifts, turns = random.standard_normal((2, count, 3)) / 2.0
-        return poses_of(position * shifts, self.angle * turns)[1:]
+        return poses_of(self.position * shifts, self.angle * turns)[1:]
 
 
 class PoseErrorField(ParsedField[PoseError, "PoseError | str | Sequence[Any]"]):

@@ -6,15 +6,15 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.lengths import Lengths, comparable, describe_length
-from grasp3d.settings.parsing import ParsedField, Settings, TextValue
+from grasp3d.settings.parsing import ParsedField, TextValue
+from grasp3d.settings.units import Lengths, LengthSettings, describe_length
 
 FORMS = "box:X0,Y0,Z0,X1,Y1,Z1, or a PLY painted at its vertices (mask.ply, or mask.ply:PROPERTY)"
 """How a part is written, for messages."""
 
 
 @dataclass(frozen=True)
-class Box(Settings, TextValue):
+class Box(LengthSettings, TextValue):
     """A box along the axes of the mesh's frame."""
 
     corners: Lengths = Lengths(())
@@ -23,8 +23,7 @@ class Box(Settings, TextValue):
     def __post_init__(self) -> None:
         super().__post_init__()
         for axis, low, high in zip("xyz", self.corners[:3], self.corners[3:], strict=True):
-            ends = comparable(low, high)
-            if ends and not (ends[0] <= ends[1] and all(map(math.isfinite, ends))):
+            if not -math.inf < low <= high < math.inf:
                 raise SettingError(
                     f"a box goes from its lowest corner to its highest one; along {axis} it is "
                     f"from {describe_length(low)} to {describe_length(high)}"
@@ -53,8 +52,8 @@ Part: TypeAlias = Box | Mask
 class Region(ParsedField[Part | None, Part | str | None]):
     """A field of settings that holds a part of a surface, or none, which is all of it.
 
-    It takes a text: `box:` and the lowest and the highest corner, lengths in the mesh's unit or
-    with their own, or the name of a PLY with painted vertices.
+    It takes a text: `box:` and the lowest and the highest corner, lengths as those of `Length`, or
+    the name of a PLY with painted vertices.
     """
 
     def __init__(self) -> None:

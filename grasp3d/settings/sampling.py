@@ -1,17 +1,18 @@
 """How candidate grasps are searched for: pairs of contacts, or contacts of more fingers."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 from grasp3d.errors import SearchCoverageError, SettingError
-from grasp3d.settings.checks import Radians, check_choice, check_range, check_seed
+from grasp3d.settings.checks import check_choice, check_range, check_seed
 from grasp3d.settings.grasp_model import (
     MAX_SEARCHED_FINGERS,
     GraspModel,
 )
-from grasp3d.settings.lengths import Length, LengthSettings, comparable, describe_length
 from grasp3d.settings.parsing import IN_PYTHON, Group, Main
+from grasp3d.settings.units import Length, LengthSettings, Radians, describe_length
 
 Grip = Literal["squeeze", "expand", "both"]
 CandidatePoints = Literal["surface", "vertices"]
@@ -92,7 +93,7 @@ class SearchSettings(LengthSettings):
         """The same search, for contacts within another distance of each other.
 
         Args:
-            most: The largest distance, in the unit of the lengths, which are numbers.
+            most: The largest distance.
         """
         least = getattr(self, self.least)
         least = None if least is None else min(least, most)
@@ -108,7 +109,7 @@ _COMMON = (*(one.name for one in fields(SearchSettings)), "max_opening")
 class Sampling(SearchSettings):
     """How candidate grasps of two fingers are searched for.
 
-    A length is a number in the mesh's unit, or has a unit: '80mm', '0.08 m', '8cm', '3in'.
+    A length is in metres, or has a unit: '80mm', '8cm', '3in'; see `Length`.
 
     It has a search angle and a tolerance as well, see `SearchSettings`.
 
@@ -155,7 +156,7 @@ class Sampling(SearchSettings):
 class MultifingerSampling(SearchSettings):
     """How candidate grasps of three fingers and more are searched for.
 
-    A length is a number in the mesh's unit, or has a unit: '80mm', '0.08 m', '8cm', '3in'.
+    A length is in metres, or has a unit: '80mm', '8cm', '3in'; see `Length`.
 
     It has a search angle and a tolerance as well, see `SearchSettings`.
 
@@ -178,10 +179,10 @@ class MultifingerSampling(SearchSettings):
         >>> import trimesh
         >>> import grasp3d
         >>> sampling = grasp3d.MultifingerSampling(max_opening="150mm", candidates=16)
-        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(1, 40.0), unit="mm", max_edge=99.0)
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(1, 0.04), unit="m", max_edge=0.1)
         >>> labels = grasp3d.label_surface(ball, grasp3d.GraspModel(fingers=3), sampling=sampling)
         >>> labels.sampling.max_opening, labels.partners.shape
-        (150.0, (42, 2, 3))
+        (0.15, (42, 2, 3))
     """
 
     span: ClassVar[str] = "spread"
@@ -205,9 +206,20 @@ AnySampling: TypeAlias = Sampling | MultifingerSampling
 """Settings of a search, for the number of fingers of its grasps."""
 
 
+GivenSampling: TypeAlias = AnySampling | Mapping[str, Any] | None
+"""Settings of a search as functions take them: also a dict of their fields."""
+
+
 def sampling_kind(fingers: int) -> type[AnySampling]:
     """The class of the settings of a search for a number of fingers."""
     return Sampling if fingers == 2 else MultifingerSampling
+
+
+def given_sampling(model: GraspModel, sampling: GivenSampling) -> AnySampling | None:
+    """Settings of a search for a model as functions take them; see `Settings.given`."""
+    if sampling is None or isinstance(sampling, SearchSettings):
+        return sampling
+    return sampling_kind(model.fingers).given("sampling", sampling)
 
 
 def check_search_settings(model: GraspModel, sampling: AnySampling) -> None:
@@ -266,13 +278,10 @@ def not_covered(what: str, needed: float, searched: float, fingers: int) -> Sear
 
 
 def _check_limits(what: str, sampling: AnySampling) -> None:
-    """Refuse limits of a distance that no distance meets.
-
-    A number and a length with a unit are compared later, when the mesh's unit is known.
-    """
+    """Refuse limits of a distance that no distance meets."""
     least = sampling.least
     limits = getattr(sampling, least), sampling.max_opening
-    low, high = comparable(*limits) or (0.0, math.inf)
+    low, high = limits[0] or 0.0, limits[1]
     if not (0.0 <= low <= high and low < math.inf and high > 0.0):
         low_text, high_text = map(describe_length, limits)
         raise SettingError(

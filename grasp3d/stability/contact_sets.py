@@ -37,7 +37,7 @@ class ContactSets:
     row: Ints
     """Grasp of each contact, shape (c,)."""
     points: Floats
-    """Relative to the centre of mass [mesh unit], shape (c, 3)."""
+    """Relative to the centre of mass [m], shape (c, 3)."""
     normals: Floats
     """Perceived unit normals into the object, shape (c, 3)."""
 
@@ -88,7 +88,7 @@ class ContactSets:
         Args:
             index: Their contacts, shape (b, n).
             friction: Coulomb coefficient.
-            torsion_radius: [mesh unit].
+            torsion_radius: [m].
         """
         return Contacts(self.points[index], self.normals[index], friction, torsion_radius)
 

@@ -71,7 +71,7 @@ class GraspContacts:
 
     @cached_property
     def points(self) -> Floats:
-        """Positions in the mesh's frame and unit, shape (b, n, 3)."""
+        """Positions in the mesh's frame, shape (b, n, 3)."""
         return locked(self.surface_points.positions(self.mesh))
 
     @cached_property
@@ -188,7 +188,7 @@ class JawContacts(GraspContacts):
 
     @property
     def points(self) -> Floats:
-        """Positions in the mesh's frame and unit, shape (b, n, 3)."""
+        """Positions in the mesh's frame, shape (b, n, 3)."""
         return self.jaws.points
 
     def tilts(self, model: GraspModel) -> ArrayLike:

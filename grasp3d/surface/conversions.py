@@ -7,7 +7,7 @@ import numpy as np
 
 from grasp3d.arrays import Ints
 from grasp3d.mesh.object_mesh import polydata_of
-from grasp3d.surface.fields import Array, Arrays, present
+from grasp3d.surface.fields import XYZ, Array, Arrays, present
 from grasp3d.surface.label_settings import SETTING, complete_settings, settings_of
 from grasp3d.surface.vertex_fields import CORNER_NORMALS, CORNERS, VERTICES
 from grasp3d.surface.vertex_grasps import VertexGrasps
@@ -21,13 +21,17 @@ INFINITE = "infinite_"
 
 
 def labels_to_table(labels: VertexGrasps) -> Any:
-    """Arrow table with a row for each vertex, as in the file that `write_fields` writes."""
+    """Arrow table with a row for each vertex, as in the file that `write_fields` writes.
+
+    Unlike there, x y z are positions of the mesh, in metres as all else.
+    """
     from grasp3d.system.tables import table_of_arrays
 
     pairs = [(field, values) for field, values in present(VERTICES, labels) if field.table]
     columns = {
         name: column for field, values in pairs for name, column in field.as_columns(values).items()
     }
+    columns |= dict(zip(XYZ, labels.mesh.vertices.T, strict=True))
     texts = {field.name: field.texts for field, _ in pairs if field.texts}
     return table_of_arrays(columns, texts, settings=complete_settings(labels))
 

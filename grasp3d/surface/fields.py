@@ -21,7 +21,7 @@ Array = npt.NDArray[Any]
 Arrays = dict[str, Array]
 When = Literal["always", "errors", "gripper", "load", "pose error"]
 
-RADIANS, LENGTH, AREA, NEWTONS, KILOGRAMS = "rad", "mesh unit", "mesh unit²", "N", "kg"
+RADIANS, LENGTH, AREA, NEWTONS, KILOGRAMS = "rad", "m", "m²", "N", "kg"
 XYZ = ("x", "y", "z")
 LETTERS = tuple(label.name for label in sorted(Label))
 

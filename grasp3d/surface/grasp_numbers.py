@@ -187,7 +187,7 @@ def located_angles_of(
     Args:
         grasps: The grasps, shape (b, n).
         angles: Their critical angles over the worst and the best normals [rad], shape (b,) each.
-        model: What is known about the contacts, with lengths in the mesh's unit.
+        model: What is known about the contacts.
         best_points: Contacts of the grasps over the best normals (b, n, 3); None: those of
             `grasps`.
 

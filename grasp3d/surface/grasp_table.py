@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
-from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene, scene_settings
@@ -24,8 +23,8 @@ from grasp3d.quality.loads import Load, load_settings
 from grasp3d.quality.measures import ALL
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
-from grasp3d.settings.lengths import one_line
 from grasp3d.settings.parsing import plain_values
+from grasp3d.settings.units import one_line
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
@@ -136,7 +135,7 @@ class GraspTable(LabelledGrasps):
     best_normals: BestNormalGrasps | None = None
     """Grasps that are best over the best normals where they differ from `contacts`; None: none."""
     points: Floats | None = None
-    """Positions of the contacts as a search has found them, in the mesh's frame and unit, shape
+    """Positions of the contacts as a search has found them, in the mesh's frame, shape
     (b, n, 3); None: `contacts.points`, from which they differ by rounding."""
     grip: npt.NDArray[np.int8] | None = None
     """Two fingers: +1 for an external grasp, -1 for an internal one, shape (b,); None: unknown, or
@@ -283,20 +282,18 @@ class GraspTable(LabelledGrasps):
             >>> import trimesh
             >>> import grasp3d
             >>> box = trimesh.creation.box([80.0, 50.0, 30.0])
-            >>> mesh = grasp3d.load_mesh(box, unit="mm", max_edge=20.0)
+            >>> mesh = grasp3d.load_mesh(box, unit="mm", max_edge="20mm")
             >>> labels = grasp3d.label_surface(mesh, hand=grasp3d.read_hand("franka"))
             >>> labels.grasps.poses_in("0.4,0,0.1,90").shape == (labels.grasps.size, 4, 4)
             True
         """
         if self.poses is None:
             raise SettingError(NO_POSES)
-        in_metres = self.poses.copy()
-        in_metres[:, :3, 3] *= metres_per_unit(self.mesh)
-        return ObjectPose.of(object_pose).matrix @ in_metres
+        return ObjectPose.of(object_pose).matrix @ self.poses
 
     @property
     def positions(self) -> Floats:
-        """Positions of the contacts, in the mesh's frame and unit, shape (b, n, 3)."""
+        """Positions of the contacts, in the mesh's frame, shape (b, n, 3)."""
         return self.contacts.points if self.points is None else self.points
 
     @cached_property
@@ -397,6 +394,9 @@ class GraspTable(LabelledGrasps):
 
         Args:
             metrics: As in `columns`.
+
+        Returns:
+            The columns, and `unit`, that of the lengths: m, or empty where it is not known.
         """
         columns, contacts = self.columns(metrics), self.contact_values()
         for number in range(self.contacts.count):
@@ -404,7 +404,7 @@ class GraspTable(LabelledGrasps):
                 names = [f"{name}{number + 1}" for name in field.columns or (field.name,)]
                 flat = values[:, number].reshape(len(values), len(names))
                 columns |= dict(zip(names, flat.T, strict=True))
-        return columns
+        return columns | {"unit": np.full(self.size, self.mesh.unit or "")}
 
     def settings(self) -> dict[str, Any]:
         """Settings that the grasps were evaluated with, as files have them; angles in radians."""

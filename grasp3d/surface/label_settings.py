@@ -8,8 +8,8 @@ from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.loads import load_settings
 from grasp3d.settings import AnySampling, GraspModel
-from grasp3d.settings.lengths import one_line
 from grasp3d.settings.parsing import plain_values
+from grasp3d.settings.units import one_line
 from grasp3d.stability.label import Label, Mode
 from grasp3d.surface.grasp_numbers import EPSILON_RTOL
 from grasp3d.surface.vertex_grasps import VertexGrasps
@@ -83,7 +83,8 @@ def chosen_settings(
         **plain_values(mesh.options),
         "center_of_mass": one_line(mesh.options.center_of_mass),
         "region": _ascii(str(mesh.options.region)),
-        "unit": mesh.unit or "unknown",
+        "unit": mesh.file_unit or "unknown",
+        "lengths": mesh.unit or "unknown",
         **scene_settings(scene),
     }
 

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grasp3d.arrays import Bytes, Floats, locked
+from grasp3d.arrays import Bools, Bytes, Floats, locked
+from grasp3d.errors import SettingError
 from grasp3d.stability.label import Label
 from grasp3d.stability.thresholds import margins, max_resolution
 from grasp3d.surface.load_case import input_warnings
@@ -46,6 +47,20 @@ class LabelledGrasps:
         def to_table(self) -> Any: ...  # noqa: D102
         @property
         def holding(self) -> Holding | None: ...  # noqa: D102
+
+    def mask(self, letters: str) -> Bools:
+        """Where the label is one of some letters, shape as `label`.
+
+        Args:
+            letters: One or several of S, M and U: 'S', 'SM'.
+
+        Raises:
+            SettingError: There is another one.
+        """
+        unknown = sorted(set(letters) - set(Label.__members__))
+        if unknown or not letters:
+            raise SettingError(f"letters must be some of S, M and U; got {letters!r}")
+        return np.isin(self.label, [Label[letter] for letter in letters])
 
     @property
     def warnings(self) -> tuple[str, ...]:

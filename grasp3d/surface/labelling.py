@@ -7,22 +7,28 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Bools, Bytes, locked
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.jaws import metres_per_unit
+from grasp3d.hand.hand_files import GivenHand, given_hand
+from grasp3d.hand.jaws import IN_METRES
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
-from grasp3d.hand.table import Approach, Table
+from grasp3d.hand.table import Approach, GivenTable
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
+from grasp3d.mesh.mesh_sources import read_source
 from grasp3d.mesh.plausible_lengths import refuse_lengths
+from grasp3d.mesh.preparing import check_unit, prepare
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.quality.loads import Load
+from grasp3d.quality.loads import GivenLoad, Load
 from grasp3d.settings import (
     AnySampling,
+    GivenModel,
+    GivenSampling,
     GraspModel,
     MeshOptions,
     MultifingerSampling,
     Sampling,
     check_search_settings,
+    given_sampling,
     search_cone,
 )
 from grasp3d.settings.costs import check_cost
@@ -93,7 +99,6 @@ class Labelling:
 
     mesh: ObjectMesh
     model: GraspModel
-    """With lengths in the mesh's unit, as those of the others."""
     sampling: AnySampling
     scene: Scene | None
     """The gripper that must reach each grasp; None: ideal points."""
@@ -122,11 +127,11 @@ class Labelling:
             SettingError: As in `label_surface`.
             MeshError: Labels for so many fingers would need too much memory.
         """
-        model, settings = mesh.in_own_unit(model, sampling)
-        limits = settings or Sampling().fitted(model.fingers)
+        mesh.check_units(model, sampling)
+        limits = sampling or Sampling().fitted(model.fingers)
         check_search_settings(model, limits)
         if scene is not None:
-            metres_per_unit(mesh)
+            mesh.needs_metres(IN_METRES)
             scene.hand.check_fingers(model.fingers)
         if load is not None:
             LoadCase.of(load, mesh, model, None if scene is None else scene.hand)
@@ -164,7 +169,7 @@ class Labelling:
             SettingError: As in `label_surface`, or a length cannot be meant.
             MeshError: The mesh cannot be read, or is too large.
         """
-        mesh = load_mesh(source, options)
+        mesh = _read(source, options, model, sampling, reach, hand=reach.hand, load=load)
         if not force:
             refuse_lengths(mesh, model, sampling)
         return cls.of(mesh, model, sampling, Scene.of(reach, mesh), load)
@@ -186,15 +191,15 @@ class Labelling:
 
 def label_surface(
     mesh: MeshSource,
-    model: GraspModel | None = None,
+    model: GivenModel = None,
     *,
-    sampling: AnySampling | None = None,
-    hand: Hand | None = None,
-    table: Table | None = None,
+    sampling: GivenSampling = None,
+    hand: GivenHand = None,
+    table: GivenTable = None,
     approach: Approach | None = None,
     pose_error: PoseError | str | None = None,
     scene: Scene | None = None,
-    load: Load | None = None,
+    load: GivenLoad = None,
 ) -> SurfaceLabels:
     """Find the best grasp through every vertex and label how reliable it is.
 
@@ -205,26 +210,30 @@ def label_surface(
     Args:
         mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes (a path, a mesh of trimesh,
             PyVista or Open3D, or a pair of arrays), which is then prepared with default options.
-        model: Friction, sensor resolution [rad] and number of fingers, 2 to 5; None: the defaults.
+        model: Friction, sensor resolution [rad] and number of fingers, 2 to 5, or a dict of fields,
+            {'friction': 0.4}; None: the defaults.
         sampling: How grasps are searched for, `Sampling` for two fingers, `MultifingerSampling` for
-            more; None: the defaults.
-        hand: The gripper that must reach each grasp: the best grasp is that of the reachable
-            ones, and openings are limited to its stroke; None: ideal point contacts. For three
-            fingers and more only its round tips are tested.
-        table: What the object stands on, which the gripper must not enter; None: nothing.
+            more, or a dict of fields; None: the defaults.
+        hand: The gripper that must reach each grasp, also its name or file: the best grasp is that
+            of the reachable ones, and openings are limited to its stroke; None: ideal point
+            contacts. For three fingers and more only its round tips are tested.
+        table: What the object stands on, which the gripper must not enter, also as-is (below the
+            object as it is, z up) or stable (below it in its most probable resting pose); None:
+            nothing.
         approach: Approach directions of the gripper; None: any.
         pose_error: How wrong the gripper's poses may be, as a text '5mm,3deg': `best_grasps` then
             tries wrong poses of the best ones. None: they are exact.
         scene: The gripper, the table, the approach and the pose error together, in place of those.
-        load: What each grasp must hold, and with which force: `labels.holding` then has the grip
-            force and payload of each. A gripper brings its greatest force and the torsion radius of
-            its pads. It changes neither grasps nor labels. None: nothing.
+        load: What each grasp must hold, and with which force, or its mass, '0.5kg':
+            `labels.holding` then has the grip force and payload of each. A gripper brings its
+            greatest force and the torsion radius of its pads. It changes neither grasps nor labels.
+            None: nothing.
 
     Returns:
         The labels. Their arrays have a row for each of the V vertices of `labels.mesh`, of which
         those of the file or of the given arrays come first, in their order: `label` (V,), 0 U, 1 M,
         2 S; `critical_angle` (V,) [rad]; `partners` (V, n - 1, 3), the opposing contacts in the
-        mesh's unit and frame; `partner_normals` (V, n - 1, 3), pointing into the object; and more.
+        mesh's frame; `partner_normals` (V, n - 1, 3), pointing into the object; and more.
 
     Raises:
         SettingError: The settings contradict each other, there are too many extreme normals, a
@@ -271,9 +280,31 @@ def label_surface(
         >>> print(f"{labels.holding.available:g} N hold {held:.1f} kg")
         70 N hold 3.3 kg
     """
-    scene = scene or Scene.given(hand, table, approach, pose_error)
-    task = Labelling.of(load_mesh(mesh), model or GraspModel(), sampling, scene, load)
-    return task.labels()
+    model = GraspModel.given("model", model) or GraspModel()
+    sampling = given_sampling(model, sampling)
+    load, hand = Load.given("load", load), given_hand(hand)
+    surface = _read(mesh, None, model, sampling, hand=hand, load=load)
+    scene = scene or Scene.given(surface, hand, table, approach, pose_error)
+    return Labelling.of(surface, model, sampling, scene, load).labels()
+
+
+def _read(
+    source: MeshSource,
+    options: MeshOptions | None,
+    *settings: object,
+    hand: Hand | None,
+    load: Load | None,
+) -> ObjectMesh:
+    """Read a mesh; one whose unit is needed and not known is refused before it is prepared."""
+    if isinstance(source, ObjectMesh):
+        return load_mesh(source, options)
+    needed_by = None if hand is None else IN_METRES
+    if load is not None and load.density is not None:
+        needed_by = "density is in kg/m^3"
+    raw = read_source(source)
+    options = options or MeshOptions()
+    check_unit(raw, options, *settings, needed_by=needed_by)
+    return prepare(raw, options).mesh
 
 
 BEFORE_ANGLES = 0.9

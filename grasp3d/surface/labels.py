@@ -8,9 +8,9 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.settings import ANGLE_ROUNDING, check_choice, search_cone
-from grasp3d.settings.lengths import GivenLength
 from grasp3d.settings.model_text import model_line
 from grasp3d.settings.sampling import not_covered
+from grasp3d.settings.units import GivenLength
 from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.surface.area_statistics import Weights, label_fractions, quantiles, vertex_weights
 from grasp3d.surface.conversions import labels_to_polydata, labels_to_table, labels_to_trimesh
@@ -52,7 +52,7 @@ class SurfaceLabels(VertexGrasps):
         fractions = (f"{name} {fraction:.1%}" for name, fraction in areas.items())
         return (
             f"<SurfaceLabels of {self.mesh.report.source}: {len(self.row):,} vertices, "
-            f"{model.fingers} fingers, {model_line(model, self.mesh.unit)}; "
+            f"{model.fingers} fingers, {model_line(model, metres=self.mesh.unit is not None)}; "
             f"{', '.join(fractions) or 'not labelled yet'}>"
         )
 
@@ -82,7 +82,7 @@ class SurfaceLabels(VertexGrasps):
         Args:
             friction: Coulomb coefficient or interval; None: unchanged.
             sensor_resolution: Resolution alpha [rad]; None: unchanged.
-            location_error: As in `GraspModel`, in the mesh's unit or with a unit; None: unchanged.
+            location_error: As in `GraspModel`; None: unchanged.
 
         Raises:
             SearchCoverageError: The search cone was too narrow for the new values.
@@ -104,7 +104,8 @@ class SurfaceLabels(VertexGrasps):
             "location_error": location_error,
         }
         changed: dict[str, Any] = {name: one for name, one in fields.items() if one is not None}
-        (model,) = self.mesh.in_own_unit(replace(self.model, **changed))
+        model = replace(self.model, **changed)
+        self.mesh.check_units(model)
         needed = search_cone(model)
         if needed > max(self.search.cone, search_cone(self.model)) + ANGLE_ROUNDING:
             fingers = model.fingers

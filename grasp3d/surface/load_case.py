@@ -15,7 +15,7 @@ from grasp3d.mesh.plausible_lengths import Purpose, length_warnings, object_warn
 from grasp3d.quality.loads import Load
 from grasp3d.quality.tasks import Task
 from grasp3d.settings import GraspModel
-from grasp3d.settings.lengths import METRES, LengthSettings, known_unit
+from grasp3d.settings.units import LengthSettings
 from grasp3d.system.counts import short_number
 
 
@@ -38,8 +38,8 @@ def mass_of(mesh: ObjectMesh, load: Load) -> float | None:
             "(--mass) and the centre of mass (--center-of-mass) instead, or close the mesh "
             "(--repair full)"
         )
-    cubic_metres = METRES[known_unit(mesh.unit, "density is in kg/m^3", source)] ** 3
-    return load.density * mesh.volume * cubic_metres
+    mesh.needs_metres("density is in kg/m^3")
+    return load.density * mesh.volume
 
 
 def _without_volume(mesh: ObjectMesh) -> str:
@@ -55,7 +55,7 @@ def input_warnings(
         mesh: The object.
         scene: The gripper; None: none.
         load: Its mass; None: not known.
-        settings: Settings whose lengths are in the mesh's unit, besides those of the mesh.
+        settings: Settings with lengths, besides those of the mesh.
     """
     hand, lengths = None if scene is None else scene.hand, mesh.options.lengths()
     for one in filter(None, settings):
@@ -66,7 +66,7 @@ def input_warnings(
         0.0 if hand is None else math.sqrt(hand.touch_area),
         math.inf if hand is None else hand.max_opening or math.inf,  # 0: it has no opening
     )
-    return (*object_warnings(mesh, purpose), *length_warnings(lengths, mesh.size, mesh.unit))
+    return (*object_warnings(mesh, purpose), *length_warnings(lengths, mesh))
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,8 @@ class LoadCase:
         >>> mesh = grasp3d.load_mesh(trimesh.creation.box([80, 50, 30]), unit="mm")
         >>> hand = grasp3d.ParallelGripper.preset("franka")
         >>> case = LoadCase.of(grasp3d.Load(density=1000.0), mesh, grasp3d.GraspModel(), hand)
-        >>> print(f"{case.mass:.3f} kg, {case.available:g} N, {case.torsion_radius:.2f} mm")
-        0.120 kg, 70 N, 3.29 mm
+        >>> print(f"{case.mass:.3f} kg, {case.available:g} N, {case.torsion_radius:.5f} m")
+        0.120 kg, 70 N, 0.00329 m
     """
 
     load: Load
@@ -92,15 +92,15 @@ class LoadCase:
     mass: float | None
     """Mass of the object [kg]; None: not given, the task is for 1 kg."""
     task: Task
-    """The wrenches that must be resisted, torques in N times the mesh's unit."""
+    """The wrenches that must be resisted."""
     available: float | None
     """Force at hand of each finger [N]; None: not given."""
     torsion_radius: float
-    """Torsion radius of the contacts at nominal friction [mesh unit]: that given, or that of the
-    gripper's pads; 0: hard fingers."""
+    """Torsion radius of the contacts at nominal friction [m]: that given, or that of the gripper's
+    pads; 0: hard fingers."""
     pad_torsion: float | None = None
-    """Torsion radius of the gripper's pads per friction, to which it is proportional [mesh unit];
-    None: there are no pads, or a torsion radius is given, which is that at any friction."""
+    """Torsion radius of the gripper's pads per friction, to which it is proportional [m]; None:
+    there are no pads, or a torsion radius is given, which is that at any friction."""
 
     @classmethod
     def of(
@@ -128,13 +128,15 @@ class LoadCase:
                 "load needs: give it (--center-of-mass, in Python center_of_mass=...), or close "
                 "the mesh (--repair full)"
             )
-        task = load.task_for(mass, mesh.unit, source=source)
+        if load.task.has_torques:
+            mesh.needs_metres("torques of the task are in N m")
+        task = load.task_for(mass)
         force = load.grip_force
         if force is None and hand is not None:
             force = hand.max_force
         torsion, pads = model.torsion_radius, None
-        if torsion == 0.0 and hand is not None and mesh.unit is not None:
-            pads = hand.torsion_radius(1.0) / METRES[mesh.unit]
+        if torsion == 0.0 and hand is not None:
+            pads = hand.torsion_radius(1.0)
             torsion = pads * model.nominal_friction
         return cls(load, mass, task, force, torsion, pads)
 
@@ -181,12 +183,12 @@ class LoadCase:
             >>> import trimesh
             >>> import grasp3d
             >>> box = trimesh.creation.box([80, 50, 30])
-            >>> mesh = grasp3d.load_mesh(box, unit="mm", max_edge=20)
+            >>> mesh = grasp3d.load_mesh(box, unit="mm", max_edge="20mm")
             >>> franka, model = grasp3d.ParallelGripper.preset("franka"), grasp3d.GraspModel()
             >>> case = grasp3d.surface.LoadCase.of(grasp3d.Load(), mesh, model, franka)
-            >>> sides = grasp3d.Contacts([[0, -25, 0], [0, 25, 0]], [[0, 1, 0], [0, -1, 0]])
-            >>> case.at_friction(sides, (0.25, 0.5)).torsion_radius.round(2).tolist()
-            [1.65, 3.29]
+            >>> sides = grasp3d.Contacts([[0, -0.025, 0], [0, 0.025, 0]], [[0, 1, 0], [0, -1, 0]])
+            >>> case.at_friction(sides, (0.25, 0.5)).torsion_radius.round(5).tolist()
+            [0.00165, 0.00329]
         """
         own = contacts.friction if friction is None else np.asarray(friction, dtype=float)
         if self.pad_torsion is None:

@@ -22,7 +22,7 @@ from grasp3d.contact.contacts import Contacts, evenly_pressed_radius
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.closing import inner_faces
-from grasp3d.hand.jaws import Jaws, metres_per_unit
+from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
@@ -87,7 +87,7 @@ class ClosedNumbers:
         Args:
             mesh: The object.
             jaws: What the jaws touch.
-            model: Friction, sensor resolution and errors, with lengths in the mesh's unit.
+            model: Friction, sensor resolution and errors.
             case: What must be held, and with which force; None: nothing is stated.
         """
         closes = jaws.closed
@@ -357,12 +357,11 @@ def robustness_of(
         poses: The stated poses, shape (k, 4, 4).
         jaws: What the jaws touch from there.
         scene: The gripper, and the error of its pose.
-        model: Friction, sensor resolution and errors, with lengths in the mesh's unit.
+        model: Friction, sensor resolution and errors.
         case: What must be held, and with which force; None: nothing is stated.
         object_motion: As in `Hand.close`.
     """
-    assert mesh.unit is not None
-    offsets = scene.pose_error.offsets(mesh.unit)
+    offsets = scene.pose_error.offsets()
     several = len(offsets.poses) > 1 and len(poses) > 0
     stated = ClosedNumbers.of(mesh, jaws, model, case)
     every = stated.reshaped(-1, 1)
@@ -376,19 +375,18 @@ def robustness_of(
         others = _tried(mesh, poses[rows], offsets.poses[1:], close, model, case)
         every = every.tried(rows, others)
     codes = every.label.min(axis=1)
-    metres, margin = metres_per_unit(mesh), None
-    stay = np.ones(len(poses))
+    margin, stay = None, np.ones(len(poses))
     if (pads := scene.jaws) and not pads.round_tips:
-        margin = _to_border(jaws, pads, metres)
+        margin = _to_border(jaws, pads)
         if offsets.position:
             # Two standard deviations are the error; a contact that leaves the pad is lost.
-            deviation = 0.5 * metres * offsets.position
+            deviation = 0.5 * offsets.position
             stay = np.where(np.isnan(margin), 1.0, ndtr(margin / deviation))
-            stays = margin >= metres * offsets.position
+            stays = margin >= offsets.position
             codes = np.where(stays, codes, np.minimum(codes, Label.M))
     pressure = None
     if case is not None and case.available is not None:
-        smaller = jaws.area.min(axis=1) * metres**2
+        smaller = jaws.area.min(axis=1)
         pressure = locked(case.available / np.where(smaller > 0.0, smaller, math.nan))
     return Robustness(
         stated=stated,
@@ -421,7 +419,7 @@ def _tried(
     return ClosedNumbers.joined(parts)
 
 
-def _to_border(closed: ClosedJaws, pads: Jaws, metres: float) -> Floats:
+def _to_border(closed: ClosedJaws, pads: Jaws) -> Floats:
     """Least distances of contacts from the borders of pads [m], the smaller one of both jaws, (k,).
 
     Borders are those of all inner faces of a finger together, seen along the closing axis.
@@ -429,10 +427,9 @@ def _to_border(closed: ClosedJaws, pads: Jaws, metres: float) -> Floats:
     Args:
         closed: Where they touch, k rows.
         pads: The gripper.
-        metres: Metres per unit of the mesh.
     """
     corners = np.concatenate([np.array(face) for face in inner_faces(pads)])[:, 1:]
     sides = ConvexHull(corners).equations  # (s, 3): outward normals, and minus their distances
-    arms = metres * (closed.points - closed.poses[:, None, :3, 3])  # (k, n, 3)
+    arms = closed.points - closed.poses[:, None, :3, 3]  # (k, n, 3)
     beyond = arms @ closed.poses[:, :3, 1:3] @ sides[:, :2].T + sides[:, 2]
     return np.asarray(-beyond.max(axis=(1, 2)))

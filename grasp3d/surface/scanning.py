@@ -10,7 +10,7 @@ from grasp3d.arrays import ArrayLike, Floats, used_indices
 from grasp3d.errors import SettingError
 from grasp3d.mesh import MeshSource, load_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point
-from grasp3d.settings import GraspModel, with_fingers
+from grasp3d.settings import GivenModel, GraspModel, with_fingers
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import SAME_POINT, critical_angles
 from grasp3d.surface.grasp_numbers import BEFORE_ENUMERATION, check_combinations_of
@@ -19,9 +19,7 @@ from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at
 from grasp3d.system.context import within
 
 
-def scan_surface(
-    mesh: MeshSource, model: GraspModel | None = None, *, fixed: ArrayLike
-) -> SurfaceLabels:
+def scan_surface(mesh: MeshSource, model: GivenModel = None, *, fixed: ArrayLike) -> SurfaceLabels:
     """Fix all fingers but one and label every vertex as the contact point of the last finger.
 
     Wan & Howe 2018, Sec. III-B, fix one finger of two. Here the grasp is given, so a U is a proof
@@ -33,7 +31,7 @@ def scan_surface(
             PyVista or Open3D, or a pair of arrays), which is then prepared with default options.
         model: Friction and sensor resolution [rad]; the number of fingers, unless it is the default
             2, must be one more than are fixed.
-        fixed: Positions of the fixed fingers in the mesh's unit and frame, shape (3,) or (k, 3),
+        fixed: Positions of the fixed fingers in the mesh's frame, shape (3,) or (k, 3),
             moved to the nearest surface points.
 
     Returns:
@@ -58,7 +56,9 @@ def scan_surface(
         [-0.015]
     """
     mesh, points = load_mesh(mesh), _fixed_points(fixed)
-    (own_model,) = mesh.in_own_unit(with_fingers(model or GraspModel(), len(points) + 1))
+    own_model = GraspModel.given("model", model) or GraspModel()
+    own_model = with_fingers(own_model, len(points) + 1)
+    mesh.check_units(own_model)
     if own_model.method == "extremes":
         check_combinations_of(own_model)
     count = len(mesh.vertices)

@@ -134,7 +134,9 @@ RESTORING = (
 """What makes labels that are read again complete."""
 
 VERTICES = (
-    Field("vertices", LENGTH, (3,), of=attrgetter("mesh.vertices"), columns=XYZ, ply=DOUBLE),
+    Field(
+        "vertices", "file unit", (3,), of=attrgetter("mesh.file_points"), columns=XYZ, ply=DOUBLE
+    ),
     Field("normal", "", (3,), of=attrgetter("mesh.normals"), outward=True,
           columns=("nx", "ny", "nz"), ply=FLOAT),
     Field("color", "", (3,), of=label_colors, kind="u1", columns=("red", "green", "blue"), ply="u1",

@@ -200,7 +200,7 @@ class VertexGrasps(SpreadGrasps):
     reach: Reach | None = None
     """How the gripper reaches the grasp of each vertex, a row for each; None: no gripper.
 
-    `reach.poses` (V, 4, 4) in the mesh's frame and unit, nan where there is no grasp;
+    `reach.poses` (V, 4, 4) in the mesh's frame, nan where there is no grasp;
     `reach.approach_margin` (V,) [rad]; and more.
     """
 

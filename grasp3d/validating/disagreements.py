@@ -13,7 +13,6 @@ from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing, Touch
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.stability.label import Label
 from grasp3d.system.counts import short_number
 
@@ -65,7 +64,7 @@ class Numbers:
             state=poses.state,
             touch=poses.jaws.touch,
             hand=poses.hand,
-            size=poses.mesh.size * metres_per_unit(poses.mesh),
+            size=poses.mesh.size,
             available=None if poses.load_case is None else poses.load_case.available,
             friction=poses.model.nominal_friction,
         )

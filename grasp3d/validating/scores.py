@@ -13,8 +13,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, angles_between
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.hand.jaws import metres_per_unit
-from grasp3d.surface.fields import AREA, LENGTH, Array, given_poses, present, under_load
+from grasp3d.surface.fields import Array, given_poses, present, under_load
 
 Better = Literal["larger", "smaller"]
 Quantity = Literal["angle", "length", "area", "force", "mass", "number"]
@@ -72,7 +71,7 @@ def _normal_product(poses: EvaluatedPoses) -> Floats:
 
 def _arm(poses: EvaluatedPoses) -> Floats:
     away = np.cross(poses.mesh.center_mass - poses.jaws.points[:, 0], _line(poses))
-    return np.asarray(np.linalg.norm(away, axis=1) * metres_per_unit(poses.mesh))
+    return np.asarray(np.linalg.norm(away, axis=1))
 
 
 SCORES = (
@@ -115,10 +114,10 @@ SCORES = (
           "from the line of the contacts: the arm of the weight", of=_arm),
     Score("opening", "opening", "smaller", "length",
           "a narrower grasp leaves the fingers more clearance on their way",
-          of=lambda poses: poses.opening * metres_per_unit(poses.mesh)),
+          of=lambda poses: poses.opening),
     Score("contact_area", "contact area", "larger", "area",
           "the smaller of the two touched patches",
-          of=lambda poses: poses.jaws.area.min(axis=1) * metres_per_unit(poses.mesh) ** 2),
+          of=lambda poses: poses.jaws.area.min(axis=1)),
 )  # fmt: skip
 """All scores, each with how it is computed; the first is compared with all others."""
 
@@ -148,15 +147,13 @@ def results_of(poses: EvaluatedPoses) -> dict[str, Array]:
     Args:
         poses: Evaluated poses.
     """
-    metres, fingers = metres_per_unit(poses.mesh), poses.jaws.area.shape[1]
-    factors = {LENGTH: metres, AREA: metres**2}
+    fingers = poses.jaws.area.shape[1]
     columns: dict[str, Array] = {"name": np.array(poses.given.names)}
     for one, values in present(given_poses(fingers), poses):
-        unit = factors.get(one.unit)
-        columns[one.name] = one.texts_of(values) if unit is None else values * unit
-    columns["opening"] = poses.opening * metres
+        columns[one.name] = one.texts_of(values)
+    columns["opening"] = poses.opening
     for jaw in range(fingers):
         for k, axis in enumerate("xyz"):
-            columns[f"{axis}{jaw + 1}"] = poses.jaws.points[:, jaw, k] * metres
+            columns[f"{axis}{jaw + 1}"] = poses.jaws.points[:, jaw, k]
             columns[f"n{axis}{jaw + 1}"] = 0.0 - poses.jaws.normals[:, jaw, k]
     return columns

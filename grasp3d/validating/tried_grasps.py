@@ -16,12 +16,12 @@ from grasp3d.grasps.pose_files import read_poses
 from grasp3d.grasps.pose_files.outcomes import with_outcomes
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.jaws import metres_per_unit
+from grasp3d.hand.jaws import IN_METRES
 from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, preset
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.quality.loads import Load
 from grasp3d.settings import MeshOptions
-from grasp3d.settings.quantities import MASSES, parse_quantity
+from grasp3d.settings.units import MASSES, parse_quantity
 from grasp3d.surface.load_case import mass_of
 from grasp3d.system.documents import is_file, is_folder
 
@@ -343,7 +343,7 @@ def stated_object(
         ContactError: The file states an impossible mass or centre of mass.
     """
     mesh = in_stated_scale(load_mesh(source, options), poses)
-    metres_per_unit(mesh)
+    mesh.needs_metres(IN_METRES)
     own_center = mesh.report.center_mass_from == "given"
     mesh = mesh if own_center else _with_center(mesh, poses)
     center_from = mesh.report.center_mass_from
@@ -374,7 +374,7 @@ def _with_center(mesh: ObjectMesh, poses: GraspPoses) -> ObjectMesh:
     if stated is None:
         return mesh
     try:
-        center = np.array(stated, dtype=np.float64) / metres_per_unit(mesh)
+        center = np.array(stated, dtype=np.float64)
     except (TypeError, ValueError):
         center = np.zeros(0)
     if center.shape != (3,) or not np.isfinite(center).all():

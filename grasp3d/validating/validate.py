@@ -19,13 +19,12 @@ from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.frames import AUTO
-from grasp3d.hand.hand import Hand
-from grasp3d.hand.jaws import metres_per_unit
+from grasp3d.hand.hand_files import GivenHand, given_hand
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import MeshSource, ObjectMesh
-from grasp3d.quality.loads import Load
-from grasp3d.settings import GraspModel, MeshOptions
+from grasp3d.quality.loads import GivenLoad, Load
+from grasp3d.settings import GivenModel, GraspModel, MeshOptions
 from grasp3d.surface.fields import Array
 from grasp3d.system.context import refuse_warnings, report_progress, within
 from grasp3d.validating.disagreements import Disagreements
@@ -128,7 +127,7 @@ class Evaluation:
         """Number of an object: one mesh in one size is one object, whatever its mass."""
         source = tried.mesh
         key = str(Path(source).resolve()) if isinstance(source, str | Path) else id(source)
-        size = round(mesh.size * metres_per_unit(mesh), 9)
+        size = round(mesh.size, 9)
         return self.objects.setdefault((key, size), len(self.objects))
 
     def _evaluated(
@@ -189,15 +188,15 @@ FEW_OUTCOMES = 10
 
 def validate_grasps(
     grasps: Grasps,
-    model: GraspModel | None = None,
+    model: GivenModel = None,
     *,
     mesh: MeshSource | None = None,
     meshes: str | Path | None = None,
     options: MeshOptions | None = None,
-    hand: Hand | None = None,
+    hand: GivenHand = None,
     reach: ReachSettings | None = None,
     object_motion: ObjectMotion = "free",
-    load: Load | None = None,
+    load: GivenLoad = None,
     settings: ValidationSettings | None = None,
     outcome: str | None = None,
     object_pose: GivenPose | None = None,
@@ -262,7 +261,7 @@ def validate_grasps(
     """
     is_auto = isinstance(frame, str) and frame == AUTO
     settings, reach = settings or ValidationSettings(), reach or ReachSettings()
-    model = model or GraspModel()
+    model, load = GraspModel.given("model", model) or GraspModel(), Load.given("load", load)
     if model.method != "exact":
         raise SettingError(
             "outcomes are compared with margins, which method extremes has not; use the method "
@@ -272,7 +271,7 @@ def validate_grasps(
         [grasps] if isinstance(grasps, str | Path | GraspPoses) else list(grasps),
         mesh=mesh,
         meshes=None if meshes is None else Path(meshes),
-        hand=hand or reach.hand,
+        hand=given_hand(hand) or reach.hand,
         outcome=outcome,
         load=load,
         object_pose=object_pose,

@@ -220,10 +220,10 @@ def test_the_page_lists_the_settings_as_files_hold_them(tmp_path: Path) -> None:
     )
     found = settings_of(page_of(tmp_path, [], settings))
     expected = {
-        "friction": "0.4..0.6", "location_error": "1 mm", "max_opening": "8 cm", "grip": "squeeze",
+        "friction": "0.4..0.6", "location_error": "0.001", "max_opening": "0.08", "grip": "squeeze",
         "search_angle": "None", "hand": "franka", "table": "stable", "pose_error": "5 mm,3 deg",
         "mass": "0.5", "task": "weight within 30 of -z", "grip_force": "40.0", "unit": "None",
-        "center_of_mass": "'1 mm',0.0,0.0", "max_edge": "0.01",
+        "center_of_mass": "0.001,0.0,0.0", "max_edge": "0.01",
     }  # fmt: skip
     assert {name: found[name] for name in expected} == expected
     others = settings_of(page_of(tmp_path, [], BatchSettings()))

@@ -125,14 +125,13 @@ def test_poses_of_a_gripper_are_evaluated(posed: Path) -> None:
         "1 of 3: the jaws close on nothing",
         "held when tried: S 100.0 % of 2, U 0.0 % of 1",
         "3 +■ U +0.00 +the jaws close on nothing",
-        "opening in mm",
         r"poses read in the gripper's frame 'tcp', as the file states none \(--frame\)",
     ):
         assert re.search(text, run.stdout), text
     rows = pc.read_csv(posed / "out.csv").to_pylist()
     assert [row["label"] for row in rows] == ["S", "S", "U"]
     assert [row["closing"] for row in rows] == ["closed", "closed", "nothing"]
-    assert rows[0]["opening"] == pytest.approx(60.0)
+    assert rows[0]["opening"] == pytest.approx(0.06)
     assert rows[2]["opening"] is None
     again = grasp3d("evaluate", "small.stl", "out.csv", *arguments[2:], "-q", cwd=posed)
     assert (again.returncode, again.stdout) == (0, "")

@@ -22,7 +22,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Grasps on a box as GraspGen states them, in a file whose format states otherwise."""
     folder = tmp_path_factory.mktemp("frames")
     export(folder / "box.stl", shapes.box((160.0, 50.0, 30.0)))
-    printed("label", *GRASPS, "--max-edge", "20", "--best", "17", "--grasps", "g.yaml", "--frame",
+    printed("label", *GRASPS, "--max-edge", "20mm", "--best", "17", "--grasps", "g.yaml", "--frame",
             "graspgen", cwd=folder)  # fmt: skip
     return folder
 

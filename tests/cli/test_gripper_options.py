@@ -13,7 +13,7 @@ from grasp3d.hand.parallel_gripper import ParallelGripper
 from tests.helpers import shapes
 from tests.helpers.commands import printed, run_here
 
-OPTIONS = ("--unit", "mm", "--max-edge", "10")
+OPTIONS = ("--unit", "mm", "--max-edge", "10mm")
 FRANKA = ("--hand", "franka", "--table", "as-is")
 
 
@@ -35,8 +35,8 @@ def test_label_prints_the_verdict_and_writes_poses(box: Path) -> None:
     assert poses.count == 4
     assert (poses.poses[:, 2, 2] < 1e-6).all()  # from above, or from the side
     labels = label_surface(
-        load_mesh(box / "box.stl", unit="mm", max_edge=10.0), sampling=Sampling(rays=8),
-        hand=ParallelGripper.preset("franka"), table=Table(np.array([0.0, 0.0, 1.0]), -10.0),
+        load_mesh(box / "box.stl", unit="mm", max_edge="10mm"), sampling=Sampling(rays=8),
+        hand=ParallelGripper.preset("franka"), table=Table(np.array([0.0, 0.0, 1.0]), -0.01),
     )  # fmt: skip
     written = trimesh.load(box / "box_labeled.ply", process=False)
     stored = written.metadata["_ply_raw"]["vertex"]["data"]
@@ -96,5 +96,5 @@ def test_a_batch_without_units_has_a_row_with_the_reason(box: Path) -> None:
     run = run_here("batch", "box.stl", "-o", "out", "--workers", "0", "--hand", "franka", cwd=box)
     assert run.returncode == 1
     (row,) = pq.read_table(box / "out" / "summary").to_pylist()
-    assert "give the unit" in row["error"]
+    assert "is not known (largest extent 60: 6 cm if mm, 60 m if m): add --unit mm" in row["error"]
     assert (row["outcome"], row["verdict"]) == ("refused", None)

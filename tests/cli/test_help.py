@@ -1,6 +1,5 @@
 """The help of every command, and its examples."""
 
-import re
 import shlex
 import subprocess
 import sys
@@ -52,9 +51,8 @@ def test_the_examples_are_valid(
     """Those of `design` are run, the others parsed: they take longer."""
     if not words.startswith("design"):
         monkeypatch.setattr("grasp3d.cli.import_module", lambda _: Mock(run=lambda _: 0))
+    (tmp_path / "meshes").symlink_to(MESHES)
     printed(*shlex.split(words), cwd=tmp_path)
-    for path in re.findall(r"meshes/\w+\.\w+", words):
-        assert (MESHES.parent / path).exists()
 
 
 @pytest.mark.parametrize("up", ["z", "-x", "-y", "-z"])

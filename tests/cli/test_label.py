@@ -98,14 +98,14 @@ def test_a_closed_output_pipe_is_not_an_error(tmp_path: Path) -> None:
 def test_a_vertex_is_explained_as_in_the_viewer(tmp_path: Path) -> None:
     """On the side of a box, and at its corner on the table."""
     source = export(tmp_path / "box.stl", shapes.box((60.0, 40.0, 20.0)))
-    at = ("--at", "0,2cm,0", "--at", "30,20,-10")
-    options = ("--unit", "mm", "--max-edge", "10", "--hand", "franka", "--table", "as-is")
+    at = ("--at", "0,2cm,0", "--at", "30mm,20mm,-10mm")
+    options = ("--unit", "mm", "--max-edge", "10mm", "--hand", "franka", "--table", "as-is")
     text = printed("label", source, *options, *at, "-o", "out.npz", cwd=tmp_path)
     text = text[: text.index("written: ")]
-    side, corner = text.split("at 0,2cm,0: ")[1].split("at 30,20,-10: ")
+    side, corner = text.split("at 0,2cm,0: ")[1].split("at 30mm,20mm,-10mm: ")
     labels = read_labels(tmp_path / "out.npz")
     vertex = int(re.search(r"vertex +(\d+)", side)[1])  # type: ignore[index]
-    assert labels.mesh.vertices[vertex] == pytest.approx([0.0, 20.0, 0.0], abs=6.0)
+    assert labels.mesh.vertices[vertex] == pytest.approx([0.0, 0.02, 0.0], abs=0.006)
     assert side.startswith(f"{Label(labels.label[vertex]).name}: ")
     seen = inspect(subject_of(labels), vertex, labels.model)
     assert " ".join(side.split("label")[0].split()) == seen.reason

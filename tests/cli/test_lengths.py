@@ -26,8 +26,8 @@ def settings_in(path: Path) -> dict[str, str]:
 
 
 @pytest.mark.slow
-def test_a_length_with_a_unit_is_written_as_a_number_in_the_unit_of_the_mesh(folder: Path) -> None:
-    for name, length in (("text", "7cm"), ("number", "70")):
+def test_a_length_with_a_unit_is_written_in_metres(folder: Path) -> None:
+    for name, length in (("text", "7cm"), ("number", "0.07")):
         done = grasp3d(
             "label", "box.stl", "--unit", "mm", "--max-opening", length, *COARSE,
             "-o", f"{name}.npz", cwd=folder,
@@ -36,11 +36,11 @@ def test_a_length_with_a_unit_is_written_as_a_number_in_the_unit_of_the_mesh(fol
         assert "max_opening 70 mm" in done.stdout
     text, number = (settings_in(folder / f"{name}.npz") for name in ("text", "number"))
     assert text == number
-    assert (text["setting_max_opening"], text["setting_unit"]) == ("70.0", "mm")
+    assert (text["setting_max_opening"], text["setting_lengths"]) == ("0.07", "m")
 
 
 @pytest.mark.slow
-def test_a_batch_uses_the_unit_of_each_mesh_and_fails_where_a_length_cannot_be_meant(
+def test_a_mesh_of_a_batch_fails_where_a_length_cannot_be_meant(
     folder: Path,
 ) -> None:
     (folder / "lib").mkdir()
@@ -50,7 +50,7 @@ def test_a_batch_uses_the_unit_of_each_mesh_and_fails_where_a_length_cannot_be_m
     done = grasp3d(*words, "--max-opening", "1cm", cwd=folder)
     assert done.returncode == 1
     assert "1 labelled, 1 failed" in done.stdout
-    assert "failed: max_opening is 1 cm, 1/1,077 of the size of large.glb" in done.stdout
+    assert "failed: max_opening is 10 mm, 1/1,077 of the size of large.glb" in done.stdout
     assert "max_opening 0.01\n" in (folder / "out/labels/small.ply").read_bytes()[:4096].decode(
         "ascii", "replace"
     )
@@ -60,4 +60,4 @@ def test_a_batch_uses_the_unit_of_each_mesh_and_fails_where_a_length_cannot_be_m
     done = grasp3d(*words, "--max-opening", "1cm", "--force", cwd=folder)
     assert done.returncode == 0
     assert "2 labelled, 0 failed; 1 of them were finished before" in done.stdout
-    assert "max_opening is 0.01 m, 1/1,077 of the object's size" in done.stdout
+    assert "max_opening is 10 mm, 1/1,077 of the size of large.glb" in done.stdout

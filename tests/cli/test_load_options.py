@@ -14,7 +14,7 @@ from grasp3d.quality.task_texts import TaskText
 from tests.helpers import shapes
 from tests.helpers.commands import printed
 
-COARSE = ("--max-edge", "20")
+COARSE = ("--max-edge", "20mm")
 
 
 @pytest.fixture(scope="module")
@@ -29,12 +29,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("first", ["-5", "-5mm"])
+@pytest.mark.parametrize("first", ["-0.005", "-5mm"])
 def test_a_centre_of_mass_may_begin_with_a_minus(folder: Path, first: str) -> None:
     words = ("--unit", "mm", "--center-of-mass", f"{first},0,2mm", "--friction", "0.5")
     printed("label", "box.stl", *words, *COARSE, "-q", "-o", "moved.ply", cwd=folder)
     labels = read_labels(folder / "moved.ply")
-    assert labels.mesh.options.center_of_mass == (float(first.removesuffix("mm")), 0.0, 2.0)
+    assert labels.mesh.options.center_of_mass == (-0.005, 0.0, 0.002)
     assert labels.load is None
     (folder / "moved.ply").unlink()
 

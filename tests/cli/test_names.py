@@ -15,7 +15,7 @@ from tests.helpers.commands import export
 from tests.helpers.commands import run_here as grasp3d
 from tests.helpers.commands import run_process as real_grasp3d
 
-QUICK = ("--max-edge", "9")
+QUICK = ("--max-edge", "inf")
 LONG = "é" * 123  # with its suffix 250 bytes
 UNDECODABLE = os.fsdecode(b"mug\xff")
 STEMS = (

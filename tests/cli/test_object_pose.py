@@ -19,8 +19,8 @@ POSE = ",".join(map(str, [0.4, -0.05, 0.1, *TURN, "base_link"]))
 @pytest.mark.slow
 def test_grasps_in_the_robots_frame_are_the_same_grasps(tmp_path: Path) -> None:
     export(tmp_path / "box.stl", shapes.box((80.0, 50.0, 30.0)))
-    label = ("label", "box.stl", "--unit", "mm", "--max-edge", "20", "--hand", "franka", "--table",
-             "as-is", "--best", "2", "--overwrite")  # fmt: skip
+    label = ("label", "box.stl", "--unit", "mm", "--max-edge", "20mm", "--hand", "franka",
+             "--table", "as-is", "--best", "2", "--overwrite")  # fmt: skip
     beside = printed(*label, "--grasps", "beside.csv", cwd=tmp_path)
     robots = printed(*label, "--grasps", "robot.csv", "--object-pose", POSE, cwd=tmp_path)
     assert "poses in the file: in the mesh's frame\n" in beside

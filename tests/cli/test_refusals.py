@@ -32,11 +32,11 @@ label ball.ply -o x.docx | unsupported format .docx: supported are .ply
 label ball.ply -o no/where.ply | cannot be written
 label ball.ply -o ball.ply | is the mesh itself
 label ball.ply --at 0,0 | at must be three finite lengths, x,y,z | got '0,0'
-label box.stl --unit mm --at 0,0,90mm | at 0.0,0.0,90 mm is | mm from the surface of box.stl, more
+label box.stl --unit mm --at 0,0,90mm | at 0.0,0.0,90 mm is 50 mm from the surface of box.stl, more
 label ball.ply --best 0 | best must be at least 1
-label box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not known: give the unit
-label box.stl --unit mm --max-opening 70000 | is 7e+04 mm, 650 times the size of box.stl, 107.7 mm
-label box.stl --hand franka | give the unit
+label box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not known | add --unit mm
+label box.stl --unit mm --max-opening 70 | is 70 m, 650 times the size of box.stl, 0.1077 m: if
+label box.stl --hand franka | hands and grippers are given in metres, but the unit of box.stl
 label box.stl --unit mm --hand franka --table stable --up y | up does not
 label box.stl --unit mm --table as-is | applies to grippers only
 label box.stl --unit mm --hand franka --fingers 3 | flat pads
@@ -306,7 +306,7 @@ def unread(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.fail("work was begun")
 
     monkeypatch.setattr("grasp3d.mesh.preparing.read_source", read)
-    monkeypatch.setattr("grasp3d.viewer.session.collection.read_source", read)
+    monkeypatch.setattr("grasp3d.surface.labelling.read_source", read)
     monkeypatch.setattr("grasp3d.paper.writing.solids", read)
 
 

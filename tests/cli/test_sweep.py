@@ -25,7 +25,7 @@ from tests.helpers import shapes
 from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_process as real_grasp3d
 
-QUICK = ("--max-edge", "9")
+QUICK = ("--max-edge", "inf")
 
 
 def rows_of(path: Path) -> list[dict[str, Any]]:

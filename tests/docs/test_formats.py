@@ -81,13 +81,13 @@ def tables_of(page: Path, title: str) -> list[Names]:
 
 @cache
 def labels() -> SurfaceLabels:
-    mesh = load_mesh(shapes.box(), unit="cm", max_edge=0.5)
+    mesh = load_mesh(shapes.box(), unit="cm", max_edge="0.5cm")
     return label_surface(mesh, GraspModel(), sampling=Sampling(rays=8))
 
 
 @cache
 def grasps() -> GraspTable:
-    points = [[[0.5, 0.1, 0.2], [-0.5, 0.1, 0.1]]]
+    points = [[[5e-3, 1e-3, 2e-3], [-5e-3, 1e-3, 1e-3]]]
     return evaluate_grasps(labels().mesh, points, GraspModel())
 
 
@@ -238,7 +238,7 @@ def test_grasps(tmp_path: Path, suffix: str, also: str) -> None:
         assert set(written["grasp3d"]) == settings
         return
     table = pc.read_csv(path) if suffix == ".csv" else pq.read_table(path)
-    assert first_finger(table.column_names) == whole | of_contact
+    assert first_finger(table.column_names) == {*whole, *of_contact, "unit"}
     assert suffix == ".csv" or metadata(path) == settings
 
 
@@ -252,8 +252,8 @@ def test_sweeps(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_simulated_grasps(tmp_path: Path) -> None:
     found = simulate_grasps(
-        load_mesh(shapes.box(), unit="cm", max_edge=0.5),
-        simulation=SimulationSettings(count=3, tip_radius=0.02, pull_time=0.02),
+        load_mesh(shapes.box(), unit="cm", max_edge="0.5cm"),
+        simulation=SimulationSettings(count=3, tip_radius=2e-4, pull_time=0.02),
         cluster=ClusterSettings(workers=0),
     )
     for suffix in ("csv", "parquet"):

@@ -73,7 +73,7 @@ def of_hand() -> GraspPoses:
 @cache
 def found() -> GraspPoses:
     """Poses of grasps that were found."""
-    mesh = load_mesh(shapes.box(), unit="cm", max_edge=0.5)
+    mesh = load_mesh(shapes.box(), unit="cm", max_edge="0.5cm")
     labels = label_surface(mesh, GraspModel(), hand=GRIPPER)
     return best_grasps(labels, 2).to_poses()
 

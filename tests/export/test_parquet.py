@@ -30,7 +30,7 @@ def test_other_libraries_read_a_row_for_each_vertex(tmp_path: Path) -> None:
     table = duckdb.read_parquet(str(path))
     for read in (pd.read_parquet(path), pl.read_parquet(path), table.df()):
         for k, axis in enumerate("xyz"):
-            assert np.array_equal(np.asarray(read[axis]), mesh.vertices[:, k])
+            assert np.array_equal(np.asarray(read[axis]), mesh.file_points[:, k])
             assert np.asarray(read[f"n{axis}"]) == pytest.approx(-mesh.normals[:, k], abs=1e-6)
             partner = np.asarray(read[f"partner_2_{axis}"])
             assert np.array_equal(partner, labels().partners[:, 0, k], equal_nan=True)
@@ -57,7 +57,7 @@ def test_the_schema_has_small_codes_all_digits_and_the_settings(tmp_path: Path) 
     assert kinds["label"].startswith("dictionary<values=string")
     assert file.metadata.row_group(0).column(0).compression == "ZSTD"
     written = json.loads(file.schema_arrow.metadata[b"grasp3d"])
-    assert (written["friction"], written["unit"], written["max_opening"]) == (0.75, "cm", 0.3)
+    assert (written["friction"], written["unit"], written["max_opening"]) == (0.75, "cm", 0.003)
     assert sum(file.read().column(name).null_count for name in kinds) == 0
 
 

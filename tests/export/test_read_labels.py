@@ -6,6 +6,7 @@ from dataclasses import asdict
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,6 +34,7 @@ from grasp3d.export.read_labels import labels_in
 from grasp3d.export.stored import stored_settings
 from grasp3d.export.writers import writer_for
 from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.surface.fields import Array, Field, present
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from tests.helpers import shapes
@@ -43,13 +45,13 @@ FRANKA = ParallelGripper.preset("franka")
 
 @cache
 def box() -> ObjectMesh:
-    return load_mesh(shapes.box((4.0, 3.0, 2.0)), unit="cm", max_edge=1.5)
+    return load_mesh(shapes.box((4.0, 3.0, 2.0)), unit="cm", max_edge="1.5cm")
 
 
 def cone() -> SurfaceLabels:
     """S, M and U, creases, and vertices without a grasp."""
-    mesh = load_mesh(shapes.cone(0.35), unit="cm", max_edge=0.2)
-    return label_surface(mesh, GraspModel(friction=0.75), sampling=Sampling(max_opening=0.3))
+    mesh = load_mesh(shapes.cone(0.35), unit="cm", max_edge="0.2cm")
+    return label_surface(mesh, GraspModel(friction=0.75), sampling=Sampling(max_opening="3mm"))
 
 
 def three_fingers() -> SurfaceLabels:
@@ -62,7 +64,7 @@ def gripper() -> SurfaceLabels:
 
 
 def loaded() -> SurfaceLabels:
-    mesh = load_mesh(shapes.box((4.0, 3.0, 2.0)), unit="cm", max_edge=1.5)
+    mesh = load_mesh(shapes.box((4.0, 3.0, 2.0)), unit="cm", max_edge="1.5cm")
     return label_surface(mesh, load=Load(density=900.0, grip_force="20 N"))
 
 
@@ -208,11 +210,44 @@ def test_a_unit_is_for_files_that_state_none(tmp_path: Path, suffix: str) -> Non
     labels, path = label_surface(load_mesh(shapes.box(), max_edge=9.0)), tmp_path / f"a.{suffix}"
     writer_for(path)(path, labels)
     plain, found = read_labels(path), read_labels(path, unit="mm")
-    assert (plain.mesh.unit, found.mesh.unit) == (None, "mm")
+    assert (plain.mesh.file_unit, found.mesh.file_unit) == (None, "mm")
     assert bits(found.mesh.normals) == bits(plain.mesh.normals)
-    assert bits(found.mesh.torque_scale) == bits(labels.mesh.torque_scale)
+    assert bits(found.mesh.file_points) == bits(labels.mesh.file_points)
+    assert found.mesh.torque_scale == pytest.approx(1e-3 * labels.mesh.torque_scale)
     writer_for(path)(path, found)
-    assert read_labels(path, unit="cm").mesh.unit == "mm"
+    assert read_labels(path, unit="cm").mesh.file_unit == "mm"
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_labels_are_those_of_the_unit_that_is_stated_when_they_are_read(
+    tmp_path: Path, suffix: str
+) -> None:
+    body = shapes.box((60.0, 40.0, 20.0))
+    plain = label_surface(
+        load_mesh(body, max_edge=20.0, center_of_mass=(5.0, 0.0, 0.0)),
+        GraspModel(location_error=0.5), sampling=Sampling(max_opening=45.0),
+    )  # fmt: skip
+    in_mm = label_surface(
+        load_mesh(body, unit="mm", max_edge="20mm", center_of_mass="5mm,0,0"),
+        GraspModel(location_error="0.5mm"), sampling=Sampling(max_opening="45mm"),
+    )  # fmt: skip
+    path = tmp_path / f"box.{suffix}"
+    writer_for(path)(path, plain)
+    found = read_labels(path, unit="mm")
+    assert (found.model, found.sampling) == (in_mm.model, in_mm.sampling)
+    assert found.mesh.options == in_mm.mesh.options
+    assert found.label.tolist() == in_mm.label.tolist()
+    for name in ("vertices", "file_points", "center_mass", "vertex_areas", "volume"):
+        expected = getattr(in_mm.mesh, name)
+        np.testing.assert_allclose(getattr(found.mesh, name), expected, rtol=1e-12, err_msg=name)
+    for name in ("opening", "partner_points"):
+        got, expected = (positions(getattr(one, name), one.mesh) for one in (found, in_mm))
+        np.testing.assert_allclose(got, expected, rtol=1e-6, atol=1e-9, err_msg=name)
+
+
+def positions(values: Any, mesh: ObjectMesh) -> Array:
+    """Surface points as positions, other values as they are."""
+    return values.positions(mesh) if isinstance(values, SurfacePoints) else np.asarray(values)
 
 
 # Files that are damaged or foreign

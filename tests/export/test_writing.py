@@ -38,8 +38,8 @@ FIELDS = (
 @cache
 def labels() -> SurfaceLabels:
     """S, M and U, creases, and vertices without any grasp."""
-    mesh = load_mesh(shapes.cone(0.35), unit="cm", max_edge=0.05)
-    found = label_surface(mesh, GraspModel(friction=0.75), sampling=Sampling(max_opening=0.3))
+    mesh = load_mesh(shapes.cone(0.35), unit="cm", max_edge="0.05cm")
+    found = label_surface(mesh, GraspModel(friction=0.75), sampling=Sampling(max_opening="3mm"))
     assert set(found.label) == {0, 1, 2}
     assert np.isinf(found.critical_angle).any()
     return found
@@ -56,7 +56,7 @@ def test_ply_contains_exactly_the_documented_properties(tmp_path: Path, binary: 
     assert data.byte_order == "<" if binary else data.text
     mesh = labels().mesh
     for k, name in enumerate("xyz"):
-        assert np.array_equal(vertex[name], mesh.vertices[:, k])
+        assert np.array_equal(vertex[name], mesh.file_points[:, k])
         assert vertex[f"n{name}"] == pytest.approx(-mesh.normals[:, k], abs=1e-6)
     assert vertex["label"].dtype == np.uint8
     assert np.array_equal(vertex["label"], labels().label)
@@ -79,7 +79,14 @@ def test_ply_comments_contain_the_settings(tmp_path: Path) -> None:
     header = (tmp_path / "out.ply").read_bytes().split(b"end_header")[0].decode()
     assert "comment grasp3d friction 0.75\n" in header
     assert f"comment grasp3d sensor_resolution {GraspModel().sensor_resolution}\n" in header
-    for line in ("unit cm", "max_opening 0.3", "min_opening 0.0", "rays 64", "grip squeeze"):
+    for line in (
+        "unit cm",
+        "lengths m",
+        "max_opening 0.003",
+        "min_opening 0.0",
+        "rays 64",
+        "grip squeeze",
+    ):
         assert f"comment grasp3d {line}\n" in header
     assert f"comment grasp3d rays_traced {labels().search.rays}\n" in header
     assert "comment grasp3d crease_angle 0.52" in header
@@ -135,7 +142,7 @@ def test_meshlab_reads_surface_and_colours_of_the_ply(tmp_path: Path) -> None:
     meshes = pymeshlab.MeshSet()
     meshes.load_new_mesh(str(tmp_path / "out.ply"))
     mesh = meshes.current_mesh()
-    assert mesh.vertex_matrix() == pytest.approx(labels().mesh.vertices)
+    assert mesh.vertex_matrix() == pytest.approx(labels().mesh.file_points)
     assert np.array_equal(mesh.face_matrix(), labels().mesh.faces)
     colors = np.round(mesh.vertex_color_matrix()[:, :3] * 255.0)
     assert (colors[labels().label == Label.S] == COLORS[Label.S]).all()
@@ -146,7 +153,7 @@ def test_meshlab_reads_surface_and_colours_of_the_ply(tmp_path: Path) -> None:
 def test_other_programs_read_the_ply_of_a_gripper(tmp_path: Path, name: str) -> None:
     """Its settings are longer than the lines that they read: MeshLab's 512, Open3D's 1,024."""
     reader = shapes.reader(name)
-    mesh = load_mesh(shapes.box((4.0, 3.0, 2.0)), unit="cm", max_edge=1.5)
+    mesh = load_mesh(shapes.box((4.0, 3.0, 2.0)), unit="cm", max_edge="1.5cm")
     hand = ParallelGripper.preset("franka")
     path = str(tmp_path / "held.ply")
     write_ply(path, label_surface(mesh, hand=hand, load=Load(mass="0.2 kg")))
@@ -178,7 +185,7 @@ def test_vtk_reads_surface_and_colours_of_the_ply_and_everything_of_the_vtp(tmp_
     assert (mesh.point_data["RGB"][labels().label == Label.S] == COLORS[Label.S]).all()
     write_vtp(tmp_path / "out.vtp", labels())
     full = pyvista.read(tmp_path / "out.vtp")
-    assert np.array_equal(full.points, labels().mesh.vertices)
+    assert np.array_equal(full.points, labels().mesh.file_points)
     assert np.array_equal(full.point_data["label"], labels().label)
     found = np.isfinite(labels().critical_angle)
     assert np.array_equal(full.point_data["critical_angle"][found], labels().critical_angle[found])

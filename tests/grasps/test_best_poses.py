@@ -216,7 +216,7 @@ def test_what_is_named_depends_on_what_is_asked_alone() -> None:
 
 
 def test_any_direction_allows_what_all_directions_about_one_do() -> None:
-    labels = replace(base(), grasps=replace(base().grasps, scene=Scene.given(FRANKA)))
+    labels = replace(base(), grasps=replace(base().grasps, scene=Scene(FRANKA)))
     around = with_settings(labels, within=math.pi)
     np.testing.assert_array_equal(pool_of(labels).poses, pool_of(around).poses)
 

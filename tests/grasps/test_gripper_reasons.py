@@ -26,7 +26,7 @@ def object_of(name: str) -> ObjectMesh:
 def moved_into(name: str) -> EvaluatedPoses:
     """Free poses that are moved along the approach or aside by up to 4 cm."""
     mesh, rng = object_of(name), np.random.default_rng(2)
-    scene = Scene.given(FRANKA)
+    scene = Scene(FRANKA)
     assert scene is not None
     poses = candidate_poses(mesh, scene)
     poses = poses[rng.permutation(len(poses))[:40]]

@@ -170,7 +170,7 @@ def test_results_in_other_units_are_the_same(box: ObjectMesh, tmp_path: Path) ->
     )
     assert one.label.tolist() == other.label.tolist()
     assert one.reason.tolist() == other.reason.tolist()
-    np.testing.assert_allclose(1000.0 * one.gap, other.gap, atol=1e-3)
+    np.testing.assert_allclose(one.gap, other.gap, atol=1e-6)
     np.testing.assert_allclose(one.epsilon, other.epsilon, rtol=2e-2)
     assert one.rank.tolist() == other.rank.tolist()
 

@@ -22,7 +22,7 @@ from grasp3d.grasps.pose_files.files import read_poses, write_poses
 from grasp3d.grasps.pose_files.frames import read_object_pose
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.object_pose import ObjectPose
-from grasp3d.settings.lengths import METRES
+from grasp3d.settings.units import METRES
 from grasp3d.surface.grasp_table import GraspTable
 from tests.grasps.test_pose_files import OWN, SUFFIX, equal, quaternions, some_poses
 from tests.helpers import shapes
@@ -146,7 +146,7 @@ def test_moveit_has_the_robots_frame_by_name(
 @cache
 def box() -> GraspTable:
     """Grasps of a box of 80 x 50 x 30 mm, in millimetres."""
-    mesh = grasp3d.load_mesh(shapes.box((80.0, 50.0, 30.0)), unit="mm", max_edge=20.0)
+    mesh = grasp3d.load_mesh(shapes.box((80.0, 50.0, 30.0)), unit="mm", max_edge="20mm")
     return grasp3d.best_grasps(grasp3d.label_surface(mesh, hand=FRANKA), 3)
 
 
@@ -168,8 +168,8 @@ def test_contacts_in_the_robots_frame_are_where_the_box_stands(tmp_path: Path, s
         points = np.stack([table[names] for names in each], axis=1)
         normals = np.stack([table[[f"n{name}" for name in names]] for names in each], axis=1)
     x, y, z = np.moveaxis(grasps.jaws.points, 2, 0)
-    # A quarter turn about z, then to (400, -50, 100) mm.
-    equal(points, np.stack([400.0 - y, x - 50.0, z + 100.0], axis=2), 1e-10)
+    # A quarter turn about z, then to (0.4, -0.05, 0.1) m.
+    equal(points, np.stack([0.4 - y, x - 0.05, z + 0.1], axis=2), 1e-13)
     nx, ny, nz = -np.moveaxis(grasps.jaws.normals, 2, 0)
     equal(normals, np.stack([-ny, nx, nz], axis=2), 1e-12)
     # The closing axis joins the contacts there, too.
@@ -194,7 +194,7 @@ def test_poses_in_are_in_metres_whatever_the_unit(tmp_path: Path) -> None:
     equal(read.critical_angle, results.critical_angle, 1e-6)
     write_grasps(tmp_path / "results.json", read)  # in the frame that the poses were read in
     stated = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["grasps"][0]
-    equal(np.array(stated["pose"])[:3, 3] / 1000.0, grasps.poses_in(TEXT)[0, :3, 3], 1e-12)
+    equal(np.array(stated["pose"])[:3, 3], grasps.poses_in(TEXT)[0, :3, 3], 1e-12)
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from grasp3d import (
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
+from grasp3d.grasps.grasp_files import write_grasps
 from grasp3d.grasps.pose_files import read_poses, write_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.closed_jaws import Closing
@@ -52,6 +53,16 @@ def blob() -> ObjectMesh:
 def evaluated(mesh: Any, matrices: Any, **options: Any) -> EvaluatedPoses:
     poses = GraspPoses(poses=np.array(matrices), unit="m")
     return evaluate_grasps(mesh, poses, MODEL, **{"hand": pads(), **options})
+
+
+def test_poses_that_were_evaluated_state_the_scale_of_the_file(tmp_path: Path) -> None:
+    extents = tuple(1000.0 * side for side in BOX)
+    found = evaluated(load_mesh(shapes.box(extents), unit="mm"), [pose((0.0, 0.0, 0.005))])
+    assert found.given.object_scale == 0.001
+    write_grasps(tmp_path / "found.json", found)
+    bare = load_mesh(shapes.box(extents))  # of which no unit is stated
+    again = evaluate_grasps(bare, tmp_path / "found.json", MODEL, hand=pads())
+    np.testing.assert_allclose(again.opening, found.opening, rtol=1e-9)
 
 
 def test_a_box_from_above(box: ObjectMesh) -> None:

@@ -23,7 +23,7 @@ from grasp3d.grasps.pose_files.documents import numbers
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.parallel_gripper import ParallelGripper, preset
 from grasp3d.hand.pose_checks import pose_warning
-from grasp3d.settings.lengths import Unit
+from grasp3d.settings.units import Unit
 from grasp3d.system import limited_reading
 from tests.helpers import grippers, shapes
 
@@ -365,8 +365,8 @@ def test_a_published_file_of_acronym_is_read() -> None:
     distances, _ = cKDTree(vertices).query(found.poses[:, :3, 3])
     assert np.median(distances) < 0.01
     assert distances.max() < 0.04
-    center = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
-    assert pose_warning(found.poses, center, 0.14, "m") is None
+    surface = load_mesh(mesh, max_edge=1e9).scaled(found.object_scale)
+    assert pose_warning(found.poses, surface) is None
     wrong = read_poses(path, hand=replace(HAND, base_to_tcp=0.0)).poses[:, :3, 3]
     assert cKDTree(vertices).query(wrong)[0].min() > 0.05
 

@@ -1,4 +1,5 @@
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,10 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+import grasp3d
 from grasp3d.errors import ContactError
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.pose_checks import check_near, pose_warning
-from grasp3d.settings.lengths import METRES
+from grasp3d.settings.units import METRES
+from tests.helpers import shapes
 
 
 def random_poses(count: int, seed: int = 0, distance: float = 0.05) -> np.ndarray:
@@ -77,6 +80,12 @@ def test_units_there_and_back(one: Any, other: Any) -> None:
     assert (there.columns["epsilon"] == poses.columns["epsilon"]).all()
     back = there.in_unit(one)
     assert back.poses == pytest.approx(poses.poses)
+
+
+def test_areas_are_in_the_unit_of_the_lengths() -> None:
+    touched = replace(example(), columns={"area1": np.full(4, 1e-4), "shift": np.full(4, 1e-3)})
+    in_mm = touched.in_unit("mm").columns
+    np.testing.assert_allclose([in_mm["area1"][0], in_mm["shift"][0]], [100.0, 1.0])
 
 
 def test_a_unit_that_is_not_known_cannot_be_converted() -> None:
@@ -205,24 +214,24 @@ def toward_center(count: int, unit: float) -> np.ndarray:
     return poses
 
 
-@pytest.mark.parametrize(
-    ("unit", "size", "mesh_unit", "words"),
-    [
-        (1.0, 0.1, "m", "None"),
-        (1.0, 100.0, "mm", "if their lengths are in m, not in mm, give their unit: a column unit"),
-    ],
-)
-def test_lengths_in_another_unit_are_noticed(
-    unit: float, size: float, mesh_unit: Any, words: str
-) -> None:
-    assert words in str(pose_warning(toward_center(10, unit), np.zeros(3), size, mesh_unit))
+def ball(size: float = 0.1, unit: Any = "m") -> grasp3d.ObjectMesh:
+    """A ball of a diameter in the unit of its file, about the origin."""
+    return grasp3d.load_mesh(shapes.sphere(1, 0.5 * size), unit=unit, max_edge=1e9)
+
+
+def test_lengths_in_another_unit_are_noticed() -> None:
+    assert pose_warning(toward_center(10, 1.0), ball()) is None
+    read_in_millimetres = toward_center(10, 1000.0)  # numbers of metres
+    found = pose_warning(read_in_millimetres, ball(100.0, "mm"))
+    words = "if their lengths are in m, not in mm, give their unit: a column unit"
+    assert words in str(found)
 
 
 @pytest.mark.parametrize(
     ("unit", "size", "mesh_unit", "stated", "words"),
     [
         (0.001, 0.1, "m", None, "if their lengths are in mm, not in m, give their unit: a column"),
-        (0.001, 0.1, "mm", "m", "if the mesh is in m, not in mm, give --unit m"),
+        (1.0, 0.1, "mm", "m", "if the mesh is in m, not in mm, give --unit m"),
         (1e-6, 0.1, "m", "m", "in another frame? Give the pose of the object in it"),
     ],
 )
@@ -231,18 +240,18 @@ def test_poses_that_are_all_far_are_refused_with_the_likely_unit(
 ) -> None:
     poses = toward_center(10, unit)
     with pytest.raises(ContactError, match=r"^all poses \(10\) are far from the object, ") as error:
-        check_near(poses, np.zeros(3), size, mesh_unit, stated=stated)
+        check_near(poses, ball(size, mesh_unit), stated=stated)
     assert words in str(error.value)
-    check_near(poses, np.zeros(3), size, mesh_unit, reach=1e9)
+    check_near(poses, ball(size, mesh_unit), reach=1e9)
     poses[0, :3, 3] = 0.0
-    check_near(poses, np.zeros(3), size, mesh_unit)
-    counted = pose_warning(poses, np.zeros(3), size, mesh_unit)
+    check_near(poses, ball(size, mesh_unit))
+    counted = pose_warning(poses, ball(size, mesh_unit))
     assert "9 of 10 poses are over 20 object sizes away" in str(counted)
 
 
 def test_no_poses_are_not_far() -> None:
-    check_near(np.zeros((0, 4, 4)), np.zeros(3), 0.1, "m")
-    assert pose_warning(np.zeros((0, 4, 4)), np.zeros(3), 0.1, "m") is None
+    check_near(np.zeros((0, 4, 4)), ball())
+    assert pose_warning(np.zeros((0, 4, 4)), ball()) is None
 
 
 def test_quaternions_in_the_wrong_order_are_noticed() -> None:
@@ -252,7 +261,7 @@ def test_quaternions_in_the_wrong_order_are_noticed() -> None:
     poses = np.tile(np.eye(4), (10, 1, 1))
     poses[:, :3, 3] = [0.0, 0.0, 0.05] + 0.01 * rng.normal(size=(10, 3))
     poses[:, :3, :3] = Rotation.from_quat(xyzw).as_matrix()
-    assert pose_warning(poses, np.zeros(3), 0.1, "m") is None
+    assert pose_warning(poses, ball()) is None
     poses[:, :3, :3] = Rotation.from_quat(xyzw, scalar_first=True).as_matrix()
-    message = pose_warning(poses, np.zeros(3), 0.1, "m")
+    message = pose_warning(poses, ball())
     assert "10 of 10 approach directions point away" in message

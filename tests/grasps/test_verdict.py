@@ -151,7 +151,7 @@ MESHES = sorted(path for path in FOLDER.iterdir() if path.suffix not in {".md", 
 
 @cache
 def block() -> ObjectMesh:
-    return load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=10.0)
+    return load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge="10mm")
 
 
 def beside(mesh: ObjectMesh, model: GraspModel = MODEL, **options: object) -> SurfaceLabels:
@@ -233,7 +233,7 @@ def test_a_coarse_sensor_needs_to_be_finer_or_friction_larger() -> None:
 
 def test_what_is_not_reached_has_the_cause_of_most_of_the_surface() -> None:
     sideways = Approach((0.0, 0.0, 1.0), within=math.radians(1.0))
-    plate = load_mesh(shapes.box((120.0, 80.0, 3.0)), unit="mm", max_edge=10.0)
+    plate = load_mesh(shapes.box((120.0, 80.0, 3.0)), unit="mm", max_edge="10mm")
     for labels, cause in (
         (beside(plate, table=Table.below(plate)), Cause.TABLE),
         (beside(plate, approach=sideways), Cause.DIRECTION),
@@ -246,7 +246,7 @@ def test_what_is_not_reached_has_the_cause_of_most_of_the_surface() -> None:
 
 @pytest.mark.slow
 def test_what_is_too_wide_needs_jaws_that_open_wider() -> None:
-    large = load_mesh(shapes.box((100.0, 110.0, 90.0)), unit="mm", max_edge=15.0)
+    large = load_mesh(shapes.box((100.0, 110.0, 90.0)), unit="mm", max_edge="15mm")
     labels = beside(large)
     (wider,) = check(labels).remedies
     assert wider.value == pytest.approx(0.09 + 2.0 * HAND.clearance, abs=1e-3)
@@ -257,14 +257,14 @@ def test_what_is_too_wide_needs_jaws_that_open_wider() -> None:
 
 
 def test_a_slippery_cone_needs_friction() -> None:
-    pyramid = load_mesh(shapes.cone(40.0, 20.0, sections=32), unit="mm", max_edge=20.0)
+    pyramid = load_mesh(shapes.cone(40.0, 20.0, sections=32), unit="mm", max_edge="20mm")
     model = GraspModel(friction=0.1, sensor_resolution=math.radians(2.0))
     (more,) = check(beside(pyramid, model, hand=None)).remedies
     assert more.setting == "friction"
 
 
 def test_without_a_gripper_limits_of_openings_are_no_stroke() -> None:
-    verdict = check(beside(block(), hand=None, sampling=Sampling(max_opening=5.0)))
+    verdict = check(beside(block(), hand=None, sampling=Sampling(max_opening="5mm")))
     assert str(verdict).startswith(f"Not held by two fingers: {Cause.LIMITS}")
     check(beside(block(), hand=None))
 
@@ -333,7 +333,7 @@ def coarse_mesh(path: Path) -> ObjectMesh:
 
 
 def test_given_grasps_are_judged_by_the_same_words() -> None:
-    mesh, points = block(), [[[0.0, -20.0, 0.0], [0.0, 20.0, 0.0]], [[-30, 0, 5], [30, 0, -5]]]
+    mesh, points = block(), 1e-3 * np.array([[[0, -20, 0], [0, 20, 0]], [[-30, 0, 5], [30, 0, -5]]])
     verdict = verdict_of(evaluate_grasps(mesh, points, MODEL))
     assert str(verdict).startswith("Surely held by two fingers: 2 of 2 grasps; the best has 28.6°")
     coarse = replace(MODEL, sensor_resolution=math.radians(50.0))
@@ -361,10 +361,10 @@ def test_no_sentence_on_a_library_object_contradicts_its_figures(path: Path) -> 
 
 def test_poses_that_all_collide_are_no_matter_of_force() -> None:
     """Jaws that close on the object in a table hold it firmly, and cannot be there."""
-    mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=10.0)
+    mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge="10mm")
     poses = np.eye(4)
     poses[:3, :3] = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]).T
-    poses[:3, 3] = [0.0, 0.0, -8.0]
+    poses[:3, 3] = [0.0, 0.0, -0.008]
     load = Load(mass=0.2)
     below = evaluate_grasps(
         mesh,
@@ -384,7 +384,7 @@ def test_poses_that_all_collide_are_no_matter_of_force() -> None:
 
 
 def test_the_error_of_a_pose_is_no_matter_of_force() -> None:
-    mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=10.0)
+    mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge="10mm")
     poses = np.eye(4)
     poses[:3, :3] = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]).T
     hand = ParallelGripper.preset("franka")
@@ -402,6 +402,6 @@ def test_the_error_of_a_pose_is_no_matter_of_force() -> None:
 
 def test_grasps_of_many_contacts_have_a_verdict() -> None:
     ball = load_mesh(shapes.sphere(2), unit="cm", max_edge=9.0)
-    points = np.concatenate([np.eye(3), -np.eye(3)])[None]
+    points = 0.01 * np.concatenate([np.eye(3), -np.eye(3)])[None]
     verdict = verdict_of(evaluate_grasps(ball, points, MODEL))
     assert str(verdict).startswith("Surely held by 6 fingers: 1 of 1 grasps")

@@ -12,14 +12,13 @@ from grasp3d import ObjectMesh, load_mesh
 from grasp3d.hand.jaw_reach import collides
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.table import Table
-from grasp3d.settings.lengths import METRES
 from tests.helpers import shapes
 from tests.helpers.collisions import Oracle, swept_parts
 from tests.helpers.grippers import GRIPPERS, HAND, TIPS, normalized_poses, random_poses
 
 
 def ball(radius: float = 100.0) -> ObjectMesh:
-    return load_mesh(shapes.sphere(3, radius), unit="mm", max_edge=500.0)
+    return load_mesh(shapes.sphere(3, radius), unit="mm", max_edge="500mm")
 
 
 @cache
@@ -36,9 +35,9 @@ def object_of(name: str) -> ObjectMesh:
 @pytest.mark.parametrize("name", ["mug.glb", "torus.glb", "spray.glb", "ycb_006_mustard_bottle"])
 def test_verdicts_are_those_of_fcl(name: str, hand: ParallelGripper, grip: int) -> None:
     mesh = object_of(name)
-    scale = 1.0 / (METRES[mesh.unit] * mesh.size)
+    scale = 1.0 / mesh.size
     poses, openings = random_poses(mesh, 150, seed=len(name))
-    found = collides(mesh, poses, openings / METRES[mesh.unit], hand, grip=grip)
+    found = collides(mesh, poses, openings, hand, grip=grip)
     surface = mesh.contact_surface
     oracle = Oracle(surface.points, surface.faces)
     right = [
@@ -83,7 +82,7 @@ def test_a_swept_gripper_collides_somewhere_on_its_way(hand: ParallelGripper) ->
 
 @pytest.mark.parametrize("hand", GRIPPERS, ids=lambda hand: hand.name)
 def test_what_blocks_shallow_fingers_blocks_deeper_ones(hand: ParallelGripper) -> None:
-    mesh = load_mesh(shapes.lopsided(), unit="cm", max_edge=100.0)
+    mesh = load_mesh(shapes.lopsided(), unit="cm", max_edge="100cm")
     poses, openings = random_poses(mesh, 300, seed=6)
     poses[:, :3, 3] *= 2.0
     deeper = poses.copy()
@@ -108,7 +107,7 @@ def test_a_gripper_in_a_cavity_is_free_there_but_cannot_get_there() -> None:
     outer, inner = (trimesh.creation.icosphere(3, radius) for radius in (160.0, 150.0))
     inner.invert()
     shell = trimesh.util.concatenate([outer, inner])
-    mesh = load_mesh((shell.vertices, shell.faces), unit="mm", max_edge=500.0)
+    mesh = load_mesh((shell.vertices, shell.faces), unit="mm", max_edge="500mm")
     assert not collides(mesh, [np.eye(4)], 40.0, HAND, swept=False).any()
     assert collides(mesh, [np.eye(4)], 40.0, HAND).all()
 
@@ -119,7 +118,7 @@ def test_a_palm_in_a_cavity_collides_on_its_way() -> None:
     lid = trimesh.creation.cylinder(60.0, 10.0, sections=64)
     lid.apply_translation((0.0, 0.0, -55.0))
     closed = trimesh.boolean.union([tube, lid], engine="manifold")
-    mesh = load_mesh((closed.vertices, closed.faces), unit="mm", max_edge=500.0)
+    mesh = load_mesh((closed.vertices, closed.faces), unit="mm", max_edge="500mm")
     narrow = replace(HAND, palm_thickness=0.08, palm_width=0.02, finger_length=0.02)
     into, out = np.eye(4), np.eye(4)
     into[:3, :3] = Rotation.from_euler("x", 180, degrees=True).as_matrix()

@@ -196,7 +196,7 @@ def test_links_that_overlap_are_named_with_their_depth() -> None:
 def test_overlaps_of_links_are_those_of_fcl(name: str) -> None:
     """Of hulls, at random postures: all that are deeper than 1 mm are found, and no others."""
     hand = read_hand(hand_file(name))
-    scene = HandScene(ball(), hand, 1.0, 0.005)
+    scene = HandScene(ball(), hand, 0.005)
     low, high = hand.limits_of_joints.T
     postures = low + (high - low) * np.random.default_rng(0).random((SIZE, len(low)))
     frames = scene.frames(np.tile(np.eye(4), (SIZE, 1, 1)), postures)

@@ -12,13 +12,13 @@ from tests.helpers import shapes
 
 
 def block(unit: str = "mm") -> ObjectMesh:
-    return load_mesh(shapes.box((60.0, 40.0, 20.0)), unit=unit, max_edge=200.0)
+    return load_mesh(shapes.box((60.0, 40.0, 20.0)), unit=unit, max_edge=9.0)
 
 
 @pytest.mark.parametrize(
     ("up", "height"),
-    [("z", -10.0), ("-z", -10.0), ("y", -20.0), ("x", -30.0), ((0.0, 0.0, 5.0), -10.0),
-     ((0.0, 1.0, 1.0), -30.0 / math.sqrt(2.0))],
+    [("z", -0.01), ("-z", -0.01), ("y", -0.02), ("x", -0.03), ((0.0, 0.0, 5.0), -0.01),
+     ((0.0, 1.0, 1.0), -0.03 / math.sqrt(2.0))],
 )  # fmt: skip
 def test_an_object_stands_on_its_lowest_points(up: object, height: float) -> None:
     table = Table.below(block(), up)
@@ -32,8 +32,8 @@ def test_an_object_stands_on_its_lowest_points(up: object, height: float) -> Non
 def test_vertices_of_no_face_do_not_stand() -> None:
     vertices, faces = shapes.box((60.0, 40.0, 20.0))
     loose = np.concatenate([vertices, [[0.0, 0.0, -500.0]]])
-    table = Table.below(load_mesh((loose, faces), unit="mm", max_edge=200.0))
-    assert table.offset == pytest.approx(-10.0)
+    table = Table.below(load_mesh((loose, faces), unit="mm", max_edge=9.0))
+    assert table.offset == pytest.approx(-0.01)
 
 
 def test_resting_poses_are_on_the_faces_of_a_block_the_largest_first() -> None:
@@ -42,8 +42,8 @@ def test_resting_poses_are_on_the_faces_of_a_block_the_largest_first() -> None:
     chances = [table.probability for table in tables]
     assert chances == sorted(chances, reverse=True)
     assert sum(chances) == pytest.approx(1.0, abs=0.01)
-    assert {round(abs(table.offset), 6) for table in tables[:2]} == {10.0}
-    assert {round(abs(table.offset), 6) for table in tables[4:]} == {30.0}
+    assert {round(abs(table.offset), 6) for table in tables[:2]} == {0.01}
+    assert {round(abs(table.offset), 6) for table in tables[4:]} == {0.03}
     assert np.abs([table.normal for table in tables]).max(axis=1) == pytest.approx(1.0)
     # The chance is the solid angle of the face from the centre of mass, by its closed form.
     x, y, z = 30.0, 20.0, 10.0
@@ -58,11 +58,10 @@ def test_resting_poses_are_on_the_faces_of_a_block_the_largest_first() -> None:
 def test_a_resting_pose_stands_still_far_away_and_in_any_unit() -> None:
     vertices, faces = shapes.lopsided(2)
     near = load_mesh((vertices, faces), unit="m", max_edge=9.0)
-    far = load_mesh((1000.0 * vertices + 5000.0, faces), unit="mm", max_edge=9000.0)
+    far = load_mesh((1000.0 * vertices + 5000.0, faces), unit="mm", max_edge=9.0)
     one, other = Table.resting(near), Table.resting(far)
     assert other.normal == pytest.approx(one.normal, abs=1e-6)
-    shift = 5000.0 * other.normal.sum()
-    assert other.offset == pytest.approx(1000.0 * one.offset + shift, abs=1e-3)
+    assert other.offset == pytest.approx(one.offset + 5.0 * other.normal.sum(), abs=1e-6)
     assert other.probability == pytest.approx(one.probability, abs=1e-6)
 
 

@@ -13,7 +13,7 @@ from grasp3d.hand.articulated.hand_scene import HandScene
 def touching(hand: ArticulatedHand, mesh: ObjectMesh, count: int) -> GraspPoses:
     """Random ones with which two links at least touch and none is deep; the wrist is straight."""
     rng = np.random.default_rng(0)
-    scene = HandScene(mesh, hand, 1.0, CONTACT_DISTANCE)
+    scene = HandScene(mesh, hand, CONTACT_DISTANCE)
     low, high = np.clip(hand.limits_of_joints, -1.5, 1.5).T
     straight = ["WRJ" in name for name in hand.joint_names]
     tips = [hand.link_names.index(name) for name in hand.fingertips]

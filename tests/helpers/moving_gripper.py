@@ -14,7 +14,6 @@ from grasp3d import ObjectMesh
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.table import Table
-from grasp3d.settings.lengths import METRES
 from tests.helpers.collisions import Oracle
 
 STEPS = 200
@@ -29,17 +28,15 @@ class MovingGripper:
     """A gripper beside an object, which it may touch only with the compliance of its pads."""
 
     def __init__(self, mesh: ObjectMesh, hand: ParallelGripper, table: Table | None = None) -> None:
-        assert mesh.unit is not None
-        self._scale = 1.0 / METRES[mesh.unit]
         self._oracle = Oracle(mesh.vertices - mesh.center, mesh.faces)
         self._mesh, self._gripper, self._table = mesh, hand, table
         self._radius = np.linalg.norm(mesh.vertices - mesh.center, axis=1).max()
 
     def _length(self, name: str) -> float:
-        return float(getattr(self._gripper, name) * self._scale)
+        return float(getattr(self._gripper, name))
 
     def parts(self, opening: float, contact: float, grip: int) -> Iterator[Part]:
-        """The gripper at an opening, all in the mesh's unit.
+        """The gripper at an opening.
 
         Args:
             opening: Distance between pads or tips.

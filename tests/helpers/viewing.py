@@ -33,8 +33,8 @@ TIMEOUT = 120.0
 @cache
 def labels() -> SurfaceLabels:
     """A cone with all labels, sharp edges, a tip, and vertices without a grasp."""
-    mesh = load_mesh(shapes.cone(0.35, sections=24), unit="cm", max_edge=0.2)
-    found = label_surface(mesh, GraspModel(friction=0.75), sampling=Sampling(max_opening=0.3))
+    mesh = load_mesh(shapes.cone(0.35, sections=24), unit="cm", max_edge="0.2cm")
+    found = label_surface(mesh, GraspModel(friction=0.75), sampling=Sampling(max_opening="3mm"))
     assert set(found.label) == {0, 1, 2}
     assert np.isinf(found.critical_angle).any()
     return found

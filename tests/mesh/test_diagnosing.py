@@ -2,13 +2,15 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
-from grasp3d import GraspModel, Sampling, check_mesh
+from grasp3d import GraspModel, Sampling, check_mesh, load_mesh
 from grasp3d.errors import MeshError
+from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.diagnosis import MeshDiagnosis, Trust, length_warnings, self_intersection_warnings
 from tests.helpers import shapes
 from tests.helpers.repairs import inward, joined, moved
@@ -150,10 +152,15 @@ def test_stray_parts_that_enlarge_the_object_have_a_warning(
     assert any("stray parts: 1," in warning.message for warning in found.warnings)
 
 
+def ball(size: float, unit: Any) -> ObjectMesh:
+    """A ball of a diameter in a unit."""
+    return load_mesh(shapes.sphere(1, 0.5 * size), unit=unit, max_edge=9.0)
+
+
 @pytest.mark.parametrize(
     ("lengths", "expected"),
     [
-        ({"max_opening": 80.0}, "max_opening is 80 m, 1,000 times the object's size"),
+        ({"max_opening": 80.0}, "max_opening is 80 m, 1,000 times the size of arrays, 0.08 m"),
         ({"min_opening": 0.1}, "min_opening is 0.1 m, 1.25 times"),
         ({"max_opening": 0.05}, ""),
         ({}, ""),
@@ -161,18 +168,18 @@ def test_stray_parts_that_enlarge_the_object_have_a_warning(
 )
 def test_lengths_in_another_unit_have_a_warning(lengths: dict[str, float], expected: str) -> None:
     sampling = Sampling(**lengths)  # type: ignore[arg-type]
-    messages = length_warnings(sampling.lengths(), 0.08, "m")
+    messages = length_warnings(sampling.lengths(), ball(0.08, "m"))
     if not expected:
         assert not messages
         return
     (message,) = messages
     assert expected in message
-    assert "are in m" in message
+    assert "are in metres" in message
 
 
 def test_warnings_about_lengths_mention_an_unstated_unit() -> None:
     model = GraspModel(torsion_radius=5.0)
-    (message,) = length_warnings(model.lengths(), 0.08, None)
+    (message,) = length_warnings(model.lengths(), ball(0.08, None))
     assert "which is not stated" in message
 
 

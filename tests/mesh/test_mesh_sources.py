@@ -148,7 +148,7 @@ def test_the_unit_of_a_trimesh_is_that_of_the_mesh(stated: str, unit: str | None
     box.units = stated
     for source in (box, box.scene()):
         mesh = load_mesh(source, max_edge=9.0)
-        assert mesh.unit == unit
+        assert (mesh.file_unit, mesh.unit) == (unit, unit and "m")
         reported = any(
             "'feet', which is none of m, cm, mm, in" in one for one in mesh.report.warnings
         )
@@ -175,14 +175,18 @@ def test_faces_with_more_corners_are_divided_into_triangles() -> None:
 
 
 def test_a_prepared_mesh_stays_unless_other_options_are_given() -> None:
-    mesh = load_mesh(shapes.box(), unit="cm", max_edge=0.5)
+    mesh = load_mesh(shapes.box(), unit="cm", max_edge="5mm")
     assert load_mesh(mesh) is mesh
     assert load_mesh(mesh, mesh.options) is mesh
     again = load_mesh(mesh, crease_angle=0.1)
-    assert (again.unit, again.options.crease_angle, again.options.max_edge) == ("cm", 0.1, 0.5)
+    assert (again.file_unit, again.options.crease_angle, again.options.max_edge) == (
+        "cm",
+        0.1,
+        0.005,
+    )
     np.testing.assert_array_equal(again.vertices, mesh.vertices)
     diagnosis = check_mesh(mesh)
-    assert diagnosis.after.volume == pytest.approx(1.0)
+    assert diagnosis.after.volume == pytest.approx(1e-6)
     assert diagnosis.label_vertices == len(mesh.vertices)
 
 

@@ -10,20 +10,21 @@ from hypothesis import strategies as st
 from grasp3d import ParallelGripper, load_mesh
 from grasp3d.errors import SettingError
 from grasp3d.hand.scene import Scene
+from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import (
     Purpose,
-    check_lengths,
     length_warnings,
     object_warnings,
+    refuse_lengths,
 )
 from grasp3d.quality.loads import Load
-from grasp3d.settings.lengths import METRES, length_in_unit, parse_length
+from grasp3d.settings.units import METRES, parse_length
 from grasp3d.surface.load_case import input_warnings
 from tests.helpers import shapes
 
 REFUSED: dict[str, tuple[dict[str, float | str], float, Any, str]] = {
     "mm for m": ({"max_opening": 80.0}, 0.144, "m", "if it is in mm, give --max-opening 80mm"),
-    "m for mm": ({"max_opening": 0.1}, 144.0, "mm", "if it is in m, give --max-opening 0.1m"),
+    "mesh in mm": ({"max_opening": 80.0}, 144.0, "mm", "if it is in mm, give --max-opening 80mm"),
     "no unit": ({"max_opening": 80.0}, 0.144, None, "give --unit m and --max-opening 80mm"),
     "unit of the mesh": ({"location_error": "2 mm"}, 0.144, "mm", "in m, not in mm, give --unit m"),
     "given": ({"location_error": "500 mm"}, 0.144, "m", "check its number and its unit, and that"),
@@ -36,14 +37,19 @@ def parsed(lengths: dict[str, float | str]) -> dict[str, Any]:
     return {name: parse_length(name, one) for name, one in lengths.items()}
 
 
+def ball(size: float, unit: Any) -> ObjectMesh:
+    """A ball of a diameter in a unit."""
+    return load_mesh(shapes.sphere(1, 0.5 * size), unit=unit, max_edge=1e9)
+
+
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_length_that_cannot_be_meant_is_refused_with_the_likely_unit(name: str) -> None:
     lengths, size, unit, remedy = REFUSED[name]
     with pytest.raises(SettingError) as caught:
-        check_lengths(parsed(lengths), size, unit, "mug.glb")
+        refuse_lengths(ball(size, unit), **parsed(lengths))
     message = str(caught.value)
     assert remedy in message
-    assert "of mug.glb, " in message or "the size of mug.glb" in message
+    assert "of arrays, " in message or "the size of arrays" in message
     assert message.endswith("or accept it with --force (in Python force=True)")
 
 
@@ -57,21 +63,29 @@ def test_a_length_that_cannot_be_meant_is_refused_with_the_likely_unit(name: str
     ],
 )  # fmt: skip
 def test_lengths_that_somebody_may_mean_are_accepted(lengths: dict[str, float | None]) -> None:
-    check_lengths(lengths, 0.144, "m", "mug.glb")
+    refuse_lengths(ball(0.144, "m"), **lengths)
 
 
 def test_a_length_that_is_refused_has_a_warning_as_well() -> None:
     for lengths, size, unit, _ in REFUSED.values():
-        numbers = {name: length_in_unit(name, one, unit) for name, one in lengths.items()}
-        assert len(length_warnings(numbers, size, unit)) == 1
+        assert len(length_warnings(parsed(lengths), ball(size, unit))) == 1
 
 
-def test_the_message_has_the_length_as_it_was_given() -> None:
+def test_a_longest_edge_that_divides_none_is_refused_where_another_unit_is_likely() -> None:
+    body = shapes.box((0.06, 0.04, 0.02))
+    with pytest.raises(SettingError, match="if it is in mm, give --max-edge 3mm, or accept it"):
+        refuse_lengths(load_mesh(body, unit="m", max_edge=3.0))
+    for edge in (0.003, "3m", math.inf, 1e9):  # meant as it is
+        refuse_lengths(load_mesh(body, unit="m", max_edge=edge))
+    refuse_lengths(load_mesh(body, max_edge=3.0))
+
+
+def test_the_message_has_the_length_with_its_unit() -> None:
     with pytest.raises(SettingError, match=r"^location_error is 500 mm, 3.47 times the size of a"):
-        check_lengths(parsed({"location_error": "500 mm"}), 0.144, "m", "a.stl")
-    check_lengths(parsed({"location_error": "100 mm"}), 0.144, "m", "a.stl")
-    with pytest.raises(SettingError, match="is 1 mm, but the unit of"):
-        check_lengths(parsed({"location_error": "1 mm"}), 0.144, None, "a.stl")
+        refuse_lengths(ball(0.144, "m"), **parsed({"location_error": "50 cm"}))
+    refuse_lengths(ball(0.144, "m"), **parsed({"location_error": "100 mm"}))
+    with pytest.raises(SettingError, match="a length is 1 mm, but the unit of"):
+        refuse_lengths(ball(0.144, None), **parsed({"location_error": "1 mm"}))
 
 
 def open_box(side: float) -> Any:

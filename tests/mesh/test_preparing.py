@@ -18,12 +18,13 @@ def test_a_box_is_closed_with_a_volume_and_refined() -> None:
     mesh = load_mesh((vertices + 10.0, faces), unit="cm")
     assert mesh.report.closed
     assert mesh.report.warnings == mesh.report.repairs == ()
-    assert mesh.volume == pytest.approx(6.0)
-    assert mesh.center_mass == pytest.approx([10.0, 10.0, 10.0])
-    assert mesh.torque_scale == pytest.approx(math.sqrt(14.0) / 2.0)
-    assert mesh.size == pytest.approx(math.sqrt(14.0))
-    assert mesh.vertex_areas.sum() == pytest.approx(22.0)
-    assert np.array_equal(mesh.vertices[:8], vertices + 10.0)
+    assert mesh.volume == pytest.approx(6e-6)
+    assert mesh.center_mass == pytest.approx([0.1, 0.1, 0.1])
+    assert mesh.torque_scale == pytest.approx(0.01 * math.sqrt(14.0) / 2.0)
+    assert mesh.size == pytest.approx(0.01 * math.sqrt(14.0))
+    assert mesh.vertex_areas.sum() == pytest.approx(22e-4)
+    assert np.array_equal(mesh.file_points[:8], vertices + 10.0)
+    assert np.array_equal(mesh.vertices, 0.01 * mesh.file_points)
     assert Triangles(mesh.vertices, mesh.faces).sides.max() <= mesh.size / 32.0 * (1.0 + 1e-6)
     assert trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).is_watertight
 
@@ -326,10 +327,25 @@ def test_an_implausible_size_for_its_unit_gives_a_warning(unit: str, implausible
     vertices, faces = shapes.box((80.0, 60.0, 90.0))
     mesh = load_mesh((vertices, faces), unit=unit)  # type: ignore[arg-type]
     assert bool(mesh.report.warnings) == implausible
-    assert mesh.size == pytest.approx(math.sqrt(80.0**2 + 60.0**2 + 90.0**2))
+    assert mesh.file_size == pytest.approx(math.sqrt(80.0**2 + 60.0**2 + 90.0**2))
 
 
 def test_creases_take_less_area_on_a_finer_mesh() -> None:
     coarse, fine = (load_mesh(shapes.box(), max_edge=edge).crease_fraction for edge in (0.1, 0.05))
     assert 0.3 * coarse < fine < 0.7 * coarse < 0.2
     assert load_mesh(shapes.sphere()).crease_fraction == 0.0
+
+
+def test_a_unit_that_is_stated_later_is_as_if_it_were_stated_at_first() -> None:
+    body = shapes.box((60.0, 40.0, 20.0))
+    later = load_mesh(load_mesh(body, max_edge=20.0, center_of_mass=(5.0, 0.0, 0.0)), unit="mm")
+    first = load_mesh(body, unit="mm", max_edge="20mm", center_of_mass="5mm,0,0")
+    assert later.options == first.options
+    assert (later.unit, later.file_unit) == ("m", "mm")
+    for name in ("vertices", "file_points", "center_mass", "volume", "size", "torque_scale"):
+        np.testing.assert_allclose(getattr(later, name), getattr(first, name), rtol=1e-12)
+
+
+def test_what_is_no_surface_is_refused_before_its_unit_is_asked_for() -> None:
+    with pytest.raises(MeshError, match="vertex 2"):
+        load_mesh(([[0, 0, 0], [1, 0, 0], [0, math.nan, 1]], [[0, 1, 2]]), max_edge="1mm")

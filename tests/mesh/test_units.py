@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from grasp3d import check_mesh, load_mesh
 from grasp3d.mesh.diagnosis import Trust
-from grasp3d.mesh.plausible_lengths import (
+from grasp3d.mesh.plausible_units import (
     PLAUSIBLE,
     USUAL,
     guess_unit,
@@ -15,7 +15,7 @@ from grasp3d.mesh.plausible_lengths import (
     length_text,
     unit_warning,
 )
-from grasp3d.settings.lengths import METRES, Unit
+from grasp3d.settings.units import METRES, Unit
 from tests.helpers import shapes
 
 EQUALLY, NONE = "these are equally plausible", "no hand holds any of these"

@@ -15,7 +15,6 @@ from grasp3d.physics.fingers import PROTRUDING, Fingers
 from grasp3d.physics.pulling import Attempt, simulate_attempt
 from grasp3d.physics.scene import Stage, Tips, grasp_model
 from grasp3d.physics.simulation_settings import GRAVITY
-from grasp3d.settings.lengths import settings_in_unit
 
 SIDE = 0.01
 HAND = replace(ParallelGripper.preset("wsg50"), pad_width=SIDE, pad_height=SIDE)
@@ -39,13 +38,9 @@ def close(
     corners: Floats | None = None,
 ) -> tuple[Outcome, float]:  # fmt: skip
     """Close the gripper on a box of a weight [N] whose middle is at `box`; outcome, and opening."""
-    (settings,) = settings_in_unit(
-        "m",
-        SimulationSettings(
-            object_mass=weight / GRAVITY, grip_force=force, pull_time=time, time_step=2e-3,
-            pulled="center_of_mass", max_shift=0.005, give_way=allowed,
-            pull_acceleration=acceleration,
-        ),
+    settings = SimulationSettings(
+        object_mass=weight / GRAVITY, grip_force=force, pull_time=time, time_step=2e-3,
+        pulled="center_of_mass", max_shift=0.005, give_way=allowed, pull_acceleration=acceleration,
     )  # fmt: skip
     solid = np.array(trimesh.creation.box(SIZES).vertices) + box if corners is None else corners
     tips = Tips(friction=FRICTION, fingers=made or fingers())

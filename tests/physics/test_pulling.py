@@ -13,9 +13,8 @@ import trimesh
 from grasp3d.physics import ConvexParts, Fate, Outcome, SimulationSettings
 from grasp3d.physics.pulling import PULLS, Attempt, simulate_attempt
 from grasp3d.physics.scene import Stage, Tips, grasp_model
-from grasp3d.settings.lengths import settings_in_unit
 
-(SETTINGS,) = settings_in_unit("m", SimulationSettings(pull_time=0.3))
+SETTINGS = SimulationSettings(pull_time=0.3)
 SIZES = np.array([0.04, 0.06, 0.1])
 TIPS = Tips(0.003)
 

@@ -14,7 +14,9 @@ import grasp3d
 from grasp3d.errors import SettingError
 from grasp3d.quality import Weight
 from grasp3d.quality.loads import Load, load_from, load_settings
-from grasp3d.settings.quantities import DENSITIES, FORCES, MASSES, parse_quantity
+from grasp3d.settings.units import DENSITIES, FORCES, MASSES, parse_quantity
+from grasp3d.surface.load_case import LoadCase
+from tests.helpers import shapes
 
 POSITIVE = st.floats(1e-6, 1e6)
 
@@ -83,21 +85,20 @@ def test_only_what_differs_from_the_defaults_is_chosen() -> None:
         assert load.chosen == load
 
 
-def test_the_task_is_for_the_mass_in_the_unit_of_the_mesh() -> None:
+def test_the_task_is_for_the_mass() -> None:
     load = Load(task="weight + wrench 0,0,0,0,0,0.1")
-    for unit, lengths in (("m", 1.0), ("mm", 1000.0), ("in", 1.0 / 0.0254)):
-        task = load.task_for(0.5, unit)  # type: ignore[arg-type]
-        weight, wrench = task.terms()
-        assert weight == Weight(0.5)
-        assert wrench.support([0, 0, 0, 0, 0, 1]) == pytest.approx(0.1 * lengths)
-    assert load.task_for(None, "m").mass == 1.0
+    weight, wrench = load.task_for(0.5).terms()
+    assert weight == Weight(0.5)
+    assert wrench.support([0, 0, 0, 0, 0, 1]) == 0.1
+    assert load.task_for(None).mass == 1.0
 
 
 def test_what_needs_the_unit_says_so() -> None:
-    assert Load(mass=1.0).task_for(1.0, None) == Weight(1.0)  # a weight needs none
+    mesh, model = grasp3d.load_mesh(shapes.box(), max_edge=9.0), grasp3d.GraspModel()
+    assert LoadCase.of(Load(mass=1.0), mesh, model).task == Weight(1.0)  # a weight needs none
     with pytest.raises(SettingError, match="torques of the task are in N m") as error:
-        Load(task="wrench 0,0,0,0,0,1").task_for(1.0, None, source="mug.stl")
-    assert "mug.stl" in str(error.value)
+        LoadCase.of(Load(task="wrench 0,0,0,0,0,1"), mesh, model)
+    assert "the unit of arrays is not known" in str(error.value)
     assert "--unit" in str(error.value)
 
 
@@ -110,9 +111,9 @@ def test_files_are_read_into_the_text(tmp_path: Path) -> None:
     alone = load.with_files_read()
     path.unlink()
     assert str(alone.task) == "weight + wrench 5,0,0,0,0,0"
-    assert alone.task_for(1.0, None).support([1, 0, 0, 0, 0, 0]) == pytest.approx(14.80665)
+    assert alone.task_for(1.0).support([1, 0, 0, 0, 0, 0]) == pytest.approx(14.80665)
     with pytest.raises(SettingError, match=r"pushes\.csv"):
-        load.task_for(1.0, None)
+        load.task_for(1.0)
     assert alone.with_files_read() is alone
     assert Load().task_files == ()
 

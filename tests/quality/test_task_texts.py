@@ -37,14 +37,14 @@ ROWS = st.lists(st.tuples(*[NUMBERS] * 6), min_size=1, max_size=5).filter(
         ("acceleration 5 m/s^2", Acceleration(0.5, 5.0)),
         ("weight + acceleration 0", Weight(0.5) + Acceleration(0.5, 0.0)),
         ("weight + acceleration 5", Weight(0.5) + Acceleration(0.5, 5.0)),
-        ("wrench 0,0,-5,0,0,0.1", Wrenches([[0, 0, -5, 0, 0, 100]])),
+        ("wrench 0,0,-5,0,0,0.1", Wrenches([[0, 0, -5, 0, 0, 0.1]])),
         ("wrench 1e+1, 0, 0, 0, 0, 0", Wrenches([[10, 0, 0, 0, 0, 0]])),
         ("wrench 1,0,0,0,0,0; 0,1,0,0,0,0", Wrenches(np.eye(6)[:2])),
     ],
 )
 def test_texts_are_tasks(text: str, task: Task) -> None:
     assert str(TaskText.of(text)) == text.strip()
-    assert parse_task(text, mass=0.5, metres_per_unit=0.001) == task
+    assert parse_task(text, mass=0.5) == task
 
 
 @pytest.mark.parametrize("axis", ["x", "y", "z", "-x", "-y", "-z"])
@@ -112,19 +112,13 @@ def test_too_many_wrenches_are_refused(tmp_path: Path) -> None:
         read_wrenches(path)
 
 
-def test_only_torques_need_the_unit() -> None:
-    assert parse_task("weight + wrench 1,0,0,0,0,0").mass == 1.0
-    with pytest.raises(SettingError, match=r"unit of mug\.stl is not known.*--unit"):
-        parse_task("wrench 1,0,0,0,0,0.1", source="mug.stl")
-
-
-@given(rows=ROWS, metres=st.sampled_from([1.0, 0.01, 0.001, 0.0254]))
-def test_torques_are_converted_to_the_unit(rows: list[tuple[float, ...]], metres: float) -> None:
+@given(rows=ROWS)
+def test_wrenches_are_as_they_are_written(rows: list[tuple[float, ...]]) -> None:
     text = "wrench " + "; ".join(",".join(map(repr, row)) for row in rows)
-    task = parse_task(text, metres_per_unit=metres)
+    task = parse_task(text)
     assert isinstance(task, Wrenches)
-    found = np.array(task.wrenches)
-    np.testing.assert_allclose(found * [1, 1, 1, metres, metres, metres], rows, rtol=1e-14)
+    np.testing.assert_array_equal(task.wrenches, rows)
+    assert TaskText.of(text).has_torques == any(any(row[3:]) for row in rows)
 
 
 @given(rows=ROWS)
@@ -138,7 +132,7 @@ def test_files_and_texts_are_the_same(
         assert "csv" not in str(inline)
         assert inline.with_files_read() == inline == TaskText.of(str(inline))
         assert inline.parts == TaskText.of(str(inline)).parts
-        assert inline.task(metres_per_unit=1.0) == parse_task(text, metres_per_unit=1.0)
+        assert inline.task() == parse_task(text)
 
 
 @pytest.mark.parametrize("start", ["", "fx,fy,fz,tx,ty,tz\n", "# pushes\n\nFX, FY,fz,tx,ty,tz\n"])
@@ -167,7 +161,7 @@ def test_damaged_files_are_refused(tmp_path: Path, content: bytes, words: str) -
     path = tmp_path / "pushes.csv"
     path.write_bytes(content)
     with pytest.raises(SettingError, match=f"pushes.csv: .*{words}") as error:
-        parse_task(str(path), metres_per_unit=1.0)
+        parse_task(str(path))
     assert "\n" not in str(error.value)
 
 

@@ -112,7 +112,7 @@ def test_a_search_is_limited_to_a_distance_between_contacts() -> None:
         assert kind().limited(3.0).max_opening == 3.0
         common = {"search_angle": None, "tolerance": 0.01, "max_opening": math.inf}
         assert kind(tolerance=0.01).common == common
-        assert {kind.least} == set(kind.own_names()) & set(kind.length_names())
+        assert {kind.least} == set(kind.own_names()) & set(kind().lengths())
     assert Sampling(max_opening=3.0).fitted(4) == MultifingerSampling(max_opening=3.0)
 
 

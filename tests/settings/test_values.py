@@ -9,27 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp3d import GraspModel, MeshOptions, load_mesh
+from grasp3d import GraspModel, MeshOptions
 from grasp3d.errors import SettingError
 from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskText
-from grasp3d.settings.checks import parse_angle
 from grasp3d.settings.friction import friction_interval
-from grasp3d.settings.lengths import METRES, Measure, measure, parse_length, settings_in_unit
 from grasp3d.settings.parsing import plain_values, settings_of_texts
-from tests.helpers import shapes
+from grasp3d.settings.units import METRES, parse_angle, parse_length
 
 UNITS = st.sampled_from(list(METRES))
-LENGTHS = st.builds(measure, st.floats(1e-6, 1e6), UNITS)
+TEXTS = st.builds("{!r} {}".format, st.floats(1e-6, 1e6), UNITS)
+LENGTHS = TEXTS.map(lambda text: parse_length("it", text))
 ANGLES = st.floats(0.0, 1.0)
 FRICTIONS = st.tuples(st.floats(0.01, 2.0), st.floats(0.01, 2.0)).map(sorted).map(tuple)
-
-
-@given(length=LENGTHS)
-def test_a_length_is_its_text(length: Measure) -> None:
-    assert parse_length("it", str(length)) == length
-    assert str(parse_length("it", str(length))) == str(length)
-    assert parse_length("it", length) is length
 
 
 @given(angle=st.floats(-10.0, 10.0), space=st.sampled_from(["", " "]))
@@ -46,43 +38,6 @@ def test_an_angle_is_its_text_in_every_unit(angle: float, space: str) -> None:
 def test_what_is_no_angle_is_refused(text: str) -> None:
     with pytest.raises(SettingError, match=r"^tilt must be an angle \(a number .*; got"):
         parse_angle("tilt", text)
-
-
-@given(length=LENGTHS, through=UNITS, to=UNITS)
-def test_conversions_of_units_compose(length: Measure, through: Any, to: Any) -> None:
-    there = measure(length.in_unit(through), through)
-    assert isinstance(there, Measure)
-    assert there.in_unit(to) == pytest.approx(length.in_unit(to), rel=1e-13)
-    assert there.metres == pytest.approx(length.metres, rel=1e-13)
-    assert length.in_unit(length.unit) == length.number
-
-
-@given(radius=LENGTHS, error=LENGTHS, unit=UNITS)
-def test_settings_in_a_unit_are_those_of_numbers(
-    radius: Measure, error: Measure, unit: Any
-) -> None:
-    model = GraspModel(torsion_radius=radius, location_error=error)
-    (found,) = settings_in_unit(unit, model)
-    numbers = {"torsion_radius": radius.in_unit(unit), "location_error": error.in_unit(unit)}
-    assert found == replace(model, **numbers)
-    assert settings_in_unit("in", found, None) == (found, None)
-    assert settings_in_unit(None, found)[0] is found
-
-
-def test_a_position_is_converted_as_well() -> None:
-    options = MeshOptions(center_of_mass="10mm,0,-2.5mm", max_edge="1cm")
-    (found,) = settings_in_unit("m", options)
-    assert (found.center_of_mass, found.max_edge) == ((0.01, 0.0, -0.0025), 0.01)
-    with pytest.raises(SettingError, match="center_of_mass is 10 mm, but the unit of a mesh"):
-        settings_in_unit(None, replace(options, max_edge=None), source="a mesh")
-
-
-def test_a_mesh_takes_single_lengths_in_its_unit() -> None:
-    box = shapes.box((40.0, 60.0, 80.0))
-    mesh = load_mesh(box, unit="mm", max_edge=99.0)
-    assert (mesh.length("it", "2cm"), mesh.length("it", 3)) == (20.0, 3.0)
-    with pytest.raises(SettingError, match="it is 2 cm, but the unit of arrays is not known"):
-        load_mesh(box, max_edge=99.0).length("it", "2cm")
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -122,4 +77,4 @@ def test_values_of_files_are_plain() -> None:
     assert values["mass"] == 0.5
     assert load.task == TaskText.of(values["task"])
     options = plain_values(MeshOptions(center_of_mass="10mm,0,1"))
-    assert options["center_of_mass"] == ("10 mm", 0.0, 1.0)
+    assert options["center_of_mass"] == (0.01, 0.0, 1.0)

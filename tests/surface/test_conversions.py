@@ -31,7 +31,7 @@ from tests.helpers import shapes
 
 @pytest.fixture(scope="module")
 def labels() -> SurfaceLabels:
-    return label_surface(load_mesh(shapes.box((1.0, 0.7, 0.5)), unit="cm", max_edge=0.3))
+    return label_surface(load_mesh(shapes.box((1.0, 0.7, 0.5)), unit="cm", max_edge="0.3cm"))
 
 
 @pytest.fixture(scope="module")
@@ -44,8 +44,10 @@ def test_the_table_of_labels_is_that_of_the_file(labels: SurfaceLabels, tmp_path
     table, written = labels.to_table(), pq.read_table(tmp_path / "fields.parquet")
     assert table.schema.equals(written.schema, check_metadata=True)
     assert table.drop_columns(floats(table)).equals(written.drop_columns(floats(written)))
+    scale = dict.fromkeys("xyz", labels.mesh.file_scale)  # the file has its own coordinates
     for name in floats(table):  # nan is no equal of nan
-        np.testing.assert_array_equal(table[name].to_numpy(), written[name].to_numpy())
+        in_metres = scale.get(name, 1.0) * written[name].to_numpy()
+        np.testing.assert_array_equal(table[name].to_numpy(), in_metres)
     assert table.num_rows == len(labels.mesh.vertices)
 
 
@@ -80,14 +82,15 @@ def test_a_trimesh_of_labels_has_colours_unit_and_every_array(
     } - {"vertices", "color"}
     assert made.metadata["grasp3d"]["friction"] == 0.5
     again = load_mesh(made, max_edge=9.0)
-    assert again.unit == made.units == "cm"
+    assert again.unit == made.units == "m"
     np.testing.assert_array_equal(again.vertices, labels.mesh.vertices)
 
 
 def test_polydata_of_labels_is_that_of_the_file(labels: SurfaceLabels, tmp_path: Path) -> None:
     write_vtp(tmp_path / "labels.vtp", labels)
     made, written = labels.to_polydata(), pyvista.read(tmp_path / "labels.vtp")
-    np.testing.assert_array_equal(made.points, written.points)
+    np.testing.assert_array_equal(made.points, labels.mesh.vertices)
+    np.testing.assert_array_equal(written.points, labels.mesh.file_points)
     np.testing.assert_array_equal(made.faces, written.faces)
     assert made.point_data.keys() == written.point_data.keys()
     for name in made.point_data:
@@ -98,7 +101,7 @@ def test_polydata_of_labels_is_that_of_the_file(labels: SurfaceLabels, tmp_path:
 def test_a_mesh_becomes_a_trimesh_and_polydata(labels: SurfaceLabels) -> None:
     mesh = labels.mesh
     made, data = mesh.to_trimesh(), mesh.to_polydata()
-    assert (made.is_volume, made.units) == (True, "cm")
+    assert (made.is_volume, made.units) == (True, "m")
     assert made.volume == pytest.approx(mesh.volume)
     np.testing.assert_array_equal(data.points, mesh.vertices)
     np.testing.assert_array_equal(data["normal"], -mesh.normals)

@@ -25,8 +25,8 @@ from grasp3d.hand.jaw_reach import reach_grasps
 from grasp3d.hand.reach import Reachability
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach
-from grasp3d.settings.lengths import Unit
 from grasp3d.settings.sampling import Grip
+from grasp3d.settings.units import Unit
 from grasp3d.surface.sampling import reachable
 from grasp3d.surface.vertex_grasps import Reason, grasps_at
 from grasp3d.system.context import running
@@ -127,7 +127,7 @@ def test_a_gripper_of_no_size_changes_nothing(name: str, grip: Grip, hand: Paral
 def test_tips_of_no_size_change_nothing_for_three_fingers() -> None:
     model, sampling = replace(MODEL, fingers=3), MultifingerSampling(candidates=8)
     vertices, faces = shapes.sphere(1)
-    mesh = load_mesh((vertices * (20, 25, 30), faces), unit="mm", max_edge=100.0)
+    mesh = load_mesh((vertices * (20, 25, 30), faces), unit="mm", max_edge="100mm")
     ideal = label_surface(mesh, model, sampling=sampling)
     real = label_surface(mesh, model, sampling=sampling, hand=NO_TIPS)
     for array in ARRAYS:
@@ -225,9 +225,9 @@ def assert_alike(one: SurfaceLabels, other: SurfaceLabels) -> None:
 
 @pytest.mark.slow
 def test_turning_and_moving_everything_changes_nothing() -> None:
-    still, turn, shift = held("blob"), shapes.rotation(11), np.array([300.0, -20.0, 77.0])
+    still, turn, shift = held("blob"), shapes.rotation(11), np.array([0.3, -0.02, 0.077])
     mesh = still.mesh
-    moved = load_mesh((mesh.vertices @ turn.T + shift, mesh.faces), unit="mm", max_edge=12.0)
+    moved = load_mesh((mesh.vertices @ turn.T + shift, mesh.faces), unit="m", max_edge="12mm")
     up = turn @ (0.0, 0.0, 1.0)
     table = Table(up, still.scene.table.offset + shift @ up)
     turned = beside(moved, HAND, table=table)

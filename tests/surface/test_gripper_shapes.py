@@ -1,6 +1,7 @@
 """Labels with a gripper of shapes whose grasps are known."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -17,7 +18,7 @@ from grasp3d import (
     label_surface,
     load_mesh,
 )
-from grasp3d.hand.reach import Reachability
+from grasp3d.hand.reach import Reach, Reachability
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM
 from tests.helpers.moving_gripper import MovingGripper
@@ -28,8 +29,17 @@ SHALLOWEST = 9.0 - 0.4 * 18.0
 """Least reach of the hand's fingers beyond the contacts: the pads' half less the offsets [mm]."""
 
 
-def mesh_of(body: trimesh.Trimesh, max_edge: float) -> ObjectMesh:
+def mesh_of(body: trimesh.Trimesh, max_edge: str) -> ObjectMesh:
     return load_mesh((body.vertices, body.faces), unit="mm", max_edge=max_edge)
+
+
+def in_mm(labels: SurfaceLabels) -> tuple[np.ndarray, Reach]:
+    """Coordinates of the vertices, and how they are reached, in millimetres."""
+    reach = labels.reach
+    poses = reach.poses.copy()
+    poses[:, :3, 3] *= 1e3
+    lengths = {name: 1e3 * getattr(reach, name) for name in ("opening", "pregrasp_opening")}
+    return labels.mesh.file_points, replace(reach, poses=poses, **lengths)
 
 
 def labelled(mesh: ObjectMesh, hand: ParallelGripper = HAND, **options: object) -> SurfaceLabels:
@@ -54,13 +64,13 @@ def _is(values: np.ndarray, size: float) -> np.ndarray:
 @cache
 def block() -> SurfaceLabels:
     """A block of 60 x 40 x 20 mm on a table."""
-    return standing(load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=5.0))
+    return standing(load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge="5mm"))
 
 
 def test_a_block_on_a_table_is_held_by_its_sides() -> None:
     labels = block()
-    mesh, reach = labels.mesh, labels.reach
-    x, y, z = mesh.vertices.T
+    mesh, (points, reach) = labels.mesh, in_mm(labels)
+    x, y, z = points.T
     height = z + 10.0
     inside = (mesh.normal_sets.counts == 1) & (height > 0.0)
     deep = height > SHALLOWEST
@@ -83,7 +93,7 @@ def test_a_block_on_a_table_is_held_by_its_sides() -> None:
 def test_a_block_on_a_table_is_approached_from_above() -> None:
     """As far aside as the lower corners of the fingers, and of the palm, are above the table."""
     labels = block()
-    reach, found = labels.reach, labels.reach.reached
+    reach, found = in_mm(labels)[1], labels.reach.reached
     tilts = np.arccos(np.clip(-reach.poses[found, 2, 2], -1.0, 1.0))
     assert tilts.max() < math.radians(60.0)
     tcp = reach.poses[found, 2, 3] + 10.0
@@ -101,7 +111,7 @@ def cup() -> ObjectMesh:
     outside = trimesh.creation.cylinder(36.0, 80.0, sections=48)
     inside = trimesh.creation.cylinder(32.0, 80.0, sections=48)
     inside.apply_translation((0.0, 0.0, 4.0))
-    return mesh_of(trimesh.boolean.difference([outside, inside], engine="manifold"), 10.0)
+    return mesh_of(trimesh.boolean.difference([outside, inside], engine="manifold"), "10mm")
 
 
 @pytest.mark.slow
@@ -109,12 +119,13 @@ def cup() -> ObjectMesh:
 def test_a_cup_is_held_at_its_rim_and_never_through_its_bottom(stands: bool) -> None:
     mesh = cup()
     labels = standing(mesh, SLIM) if stands else labelled(mesh, SLIM)
-    radius, z = np.linalg.norm(mesh.vertices[:, :2], axis=1), mesh.vertices[:, 2]
+    points, reach = in_mm(labels)
+    radius, z = np.linalg.norm(points[:, :2], axis=1), points[:, 2]
     below_rim = 40.0 - z
     wall = (np.abs(radius - 32.0) < 0.1) & (below_rim > SHALLOWEST) & (below_rim < 30.0)
     assert wall.sum() > 40
     assert (labels.label[wall] == 2).all()
-    assert labels.reach.opening[wall] == pytest.approx(4.0, abs=0.1)
+    assert reach.opening[wall] == pytest.approx(4.0, abs=0.1)
     down = -labels.reach.poses[wall, 2, 2]
     assert (down > math.cos(math.radians(60.0))).all()
     assert_free(labels, np.flatnonzero(wall)[::30])
@@ -129,15 +140,16 @@ def test_a_cup_is_held_at_its_rim_and_never_through_its_bottom(stands: bool) -> 
 
 @pytest.mark.slow
 def test_a_ring_is_held_from_inside() -> None:
-    mesh = load_mesh(shapes.tube(30.0, 45.0, 20.0, sections=64), unit="mm", max_edge=12.0)
+    mesh = load_mesh(shapes.tube(30.0, 45.0, 20.0, sections=64), unit="mm", max_edge="12mm")
     labels = standing(mesh, SLIM, sampling=Sampling(grip="expand"))
-    radius, height = np.linalg.norm(mesh.vertices[:, :2], axis=1), mesh.vertices[:, 2] + 10.0
+    points, reach = in_mm(labels)
+    radius, height = np.linalg.norm(points[:, :2], axis=1), points[:, 2] + 10.0
     inner = (np.abs(radius - 30.0) < 0.2) & (height > SHALLOWEST) & (height < 20.0)
     assert inner.sum() > 40
     assert (labels.label[inner] == 2).all()
     assert (labels.grip[inner] == -1).all()
     # The commanded opening is that between the inner faces; the fingers are 4 mm thick.
-    assert labels.reach.opening[inner] == pytest.approx(60.0 - 8.0, abs=0.3)
+    assert reach.opening[inner] == pytest.approx(60.0 - 8.0, abs=0.3)
     assert (labels.reach.pregrasp_opening[inner] < labels.reach.opening[inner]).all()
     assert (labels.reach.poses[inner, 2, 2] < -0.5).all()
     assert_free(labels, np.flatnonzero(inner)[::40])
@@ -148,9 +160,9 @@ def test_a_ring_is_held_from_inside() -> None:
 @pytest.mark.slow
 def test_a_flat_plate_on_a_stand_is_held_at_its_rim() -> None:
     """As far from the rim as the fingers are long."""
-    mesh = load_mesh(shapes.box((200.0, 200.0, 3.0)), unit="mm", max_edge=10.0)
-    labels = labelled(mesh, table=Table(np.array([0.0, 0.0, 1.0]), -200.0))
-    x, y, z = mesh.vertices.T
+    mesh = load_mesh(shapes.box((200.0, 200.0, 3.0)), unit="mm", max_edge="10mm")
+    labels = labelled(mesh, table=Table(np.array([0.0, 0.0, 1.0]), -0.2))
+    x, y, z = mesh.file_points.T
     from_rim = np.minimum(100.0 - np.abs(x), 100.0 - np.abs(y))
     flat = _is(z, 1.5) & (mesh.normal_sets.counts == 1)
     reach = 45.0 - SHALLOWEST
@@ -167,7 +179,7 @@ def test_a_flat_plate_on_a_stand_is_held_at_its_rim() -> None:
 def test_a_plate_is_held_by_its_edges_if_the_fingers_go_under_the_contacts() -> None:
     for height, reached in ((2.0 * SHALLOWEST + 0.2, True), (2.0 * SHALLOWEST - 0.2, False)):
         plate = trimesh.creation.box((60.0, 60.0, height)).subdivide()
-        labels = standing(mesh_of(plate, 90.0))
+        labels = standing(mesh_of(plate, "90mm"))
         middle = np.abs(labels.mesh.vertices[:, 2]) < 1e-9
         middle &= labels.mesh.normal_sets.counts == 1
         assert middle.sum() >= 4
@@ -175,8 +187,8 @@ def test_a_plate_is_held_by_its_edges_if_the_fingers_go_under_the_contacts() -> 
 
 
 def test_a_ball_in_the_stroke_is_held_from_everywhere() -> None:
-    ball = load_mesh(shapes.sphere(2, 12.0), unit="mm", max_edge=100.0)
+    ball = load_mesh(shapes.sphere(2, 12.0), unit="mm", max_edge="100mm")
     labels = labelled(ball)
     assert (labels.label == 2).all()
-    assert labels.reach.opening == pytest.approx(24.0, rel=0.01)
+    assert labels.reach.opening == pytest.approx(0.024, rel=0.01)
     assert labels.reach.approach_margin == pytest.approx(math.pi)

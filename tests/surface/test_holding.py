@@ -25,7 +25,7 @@ from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.loads import Load
 from grasp3d.quality.task_texts import TaskText
 from grasp3d.quality.tasks import STANDARD_GRAVITY
-from grasp3d.settings.lengths import METRES, Unit
+from grasp3d.settings.units import METRES, Unit
 from grasp3d.stability.label import Label
 from grasp3d.surface.fields import FORCES, columns_of
 from grasp3d.surface.grasp_numbers import surface_holding
@@ -44,7 +44,7 @@ WEIGHT = MASS * STANDARD_GRAVITY
 def block(unit: Unit = "m", edge: float = 0.02) -> ObjectMesh:
     """A box of 80 x 50 x 30 mm about its centre of mass."""
     size = np.array([0.08, 0.05, 0.03]) / METRES[unit]
-    return load_mesh(shapes.box(tuple(size)), unit=unit, max_edge=edge / METRES[unit])
+    return load_mesh(shapes.box(tuple(size)), unit=unit, max_edge=edge)
 
 
 @cache
@@ -154,10 +154,10 @@ def test_a_gripper_brings_force_and_torsion() -> None:
     case = LoadCase.of(Load(mass=MASS), block("mm"), GraspModel(), franka)
     assert case.available == franka.max_force == 70.0
     radius = math.sqrt(franka.pad_width * franka.pad_height / math.pi)
-    assert case.torsion_radius == pytest.approx(1000.0 * 2.0 / 3.0 * 0.5 * radius)
+    assert case.torsion_radius == pytest.approx(2.0 / 3.0 * 0.5 * radius)
     given_both = Load(mass=MASS, grip_force="20N")
-    case = LoadCase.of(given_both, block("mm"), GraspModel(torsion_radius=1.5), franka)
-    assert (case.available, case.torsion_radius) == (20.0, 1.5)
+    case = LoadCase.of(given_both, block("mm"), GraspModel(torsion_radius="1.5mm"), franka)
+    assert (case.available, case.torsion_radius) == (20.0, 0.0015)
     assert LoadCase.of(Load(), block(), GraspModel()).available is None
 
 
@@ -270,7 +270,7 @@ def test_the_nominal_force_is_that_of_the_contacts() -> None:
 
 @pytest.mark.slow
 def test_three_fingers_hold_with_hard_contacts() -> None:
-    ball = load_mesh(shapes.sphere(2), unit="cm", max_edge=0.5)
+    ball = load_mesh(shapes.sphere(2), unit="cm", max_edge="0.5cm")
     model = GraspModel(fingers=3, sensor_resolution=0.1)
     found = label_surface(ball, model, load=Load(mass=MASS, grip_force=40.0)).holding
     assert found is not None

@@ -102,6 +102,6 @@ def test_labels_do_not_depend_on_the_file_format(tmp_path: Path) -> None:
         path = tmp_path / f"same.{suffix}"
         mesh.export(path, **({"digits": 12} if suffix in {"off", "obj"} else {}))
         loaded = load_mesh(path, max_edge=9.0)
-        rows = {tuple(v): i for i, v in enumerate(np.float32(loaded.vertices).tolist())}
+        rows = {tuple(v): i for i, v in enumerate(np.float32(loaded.file_points).tolist())}
         index = np.array([rows[tuple(v)] for v in np.float32(vertices).tolist()])
         assert_same(expected, label_surface(loaded, MODEL), index)

@@ -32,7 +32,7 @@ def wedge(**model: Any) -> SurfaceLabels:
     corners, faces = shapes.box((40.0, 30.0, 20.0))
     corners = corners * [[1.0, 1.0 + 0.2 * (corner[2] > 0), 1.0] for corner in corners]
     vertices = np.vstack([corners, corners[:2], [[90.0, 0.0, 0.0]]])
-    mesh = load_mesh((vertices, faces), unit="mm", max_edge=12.0)
+    mesh = load_mesh((vertices, faces), unit="mm", max_edge="12mm")
     load = Load(mass=0.1, grip_force=20.0)
     return label_surface(
         mesh, GraspModel(torsion_radius="2mm", sensor_resolution=0.3, **model), hand=SLIM, load=load

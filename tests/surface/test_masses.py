@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from grasp3d import GraspModel, Load, MeshOptions, ObjectMesh, check_mesh, load_mesh
 from grasp3d.errors import SettingError
-from grasp3d.settings.lengths import METRES, Measure
+from grasp3d.settings.units import METRES
 from grasp3d.surface import mass_of
 from grasp3d.surface.load_case import LoadCase
 from tests.helpers import shapes
@@ -71,7 +71,7 @@ def test_what_a_load_needs_is_said_in_one_sentence(
 
 def test_an_open_mesh_needs_mass_and_centre_of_mass() -> None:
     mesh = load_mesh(OPEN, unit="cm", center_of_mass="1mm,0,-2mm", max_edge=1.0)
-    np.testing.assert_allclose(mesh.center_mass, [0.1, 0.0, -0.2], atol=1e-15)
+    np.testing.assert_allclose(mesh.center_mass, [0.001, 0.0, -0.002], atol=1e-15)
     assert mesh.report.center_mass_from == "given"
     assert not any("centre of mass" in warning for warning in mesh.report.warnings)
     assert LoadCase.of(Load(mass=1.0), mesh, GraspModel()).mass == 1.0
@@ -80,9 +80,9 @@ def test_an_open_mesh_needs_mass_and_centre_of_mass() -> None:
 @pytest.mark.parametrize(
     ("given_center", "stored"),
     [
-        ("10mm,0,-2.5mm", (Measure(10.0, "mm"), 0.0, Measure(-2.5, "mm"))),
+        ("10mm,0,-2.5mm", (0.01, 0.0, -0.0025)),
         (" 1 , 2,3", (1.0, 2.0, 3.0)),
-        ((1, 2.5, "3cm"), (1.0, 2.5, Measure(3.0, "cm"))),
+        ((1, 2.5, "3cm"), (1.0, 2.5, 0.03)),
         (np.array([1.0, 2.0, 3.0]), (1.0, 2.0, 3.0)),
         (None, None),
     ],
@@ -104,11 +104,11 @@ def test_what_is_no_centre_of_mass_is_refused(bad: Any) -> None:
 
 def test_the_centre_is_in_the_frame_and_unit_of_the_mesh() -> None:
     box = shapes.box((40.0, 40.0, 40.0))
-    mesh = load_mesh((box[0] + 100.0, box[1]), unit="mm", center_of_mass="10.1cm,100,99")
-    np.testing.assert_allclose(mesh.center_mass, [101.0, 100.0, 99.0], atol=1e-12)
-    assert mesh.options.center_of_mass == (101.0, 100.0, 99.0)
-    assert mesh.torque_scale == pytest.approx(math.sqrt(21.0**2 + 20.0**2 + 21.0**2))
-    with pytest.raises(SettingError, match=r"center_of_mass is 10\.1 cm, but the unit .* not"):
+    mesh = load_mesh((box[0] + 100.0, box[1]), unit="mm", center_of_mass="10.1cm,0.1,99mm")
+    np.testing.assert_allclose(mesh.center_mass, [0.101, 0.1, 0.099], atol=1e-15)
+    assert mesh.options.center_of_mass == (0.101, 0.1, 0.099)
+    assert mesh.torque_scale == pytest.approx(1e-3 * math.sqrt(21.0**2 + 20.0**2 + 21.0**2))
+    with pytest.raises(SettingError, match=r"center_of_mass is 101 mm, but the unit .* not"):
         load_mesh(box, center_of_mass="10.1cm,100,99")
 
 

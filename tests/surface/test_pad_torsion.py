@@ -40,14 +40,14 @@ OFFSETS = (0.0, 0.004, 0.02)
 
 @cache
 def block() -> ObjectMesh:
-    """A box of 80 x 50 x 30 mm about its centre of mass, in millimetres."""
-    return load_mesh(shapes.box((80.0, 50.0, 30.0)), unit="mm", max_edge=30.0)
+    """A box of 80 x 50 x 30 mm about its centre of mass."""
+    return load_mesh(shapes.box((80.0, 50.0, 30.0)), unit="mm", max_edge="30mm")
 
 
 def held(load: Load = DOWN, *, tilt: float = 0.0, **changed: Any) -> Holding:
     """Holding of two fingers opposite to each other, at `OFFSETS` from the centre of mass."""
     model = GraspModel(sensor_resolution=2.0 * tilt, **changed)
-    points = [[[1e3 * x, side, 0.0] for side in (25.0, -25.0)] for x in OFFSETS]
+    points = [[[x, side, 0.0] for side in (0.025, -0.025)] for x in OFFSETS]
     contacts = evaluate_grasps(block(), points, model).contacts
     case = LoadCase.of(load, block(), model, FRANKA)
     return surface_holding(contacts, model, case)
@@ -72,12 +72,12 @@ def test_each_friction_has_its_own_torsion_radius() -> None:
     assert_forces(found.grip_force, forces_at(NOMINAL))
     assert_forces(found.grip_force_largest, forces_at(LOW))
     assert found.payload == pytest.approx(FORCE * MASS / found.grip_force_largest)
-    stored = 1e3 * FRANKA.torsion_radius(NOMINAL)
+    stored = FRANKA.torsion_radius(NOMINAL)
     assert found.settings()["force_torsion_radius"] == pytest.approx(stored)
 
 
 def test_a_given_torsion_radius_is_that_at_any_friction() -> None:
-    given_radius = 1e3 * FRANKA.torsion_radius(NOMINAL)
+    given_radius = FRANKA.torsion_radius(NOMINAL)
     found = held(friction=INTERVAL, torsion_radius=given_radius)
     assert_forces(found.grip_force_least, forces_at(HIGH, NOMINAL))
     assert_forces(found.grip_force, forces_at(NOMINAL))

@@ -291,7 +291,7 @@ def test_a_gripper_that_gives_way_is_clear_of_the_object() -> None:
 
 def test_contacts_outside_the_region_have_no_score() -> None:
     mesh = load_mesh(
-        shapes.box((60.0, 50.0, 30.0)), unit="mm", max_edge=8.0, region="box:-50,-50,-50,19,50,50"
+        shapes.box((60.0, 50.0, 30.0)), unit="mm", max_edge="8mm", region="box:-1,-1,-1,19mm,1,1"
     )
     for method in ("exact", "extremes"):
         found = evaluate_grasps(mesh, pose(), GraspModel(method=method), hand=pads())

@@ -141,10 +141,10 @@ def test_what_a_file_states_of_its_object_is_used(box: Path) -> None:
     assert found.mesh.center_mass == pytest.approx([0.01, 0.0, 0.002])
     assert (mass(found), found.mass_from, found.center_from) == (0.2, "file", "file")
     in_mm = stated_object(box, stated, MeshOptions(unit="mm"), Load(mass="50 g"))
-    assert in_mm.mesh.center_mass == pytest.approx([10.0, 0.0, 2.0])
+    assert in_mm.mesh.center_mass == pytest.approx([0.01, 0.0, 0.002])
     assert (mass(in_mm), in_mm.mass_from) == (0.05, "given")
-    given = stated_object(box, stated, MeshOptions(unit="mm", center_of_mass="1,0,0"), None)
-    assert given.mesh.center_mass == pytest.approx([1.0, 0.0, 0.0])
+    given = stated_object(box, stated, MeshOptions(unit="mm", center_of_mass="1mm,0,0"), None)
+    assert given.mesh.center_mass == pytest.approx([0.001, 0.0, 0.0])
     assert given.center_from == "given"
     bare = stated_object(box, poses(object_scale=0.001), None, None)
     assert np.isnan(bare.masses).all()

@@ -70,7 +70,7 @@ def test_a_box_has_known_scores() -> None:
 @pytest.mark.slow
 def test_scores_do_not_depend_on_the_unit_of_the_mesh() -> None:
     points, faces = shapes.lopsided(3)
-    in_mm = load_mesh((25.0 * points, faces), unit="mm", max_edge=20.0)
+    in_mm = load_mesh((25.0 * points, faces), unit="mm", max_edge="20mm")
     given = {"hand": FRANKA, "load": Load(mass=0.1), "object_motion": "fixed"}
     one, two = (
         scores_of(evaluate_grasps(mesh, on_blob().given, GraspModel(), **given))
@@ -101,14 +101,14 @@ def test_a_load_and_a_force_at_hand_add_scores() -> None:
 
 
 def test_every_result_is_a_column_in_si_units() -> None:
-    in_mm = load_mesh((25.0 * shapes.lopsided(3)[0], shapes.lopsided(3)[1]), unit="mm", max_edge=20)
+    points, faces = shapes.lopsided(3)
+    in_mm = load_mesh((25.0 * points, faces), unit="mm", max_edge="20mm")
     given = on_blob().given
     found = evaluate_grasps(in_mm, given, hand=FRANKA, load=Load(mass=0.1), object_motion="fixed")
     columns, table = results_of(found), found.to_table()
-    assert set(table.column_names) - columns.keys() == {"grasp", "outcome"}
-    factors = {"opening": 1e-3, "x1": 1e-3, "z2": 1e-3, "area1": 1e-6, "nx1": 1.0, "margin": 1.0}
-    for name, factor in factors.items():
-        expected = factor * np.array(table[name].to_pylist(), dtype=float)
+    assert set(table.column_names) - columns.keys() == {"grasp", "outcome", "unit"}
+    for name in ("opening", "x1", "z2", "area1", "nx1", "margin"):
+        expected = np.array(table[name].to_pylist(), dtype=float)
         np.testing.assert_allclose(columns[name], expected, atol=1e-15, err_msg=name)
     for name in ("closing", "label", "touch1", "reason", "name"):
         assert columns[name].tolist() == table[name].to_pylist()

@@ -63,23 +63,23 @@ def test_a_unit_that_a_file_does_not_state_is_that_of_its_labels(
     path = tmp_path / f"box.{suffix}"
     writer_for(path)(path, viewing.box())
     opened = open_collection(path, options=MeshOptions(unit="mm")).items[0].open()
-    assert opened.labels.mesh.unit == opened.mesh.unit == "mm"
+    assert opened.labels.mesh.file_unit == opened.mesh.file_unit == "mm"
     assert np.array_equal(opened.mesh.normals, read_subject(path).mesh.normals)
-    assert opened.mesh.torque_scale == viewing.box().mesh.torque_scale
+    assert opened.mesh.torque_scale == pytest.approx(1e-3 * viewing.box().mesh.torque_scale)
 
 
 def test_a_mesh_is_labelled_when_it_is_opened(tmp_path: Path) -> None:
     path = tmp_path / "box.stl"
     trimesh.Trimesh(*shapes.box()).export(path)
-    model, sampling = GraspModel(friction=0.9), Sampling(max_opening=2.0)
-    collection = open_collection(path, model, sampling, MeshOptions(max_edge=0.5, unit="cm"))
+    model, sampling = GraspModel(friction=0.9), Sampling(max_opening="2cm")
+    collection = open_collection(path, model, sampling, MeshOptions(max_edge="0.5cm", unit="cm"))
     reported: list[float] = []
     with running(progress=reported.append):
         subject = collection.items[0].open()
     assert (collection.model, collection.sampling) == (model, sampling)
     assert [one.name for one in collection.items] == [subject.name] == ["box.stl"]
     assert (subject.labels.model, subject.labels.sampling) == (model, sampling)
-    assert subject.mesh.unit == "cm"
+    assert subject.mesh.file_unit == "cm"
     assert sorted(reported) == reported
     assert reported[-1] == pytest.approx(1.0)
     with running(progress=reported.append):
@@ -122,19 +122,19 @@ def test_a_labelled_file_has_its_own_settings_unless_others_are_given(file: Path
     labels = viewing.labels()
     collection = open_collection(file)
     assert collection.model == labels.model
-    assert collection.sampling.max_opening == 0.3
-    changed = open_collection(file, GraspModel(friction=0.3), Sampling(min_opening=0.1))
+    assert collection.sampling.max_opening == 0.003
+    changed = open_collection(file, GraspModel(friction=0.3), Sampling(min_opening="1mm"))
     assert changed.model == replace(labels.model, friction=0.3)
-    assert (changed.sampling.min_opening, changed.sampling.max_opening) == (0.1, 0.3)
+    assert (changed.sampling.min_opening, changed.sampling.max_opening) == (0.001, 0.003)
     assert changed.sampling.search_angle is None
-    three = open_collection(file, GraspModel(fingers=3), MultifingerSampling(max_opening=0.2))
-    assert (three.model.fingers, three.sampling) == (3, MultifingerSampling(max_opening=0.2))
+    three = open_collection(file, GraspModel(fingers=3), MultifingerSampling(max_opening="2mm"))
+    assert (three.model.fingers, three.sampling) == (3, MultifingerSampling(max_opening="2mm"))
     with pytest.raises(SettingError, match="does not apply to 3 fingers"):
-        open_collection(file, GraspModel(fingers=3), Sampling(min_opening=0.2))
+        open_collection(file, GraspModel(fingers=3), Sampling(min_opening="2mm"))
 
 
 def _held() -> SurfaceLabels:
-    mesh = load_mesh(shapes.box((4.0, 3.0, 2.0)), unit="cm", max_edge=1.5)
+    mesh = load_mesh(shapes.box((4.0, 3.0, 2.0)), unit="cm", max_edge="1.5cm")
     return label_surface(mesh, hand=ParallelGripper.preset("franka"), load=Load(mass="200 g"))
 
 

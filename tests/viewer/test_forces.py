@@ -41,7 +41,7 @@ def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
 def held() -> SurfaceLabels:
     """A box of 0.5 kg with soft fingers; near its edges no force suffices."""
     box = trimesh.creation.box([8.0, 5.0, 3.0])
-    labels = label_surface(load_mesh(box, max_edge=2.0, unit="cm"), SOFT)
+    labels = label_surface(load_mesh(box, max_edge="2cm", unit="cm"), SOFT)
     return labels.using(load=LOAD)
 
 

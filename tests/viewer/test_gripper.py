@@ -76,9 +76,9 @@ def test_the_panel_lists_what_the_gripper_needs_at_the_clicked_vertex(session: S
     assert seen.held is not None
     assert np.array_equal(seen.held.pose, reach.poses[vertex])
     numbers = dict(seen.numbers)
-    assert numbers["pre-grasp opening"] == f"{held_box().opening[vertex] + 0.004:.4g} m"
+    assert numbers["pre-grasp opening"] == f"{1000.0 * held_box().opening[vertex] + 4.0:.4g} mm"
     assert numbers["approach margin"] == f"±{math.degrees(reach.approach_margin[vertex]):.1f}°"
-    assert numbers["inserted depth"] == "0 m"
+    assert numbers["inserted depth"] == "0 mm"
     assert "gripper jaws and a table" in panel_text(session).facts
 
 

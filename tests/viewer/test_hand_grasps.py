@@ -78,7 +78,7 @@ def test_view_shows_the_contacts_and_not_the_palm(tmp_path: Path) -> None:
     pose, up = marked_pose(found, 0).held, found.scene.up
     toward = view_axes(grasp_view(found.contacts_of(0)[0], up, pose), up)[2]
     assert toward @ pose.approach > -0.2  # the palm is below, and would hide all
-    assert pose.triangles(found.hand, "m").links.max() == len(found.hand.link_names) - 1
+    assert pose.triangles(found.hand).links.max() == len(found.hand.link_names) - 1
 
 
 def test_what_the_motors_hold_is_drawn_and_listed(tmp_path: Path) -> None:

@@ -51,11 +51,13 @@ def test_numbers_of_two_fingers_follow_from_the_contacts(code: Label) -> None:
     numbers = dict(seen.numbers)
     assert numbers["β*"] == f"{max(first, second):.1f}°"
     assert numbers["normals off the line"] == f"{first:.1f}° and {second:.1f}°"
-    assert numbers["opening"] == f"{np.linalg.norm(seen.points[1] - seen.points[0]):.4g} cm"
+    assert (
+        numbers["opening"] == f"{1000.0 * np.linalg.norm(seen.points[1] - seen.points[0]):.4g} mm"
+    )
     alpha = 2.0 * (math.degrees(math.atan(0.75)) - max(first, second))
     assert numbers["α*"] == f"{alpha:.1f}°"
     assert numbers["vertex"] == str(vertex)
-    assert numbers["position"].endswith(") cm")
+    assert numbers["position"].endswith(") mm")
     assert f"{max(first, second):.1f}° off the line through the contacts" in seen.reason
     beta, tilt = math.degrees(math.atan(0.75)), 11.3
     assert f"{beta:.1f}° − {tilt}° = {beta - tilt:.1f}°" in seen.reason

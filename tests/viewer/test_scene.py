@@ -230,7 +230,7 @@ def test_contact_numbers_do_not_overlap_and_are_beside_their_contacts() -> None:
 
 def test_captions_contain_the_largest_opening_if_it_is_limited() -> None:
     for labels, caption in (
-        (viewing.labels(), ["α 22.6°", "μ 0.75", "two fingers", "opening ≤ 0.3 cm"]),
+        (viewing.labels(), ["α 22.6°", "μ 0.75", "two fingers", "opening ≤ 3 mm"]),
         (viewing.box(), ["α 22.6°", "μ 0.5", "two fingers"]),
         (viewing.scan(), ["α 22.6°", "μ 0.5", "two fingers"]),
     ):

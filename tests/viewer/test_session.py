@@ -57,7 +57,7 @@ def test_a_session_begins_with_its_settings() -> None:
     assert session.subject is None
     assert panel_text(session).fractions == ()
     wait_until_idle(session)
-    assert session.state.max_opening == 0.3
+    assert session.state.max_opening == 0.003
     assert session.model == viewing.labels().model
     assert session.state.paint == "critical_angle"
     assert session.name == viewing.labels().mesh.report.source
@@ -166,13 +166,13 @@ def test_a_wider_search_does_not_change_known_fractions() -> None:
 
 def test_another_opening_is_searched_once() -> None:
     session = ready_session(viewing.labels())
-    session.change(max_opening=0.5)
+    session.change(max_opening=0.005)
     wait_until_idle(session)
     subject = session.subject
     assert subject is not None
     assert subject.labels.sampling is not None
-    assert subject.labels.sampling.max_opening == 0.5
-    assert np.nanmax(subject.labels.opening) > 0.3
+    assert subject.labels.sampling.max_opening == 0.005
+    assert np.nanmax(subject.labels.opening) > 0.003
     session.change(friction=0.7)
     assert session.working is None
 
@@ -566,7 +566,9 @@ def test_texts_of_an_object() -> None:
     session.click(40)
     text = panel_text(session)
     mesh = viewing.labels().mesh
-    assert text.facts == f"size {mesh.size:.3g} cm, {len(mesh.vertices):,} vertices, closed"
+    assert (
+        text.facts == f"size {1000.0 * mesh.size:.3g} mm, {len(mesh.vertices):,} vertices, closed"
+    )
     assert [one.letter for one in text.fractions] == ["S", "M", "U"]
     assert sum(one.fraction for one in text.fractions) == pytest.approx(1.0)
     assert [one.color for one in text.fractions] == ["#009E73", "#F0E442", "#D55E00"]
@@ -700,7 +702,9 @@ def test_errors_are_reported(worker: Worker[int], error: Exception, message: str
 def test_the_unsearched_part_has_an_area_fraction() -> None:
     labels = viewing.labels().using(model=GraspModel(friction=0.05))
     subject = viewing.with_values(subject_of(labels), search=SearchReport(0.1))
-    collection = Collection((Item("a", lambda: subject),), GraspModel(), Sampling(max_opening=0.3))
+    collection = Collection(
+        (Item("a", lambda: subject),), GraspModel(), Sampling(max_opening=0.003)
+    )
     session = Session(collection)
     _until(session.poll)
     fractions = panel_text(session).fractions

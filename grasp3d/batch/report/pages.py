@@ -15,9 +15,9 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.storage.folder import Folder
 from grasp3d.quality.loads import load_settings
-from grasp3d.settings.lengths import one_line
 from grasp3d.settings.model_text import SAFE_LABELS
 from grasp3d.settings.parsing import plain_values
+from grasp3d.settings.units import one_line
 from grasp3d.stability.label import COLORS
 from grasp3d.system.counts import counted, short_number
 from grasp3d.system.names import printable

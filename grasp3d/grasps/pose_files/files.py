@@ -36,7 +36,7 @@ from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.settings import PoseFormat, check_choice
-from grasp3d.settings.lengths import Unit
+from grasp3d.settings.units import Unit
 from grasp3d.system.documents import is_folder, load_json
 from grasp3d.system.files import check_suffix
 from grasp3d.system.limited_reading import read_file

@@ -30,7 +30,7 @@ from grasp3d.hand.hand_files import hand_of
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.pose_checks import checked_quaternions
-from grasp3d.settings.lengths import METRES, Unit
+from grasp3d.settings.units import METRES, Unit
 from grasp3d.system.documents import described, file_bytes, load_json
 from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import printable

@@ -341,7 +341,7 @@ class ArticulatedHand:
             )
         )
 
-    check_fingers = distances = opening_at = reach = close = blocked = opens_to = _refuse
+    check_fingers = distances = reach = close = blocked = opens_to = _refuse
 
     def description(self) -> Mapping[str, Any]:
         """What files state of it; `description` is the file of its links, wherever they are."""

@@ -27,20 +27,17 @@ OVERLAPS = 5e-4
 
 
 class HandScene:
-    """A hand and an object for the kernels, in metres in the frame of the mesh."""
+    """A hand and an object for the kernels, in the frame of the mesh."""
 
-    def __init__(
-        self, mesh: "ObjectMesh", hand: ArticulatedHand, metres: float, distance: float
-    ) -> None:
+    def __init__(self, mesh: "ObjectMesh", hand: ArticulatedHand, distance: float) -> None:
         """Prepare the surface, once for a mesh, and the hand, once for a hand.
 
         Args:
             mesh: The object.
             hand: The hand.
-            metres: Metres per unit of the mesh.
             distance: Contact distance [m].
         """
-        self.hand, self.metres, self.distance = hand, metres, distance
+        self.hand, self.distance = hand, distance
         self.bodies, self.surface = hand.bodies, mesh.touched_surface
 
     def frames(self, poses: Floats, postures: Floats) -> Floats:
@@ -91,7 +88,7 @@ class HandScene:
             placed[..., 3] += frames[:, link, :, 3]
             up = table.normal @ placed  # (k, 4), in the body's frame
             lowest = np.minimum(lowest, up[:, 3] - reach_along(self.bodies, body, -up[:, :3]))
-        return np.asarray(table.offset * self.metres - lowest)
+        return np.asarray(table.offset - lowest)
 
     def self_collisions(self, frames: Floats) -> tuple[Floats, Ints]:
         """How deep the two links that overlap most do [m], (k,), and which they are (k, 2)."""

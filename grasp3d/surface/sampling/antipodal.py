@@ -118,7 +118,7 @@ MIN_GAIN = 0.1
 
 @dataclass(frozen=True, eq=False)
 class AntipodalGrasps:
-    """The best antipodal grasp found at each vertex, in the mesh's frame and unit."""
+    """The best antipodal grasp found at each vertex, in the mesh's frame."""
 
     worst: Floats
     """Critical friction angle over the contacts' worst normals [rad], inf: none found. (V,)"""

@@ -8,6 +8,7 @@ from grasp3d.arrays import Bytes
 from grasp3d.grasps.explanations import UNSEARCHED, finger_words
 from grasp3d.settings import sampling_kind
 from grasp3d.settings.model_text import friction_text, location_texts
+from grasp3d.settings.units import small_length
 from grasp3d.stability.label import MEANING, Label, Mode
 from grasp3d.viewer.scene.overlays import (
     INK,
@@ -128,14 +129,16 @@ def _placeholder(session: Session) -> str:
 def _caption(session: Session, subject: Subject) -> tuple[str, ...]:
     model = session.model
     resolution = f"α {round(math.degrees(model.sensor_resolution), 2):g}°"
-    unit, limit, scene = subject.mesh.unit, session.state.max_opening, session.scene
-    parts = [resolution, f"μ {friction_text(model)}", *location_texts(model, unit)]
+    metres = subject.mesh.unit is not None
+    limit, scene = session.state.max_opening, session.scene
+    locations = location_texts(model, metres=metres)
+    parts = [resolution, f"μ {friction_text(model)}", *locations]
     if subject.poses is not None:
         return (*parts, subject.poses.hand.name)
     parts.append(finger_words(model.fingers))
     if subject.labels.mode != "scan" and math.isfinite(limit):  # the search had a limit
         name = sampling_kind(subject.labels.model.fingers).span
-        parts.append(f"{name} ≤ {limit:.4g} {unit or ''}".rstrip())
+        parts.append(f"{name} ≤ {subject.mesh.length_text(limit)}")
     return (*parts, *([] if scene is None else [f"gripper {scene.hand.name}"]))
 
 
@@ -196,12 +199,12 @@ def scale_bar(area: TextArea, per_pixel: float, unit: str | None) -> list[Overla
 
     Args:
         area: Size of the pane.
-        per_pixel: Length of a pixel, in the mesh's unit.
-        unit: Name of the unit; None: unknown.
+        per_pixel: Length of a pixel.
+        unit: Its unit: m; None: unknown.
     """
     length = round_length(max_bar_width(area) * per_pixel)
     width, thickness = length / per_pixel, max(2.0, round(0.15 * area.size))
-    text = f"{length:g} {unit}" if unit else f"{length:g}"
+    text = small_length(length, metres=unit is not None)
     right, bottom = area.width - area.margin, 0.8 * area.margin
     left = right - width
     height = 3.0 * thickness

@@ -63,7 +63,7 @@ def middle_of(points: Floats, axes: Floats) -> Floats:
 
 
 def parallel_scale(reach: tuple[float, float], area: FreeArea) -> float:
-    """Half the pane's height in the mesh's unit, if the given extents fill the free area."""
+    """Half the pane's height [m], if the given extents fill the free area."""
     width, height = area.free
     per_pixel = max(2.0 * reach[0] / width, 2.0 * reach[1] / height, np.finfo(float).tiny)
     return 0.5 * MARGIN * per_pixel * area.height
@@ -76,7 +76,7 @@ class Frame:
     middle: Floats
     """Shape (3,)."""
     reach: tuple[float, float]
-    """Largest horizontal and vertical distance from the centre, in the mesh's unit."""
+    """Largest horizontal and vertical distance from the centre [m]."""
 
 
 def frame_of(points: Floats, beside: Floats, axes: Floats) -> Frame:

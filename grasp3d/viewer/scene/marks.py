@@ -15,7 +15,6 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.shapes import ARC_COLOR
 from grasp3d.rendering.opengl import AMBIENT
 from grasp3d.settings import GraspModel
-from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.framing import pixel_ratio
 from grasp3d.viewer.session.inspection import MarkedContacts
 from grasp3d.viewer.subjects.subject import Subject
@@ -107,8 +106,8 @@ class Marks:
         """
         shown, approach = grasp or NO_CONTACTS, NO_POINTS
         contacts, model = MarkedContacts(shown.points, shown.normals), shown.model
-        if hand is not None and shown.held is not None and subject.mesh.unit is not None:
-            approach = _approach_ends(shown.held, hand.finger_length / METRES[subject.mesh.unit])
+        if hand is not None and shown.held is not None:
+            approach = _approach_ends(shown.held, hand.finger_length)
         size, fixed_key = subject.mesh.size, (id(subject.mesh.vertices), fixed.tobytes())
         grasp_key = (contacts.points.tobytes(), contacts.normals.tobytes())
         safe = model and model.sure_angle

@@ -21,7 +21,6 @@ from grasp3d.hand.table import Table
 from grasp3d.hand.triangles import COLORS, Part, Triangles
 from grasp3d.rendering.opengl import LIGHT
 from grasp3d.settings import GraspModel
-from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.framing import pixel_ratio
 from grasp3d.viewer.scene.marks import NO_POINTS, Marks, new_actor
 from grasp3d.viewer.scene.overlays import Overlay
@@ -88,7 +87,7 @@ class GripperActors:
             self._show_table(subject, table)
         if same_object and before[2] is pose:
             return False
-        self._show_gripper(subject, hand, pose)
+        self._show_gripper(hand, pose)
         return len(self.points) > 0
 
     def hide(self) -> None:
@@ -106,13 +105,13 @@ class GripperActors:
             self._table.mapper.dataset = surface_of(plate)
             self.table_points = plate.vertices
 
-    def _show_gripper(self, subject: Subject, hand: Hand | None, pose: GripperPose | None) -> None:
+    def _show_gripper(self, hand: Hand | None, pose: GripperPose | None) -> None:
         for actor in (self._gripper, self._links, self._edges, self._arc):
             actor.visibility = False
         self.points = NO_POINTS
-        if hand is None or pose is None or subject.mesh.unit is None:
+        if hand is None or pose is None:
             return
-        solid = pose.triangles(hand, subject.mesh.unit)
+        solid = pose.triangles(hand)
         parts = solid.parts
         colors = PALETTE[parts]
         if pose.has_joints:
@@ -145,7 +144,7 @@ class GripperActors:
             framed = (parts != Part.PALM) | (solid.links == palm)
         self.points = solid.vertices[np.unique(solid.faces[framed])]
         if pose.arcs:
-            radius = ARC_RADIUS * hand.finger_length / METRES[subject.mesh.unit]
+            radius = ARC_RADIUS * hand.finger_length
             arc = approach_triangles(pose.pose, pose.arcs, radius=radius, inner=ARC_INNER)
             self._arc.mapper.dataset = surface_of(arc)
             self._arc.visibility = True

@@ -13,7 +13,6 @@ import pyvista
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.rendering.grasp_views import grasp_view
 from grasp3d.rendering.opengl import UPRIGHT, View, screenshot, view_axes
-from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.captions import Captions
 from grasp3d.viewer.scene.framing import (
     Frame,
@@ -93,8 +92,8 @@ def vertex_at(
             reach = crossing
     start = (origin - subject.mesh.center) / subject.mesh.size
     toward = np.asarray(direction, dtype=np.float32)[None]
-    hit = subject.rays.hits(np.asarray(start, dtype=np.float32)[None], toward)
-    face, distance = int(hit["primID"][0]), float(hit["tfar"][0]) * subject.mesh.size
+    faces, far = subject.rays.hits(np.asarray(start, dtype=np.float32)[None], toward)
+    face, distance = int(faces[0]), float(far[0]) * subject.mesh.size
     if face < 0 or distance > reach:
         return None
     corners = subject.mesh.faces[face]
@@ -283,8 +282,8 @@ class Scene:
     def _set_surroundings(self, session: Session, subject: Subject) -> None:
         """Set the direction that is up, and the size of all that may be shown."""
         scene, self._size, self._up = session.scene, subject.mesh.size, UPRIGHT
-        if scene is not None and subject.mesh.unit is not None:
-            self._size += scene.hand.size / METRES[subject.mesh.unit]
+        if scene is not None:
+            self._size += scene.hand.size
             self._up = scene.up
 
     def _frame_all(self, axes: Floats) -> None:

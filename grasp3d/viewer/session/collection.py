@@ -2,12 +2,12 @@
 
 import re
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
@@ -21,11 +21,10 @@ from grasp3d.grasps.evaluated_poses import GivenGrasps
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.mesh_sources import read_source
-from grasp3d.mesh.plausible_lengths import check_lengths
+from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.quality.loads import Load
 from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling, check_search_settings
-from grasp3d.settings.lengths import Measure, Unit, settings_in_unit
+from grasp3d.settings.units import Unit
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import Labelling, label_surface
 from grasp3d.surface.labels import SurfaceLabels
@@ -41,7 +40,7 @@ READ = 0.2
 """Fraction of the work of opening a mesh after which it is read and prepared."""
 
 SettingsT = TypeVar("SettingsT")
-Lengths: TypeAlias = Mapping[str, float | None]
+Given: TypeAlias = tuple[GraspModel | None, AnySampling | None]
 Search: TypeAlias = tuple[ReachSettings, GraspModel, AnySampling]
 """Settings of a search."""
 
@@ -114,7 +113,7 @@ def collection_of_mesh(
         SettingError: The settings contradict each other.
     """
     settings = _chosen(model, sampling)
-    settings = mesh.in_own_unit(*settings)
+    mesh.check_units(*settings)
     check_search_settings(*settings)
     return _single(mesh.report.source, partial(_label_mesh, mesh, *settings), *settings)
 
@@ -200,18 +199,13 @@ def open_collection(
     if target.is_dir():
         return _batch_collection(target, model, sampling, options, reach, force=force)
     if labels is not None:
-        stored, unit = (labels.model, labels.sampling), labels.mesh.unit
-        settings = settings_in_unit(unit, *_merged(stored, model, sampling), source=target.name)
+        settings = _merged((labels.model, labels.sampling), model, sampling)
         if labels.mode != "scan":
             check_search_settings(*settings)
-        lengths = {} if force else _given_lengths(model, sampling, unit, target.name)
-        subject = subject_of(labels, target.name)
-        opened = partial(_open_stored, lambda: subject, lengths, (reach, *settings))
+        subject, given = subject_of(labels, target.name), None if force else (model, sampling)
+        opened = partial(_open_stored, lambda: subject, given, (reach, *settings))
         return _single(target.name, opened, *settings)
     settings = _chosen(model, sampling)
-    if any(isinstance(length, Measure) for one in settings for length in one.lengths().values()):
-        unit = options.unit or read_source(target).unit
-        settings = settings_in_unit(unit, *settings, source=target.name)
     check_search_settings(*settings)
     reader = partial(_open_mesh, target, (reach, *settings), options, load, force)
     return _single(target.name, reader, *settings)
@@ -238,16 +232,12 @@ def _batch_collection(
     settings = _chosen(model, sampling)
     if stored is not None:
         settings = _merged(stored, model, sampling)
-    units: set[Any] = {row.unit or options.unit for row in rows}
-    unit = units.pop() if len(units) == 1 else None
-    source = f"all meshes of {printable(str(folder))}"
-    settings = settings_in_unit(unit, *settings, source=source)
-    lengths = {} if force else _given_lengths(model, sampling, unit, source)
+    given = None if force else (model, sampling)
     check_search_settings(*settings)
     last, items = LastOpened(), []
     for row in rows:
         reader = partial(read_result, folder, row, unit=options.unit)
-        opened = partial(_open_stored, reader, lengths, (reach, *settings))
+        opened = partial(_open_stored, reader, given, (reach, *settings))
         items.append(Item(as_unicode(row.mesh), last.kept(opened)))
     count = left_out + len(rows)
     note = f"{left_out} of {count} meshes were not labelled; see report/index.html for the reasons"
@@ -308,11 +298,14 @@ def read_result(folder: Path, row: Row, *, unit: Unit | None = None) -> Subject:
     return replace(subject, notes=tuple(dict.fromkeys((*notes, *subject.notes))))
 
 
-def _open_stored(reader: Callable[[], Subject], lengths: Lengths, search: Search) -> Subject:
+def _open_stored(reader: Callable[[], Subject], given: Given | None, search: Search) -> Subject:
     """Read stored labels; the lengths that the user gave must be such as can be meant for them."""
     report_progress(0.0)
     subject = reader()
-    check_lengths(lengths, subject.mesh.size, subject.mesh.unit, subject.name)
+    if given is None:
+        subject.mesh.check_units(*search)
+    else:
+        refuse_lengths(subject.mesh, *given)
     return _with_gripper(subject, search)
 
 
@@ -351,14 +344,6 @@ def _open_mesh(
 
 def _label_mesh(mesh: ObjectMesh, model: GraspModel, sampling: AnySampling) -> Subject:
     return warm_up(subject_of(label_surface(mesh, model, sampling=sampling)))
-
-
-def _given_lengths(
-    model: GraspModel | None, sampling: AnySampling | None, unit: Unit | None, source: str
-) -> Lengths:
-    """The lengths that the user gave, and defaults, by name."""
-    settings = settings_in_unit(unit, model or GraspModel(), sampling, source=source)
-    return {name: length for one in settings if one for name, length in one.lengths().items()}
 
 
 def _merged(

@@ -258,7 +258,6 @@ def _inspection(
     pose: GripperPose | None,
 ) -> Inspection:
     """List the numbers of a grasp; those that are not known are left out."""
-    unit = f" {subject.mesh.unit}" if subject.mesh.unit else ""
     numbers = [] if vertex is None else [("vertex", f"{vertex}")]
     numbers.append(("position", position_text(points[0], subject.mesh)))
     if vertex is not None and math.isinf(case.best):
@@ -268,9 +267,9 @@ def _inspection(
         for name, epsilon in zip(EPSILONS, epsilons, strict=bool(epsilons)):
             numbers.append((name, f"{epsilon:.3g}" if math.isfinite(epsilon) else UNKNOWN))
         if math.isfinite(opening):
-            numbers.append(("opening", f"{opening:.4g}{unit}"))
+            numbers.append(("opening", subject.mesh.length_text(opening)))
         numbers += [] if force is None else force.numbers()
-        numbers += _gripper_numbers(pose, unit)
+        numbers += _gripper_numbers(pose, subject.mesh)
         if case.off_line is not None:
             first, second = (math.degrees(angle) for angle in case.off_line)
             numbers.append(("normals off the line", f"{first:.1f}° and {second:.1f}°"))
@@ -341,14 +340,14 @@ def _held_by(subject: Subject, grasp: GraspContacts, model: GraspModel) -> HeldG
     return HeldGrasp(holding, 0, grasp.count)
 
 
-def _gripper_numbers(pose: GripperPose | None, unit: str) -> list[tuple[str, str]]:
+def _gripper_numbers(pose: GripperPose | None, mesh: ObjectMesh) -> list[tuple[str, str]]:
     """Names and values that a gripper adds; those that are unknown are left out."""
     if pose is None:
         return []
     values = [
-        ("pre-grasp opening", pose.pregrasp_opening, f"{pose.pregrasp_opening:.4g}{unit}"),
+        ("pre-grasp opening", pose.pregrasp_opening, mesh.length_text(pose.pregrasp_opening)),
         ("approach margin", pose.approach_margin, f"±{math.degrees(pose.approach_margin):.1f}°"),
-        ("inserted depth", pose.depth, f"{round(pose.depth, 9):.3g}{unit}"),
+        ("inserted depth", pose.depth, mesh.length_text(round(pose.depth, 9), 3)),
     ]
     return [(name, text) for name, value, text in values if math.isfinite(value)]
 
@@ -356,8 +355,8 @@ def _gripper_numbers(pose: GripperPose | None, unit: str) -> list[tuple[str, str
 def position_text(point: Floats, mesh: ObjectMesh) -> str:
     """Coordinates with four digits, and their unit; rounding errors of 0 are 0."""
     rounded = np.where(np.abs(point) < ROUNDING * mesh.size, 0.0, point)
-    coordinates = ", ".join(f"{value:.4g}" for value in rounded)
-    return f"({coordinates}) {mesh.unit or ''}".rstrip()
+    factor, unit = (1000.0, " mm") if mesh.unit else (1.0, "")
+    return f"({', '.join(f'{factor * value:.4g}' for value in rounded)}){unit}"
 
 
 def _epsilons(subject: Subject, vertex: int, model: GraspModel) -> tuple[float, float, float]:

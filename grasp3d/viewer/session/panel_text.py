@@ -103,11 +103,11 @@ def interval_text(model: GraspModel) -> str:
 
 
 def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
-    unit = subject.mesh.unit or "(unit not stated)"
-    facts = (
-        f"size {subject.mesh.size:.3g} {unit}, {len(subject.mesh.vertices):,} vertices, "
-        f"{'closed' if subject.mesh.report.closed else 'open'}"
-    )
+    mesh = subject.mesh
+    stated = "" if mesh.unit else " (unit not stated)"
+    state = "closed" if mesh.report.closed else "open"
+    size = f"size {mesh.length_text(mesh.size, 3)}{stated}"
+    facts = f"{size}, {len(mesh.vertices):,} vertices, {state}"
     if subject.labels.scene is not None:
         table = "" if subject.labels.scene.table is None else " and a table"
         hand = subject.labels.scene.hand

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from grasp3d.settings import AnySampling, GraspModel, Sampling, sampling_kind
-from grasp3d.settings.lengths import METRES
 from grasp3d.system.counts import noun
 from grasp3d.viewer.session.background import Job
 from grasp3d.viewer.session.computations import (
@@ -112,10 +111,10 @@ def needs_search(subject: Subject, state: ViewState, sampling: AnySampling) -> b
 def _limits(subject: Subject, sampling: AnySampling) -> AnySampling:
     """Settings of a search without its cone, with openings that a gripper can have."""
     sampling = replace(sampling, search_angle=None)
-    mesh, scene = subject.mesh, subject.labels.scene
-    if scene is None or mesh.unit is None or not isinstance(sampling, Sampling):
+    scene = subject.labels.scene
+    if scene is None or not isinstance(sampling, Sampling):
         return sampling
-    least, most = (limit / METRES[mesh.unit] for limit in scene.hand.limits)
+    least, most = scene.hand.limits
     most = min(sampling.max_opening, most)
     return replace(
         sampling, min_opening=min(max(sampling.min_opening, least), most), max_opening=most

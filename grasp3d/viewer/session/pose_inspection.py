@@ -10,13 +10,12 @@ from grasp3d.grasps.evaluation import using
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.motor_holding import load_text
 from grasp3d.hand.gripper_pose import GripperPose
-from grasp3d.hand.jaws import metres_per_unit
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.rendering.margin_colors import margin_colors
 from grasp3d.settings import GraspModel
-from grasp3d.settings.lengths import small_length
+from grasp3d.settings.units import small_length
 from grasp3d.stability.label import COLORS, Label
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason, SearchReport
@@ -82,7 +81,7 @@ def marked_pose(grasps: GivenGrasps, row: int) -> MarkedContacts:
         return MarkedContacts(*grasps.contacts_of(row), grasps.model, _hand_at(grasps, row))
     assert isinstance(grasps, EvaluatedPoses)
     jaws, given, touching = grasps.jaws, grasps.given, np.array([], dtype=np.int64)
-    opening = grasps.hand.max_opening / metres_per_unit(grasps.mesh)
+    opening = grasps.hand.max_opening
     if jaws.closed[row]:
         opening, touching = float(jaws.opening[row]), np.arange(2)
     held = GripperPose(
@@ -147,7 +146,7 @@ def reason_of(grasps: GivenGrasps, row: int) -> str:
 
 def _gripper_numbers(grasps: EvaluatedPoses) -> list[tuple[str, str]]:
     """Names and values of the first pose of a gripper; those that are not known are left out."""
-    unit, numbers = grasps.mesh.unit, [("pose", str(grasps.given.names[0]))]
+    numbers = [("pose", str(grasps.given.names[0]))]
     numbers.append(("score", f"{grasps.score[0]:.2f}"))
     if not grasps.jaws.closed[0]:
         return numbers
@@ -158,7 +157,7 @@ def _gripper_numbers(grasps: EvaluatedPoses) -> list[tuple[str, str]]:
         text = f"{short_number(force)} N" if math.isfinite(force) else "no force suffices"
         numbers.append(("needs", text))
         numbers += [("holds", f"{short_number(payload)} kg")] if math.isfinite(payload) else []
-    numbers.append(("opening", f"{grasps.opening[0]:.4g} {unit}"))
+    numbers.append(("opening", grasps.mesh.length_text(grasps.opening[0])))
     if math.isfinite(turn := float(grasps.approach_margin[0])):
         numbers.append(("approach may turn", f"±{math.degrees(turn):.1f}°"))
     return numbers
@@ -179,7 +178,7 @@ def _angles(grasps: GivenGrasps) -> list[tuple[str, str]]:
 
 def _numbers(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
     """Names and values of the first pose; those that are not known are left out."""
-    contacts, unit = grasps.contacts, grasps.mesh.unit
+    contacts = grasps.contacts
     links = grasps.links[0].split()
     numbers = [
         ("pose", str(grasps.given.names[0])),
@@ -197,7 +196,11 @@ def _numbers(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
         ("below the table", grasps.below_table[0]),
     )
     least = ROUNDING * grasps.mesh.size
-    numbers += [(name, small_length(value, unit, 2)) for name, value in lengths if value > least]
+    numbers += [
+        (name, small_length(value, metres=True, digits=2))
+        for name, value in lengths
+        if value > least
+    ]
     felt = np.flatnonzero(~np.isnan(grasps.link_margin[0]))
     names = grasps.hand.link_names
     numbers += [

@@ -57,7 +57,7 @@ class ViewState:
     model: GraspModel
     """Chosen friction, resolution and number of fingers."""
     max_opening: float
-    """Largest distance between contacts, in the mesh's unit: the gripper's stroke for two fingers,
+    """Largest distance between contacts [m]: the gripper's stroke for two fingers,
     the largest spread for more."""
     paint: Paint = "label"
     section: Section | None = None

@@ -217,7 +217,7 @@ def located_grasp(
         grasp: The grasp, shape (1, n).
         worst: Its critical angle over the worst normals [rad].
         best: The same over the best normals.
-        model: Grasp model, with lengths in the mesh's unit.
+        model: Grasp model.
     """
     model = replace(model, fingers=grasp.count)
     if model.location_error == 0.0:
