@@ -152,8 +152,12 @@ def with_lengths_scaled(value: ValueT, factor: float) -> ValueT:
 def _scaled(length: Any, factor: float) -> Any:
     if isinstance(length, tuple):
         return tuple(_scaled(one, factor) for one in length)
-    # To 15 digits, so that 80 mm are 0.08 m and not 0.08 and a rounding error.
-    return None if length is None else float(f"{length * factor:.15g}")
+    return None if length is None else _converted(length, factor)
+
+
+def _converted(number: float, factor: float) -> float:
+    """A number in another unit, to 15 digits: 80 mm are 0.08 m, and not a rounding error more."""
+    return float(f"{number * factor:.15g}")
 
 
 def with_units(name: str, value: Any) -> Iterator[tuple[str, Metres]]:
@@ -177,7 +181,7 @@ def parse_length(name: str, value: Any) -> Any:
 
     Returns:
         Numbers, and none, as they are; texts without a unit, and zero, as numbers; texts with a
-        unit as `Metres`, of 15 digits: 80 mm are 0.08 m, and not 0.08 and a rounding error.
+        unit as `Metres`.
 
     Raises:
         SettingError: It is neither a number nor a number with a known unit.
@@ -201,7 +205,7 @@ def parse_length(name: str, value: Any) -> Any:
     number = float(match[1])
     if not (unit and number and math.isfinite(number)):
         return number
-    return Metres(f"{number * METRES[unit]:.15g}")
+    return Metres(_converted(number, METRES[unit]))
 
 
 def parse_position(name: str, value: Any) -> Any:
@@ -303,8 +307,7 @@ def _number(value: object, units: Mapping[str, float]) -> float | None:
         return number
     for symbol, multiple in units.items():
         if symbol.lower().replace("^", "") == unit:
-            # To 15 digits, so that 300 g are 0.3 kg and not 0.3 and a rounding error.
-            return float(f"{number * multiple:.15g}")
+            return _converted(number, multiple)
     return None
 
 
