@@ -81,6 +81,12 @@ def test_contacts_without_a_unit_are_in_that_of_the_meshs_file(tmp_path: Path) -
     (tmp_path / "pose.csv").write_text("px,py,pz,qx,qy,qz,qw\n0,0,6,1,0,0,0")
     posed = grasp3d.evaluate_grasps(in_mm, tmp_path / "pose.csv", hand="franka")
     np.testing.assert_allclose(posed.opening, [0.06], rtol=1e-6)
+    # Of the frame of a palm, whose distance from the TCP is in metres.
+    rows = ["px,py,pz,qx,qy,qz,qw,gripper_frame", "0,0,110,1,0,0,0,graspgen"]
+    (tmp_path / "palm.csv").write_text("\n".join(rows))
+    stated = grasp3d.read_grasps(tmp_path / "palm.csv", unit="mm", hand=grasp3d.read_hand("franka"))
+    palm = grasp3d.evaluate_grasps(in_mm, tmp_path / "palm.csv", hand="franka")
+    np.testing.assert_allclose(palm.given.poses, stated.in_unit("m").poses, atol=1e-12)
     unknown = grasp3d.load_mesh(shapes.box((60.0, 40.0, 20.0)), max_edge=90.0)
     plain = grasp3d.evaluate_grasps(unknown, tmp_path / "pair.csv")
     grasp3d.write_grasps(tmp_path / "plain.csv", plain)  # whose column unit is empty
