@@ -44,8 +44,6 @@ class BatchProgress:
     """Meshes without a row yet, including the running ones."""
     fraction: float
     """Fraction of the work that is done, estimated by the size of the files, from 0 to 1."""
-    largest: MeshFile | None
-    """The largest running mesh."""
     row: Row | None = None
     """Row of the mesh that has just finished."""
 
@@ -68,7 +66,7 @@ class _ProgressCounter:
         self._work_done, self._report_to = 0, report
         self._running: dict[str, MeshFile] = {}
         fraction = 0.0 if meshes else 1.0
-        self._progress = BatchProgress(finished, stale, 0, 0, len(meshes), fraction, None)
+        self._progress = BatchProgress(finished, stale, 0, 0, len(meshes), fraction)
         report(self._progress)
 
     def start(self, mesh: MeshFile) -> None:
@@ -89,8 +87,7 @@ class _ProgressCounter:
         )
 
     def _report(self, **changes: Any) -> None:
-        largest = max(self._running.values(), key=lambda mesh: mesh.size, default=None)
-        self._progress = replace(self._progress, largest=largest, **changes)
+        self._progress = replace(self._progress, **changes)
         self._report_to(self._progress)
 
 

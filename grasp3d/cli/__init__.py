@@ -7,12 +7,11 @@ import gc
 import logging
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from difflib import get_close_matches
 from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
+from typing import Any
 
 from grasp3d._kernels import compilations
 from grasp3d.cli.commands import (
@@ -119,9 +118,7 @@ def _run(arguments: list[str]) -> int:
         compilations.setLevel(logging.ERROR)
     try:
         _check_file(getattr(command, "file", None))
-        with _without_collections():
-            begin_test(getattr(command, "file", None), pictures=getattr(command, "best", None))
-            module = import_module(f"{__name__}.{type(command).__name__.lower()}")
+        module = _module(command)
         with running(strict=getattr(command, "strict", False)):
             return int(module.run(command))
     finally:
@@ -138,26 +135,22 @@ def _check_file(file: object) -> None:
         raise MeshError(f"{file}: {problem}")
 
 
-@contextmanager
-def _without_collections() -> Iterator[None]:
-    """Do not search what modules make for garbage, now or later: it takes a third of a second."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if not gc.get_freeze_count():  # once: later there may be garbage among them
-            gc.freeze()
-        if was_enabled:
-            gc.enable()
+def _module(command: object) -> Any:
+    """The module that runs a command.
 
+    What it makes is never searched for garbage, which takes a third of a second. Where pictures
+    are wanted, what tests rendering starts before, as its own imports take a second.
+    """
+    if getattr(command, "best", None) and getattr(command, "file", None):
+        from grasp3d.rendering.opengl import begin_render_test
 
-def begin_test(file: object, *, pictures: object) -> None:
-    """Start what tests rendering, if pictures of a mesh are wanted: its imports take a second."""
-    from grasp3d.rendering.opengl import begin_render_test
-
-    if pictures and isinstance(file, Path) and file.is_file():
         begin_render_test()
+    gc.disable()
+    module = import_module(f"{__name__}.{type(command).__name__.lower()}")
+    if not gc.get_freeze_count():  # once: later there may be garbage among them
+        gc.freeze()
+    gc.enable()
+    return module
 
 
 def _kind(name: str) -> type:

@@ -45,7 +45,7 @@ def run(command: Batch) -> int:
     if command.quiet:
         batch_report.print_failed(library)
     else:
-        batch_report.print_library(library, settings.model, report=command.report)
+        batch_report.print_library(library, report=command.report)
     return 1 if library.failed else 0
 
 

@@ -2,11 +2,10 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 from rich.filesize import decimal
-from rich.table import Table
 
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.checking import (
@@ -22,18 +21,22 @@ from grasp3d.batch.storage.files import local_path
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Check
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.report import FAILED, Report, duration_text, escaped, table_of
+from grasp3d.cli.report import (
+    FAILED,
+    Report,
+    duration_text,
+    escaped,
+    exact_angle,
+    length_with_unit,
+)
 from grasp3d.mesh.diagnosis import MeshDiagnosis, SurfaceMeasures, Trust
 from grasp3d.system.counts import counted
 
 MAX_PAGES = 3
 """Largest number of meshes with a page each."""
 
-_COLORS = {"yes": "green", "with care": "yellow", "no": "red"}
+_COLORS = {Trust.YES: "green", Trust.CARE: "yellow", Trust.NO: "red"}
 """Colours of the values of `Trust`."""
-
-_MIN_CHANGE = 1e-4
-"""Relative change below which nothing is printed."""
 
 
 def run(command: Check) -> int:
@@ -75,29 +78,23 @@ def _print_page(report: Report, mesh: CheckedMesh) -> None:
     if diagnosis is None:
         report.lines([mesh.refusal], FAILED)
         return
-    file = f"{diagnosis.format.upper()}, {decimal(diagnosis.file_bytes or 0)}"
-    report.paragraph(f"[bold]{escaped(diagnosis.mesh)}[/]: {file}")
-    report.lines([_unit(diagnosis)], "unit:")
-    extents = " x ".join(f"{extent:.4g}" for extent in diagnosis.extents)
-    unit = " m" if diagnosis.unit else ""
-    size = f"{diagnosis.size:.4g}{unit} (diameter of the bounding sphere)"
-    report.line(f"extents {extents}{unit}; size {size}")
-    report.table(_measures(diagnosis))
-    for step in diagnosis.repairs:
-        report.line(f"repaired: {step}")
-    sound, cost = diagnosis.manifold == "NoError", diagnosis.cost
-    manifold = "yes" if sound else f"no ({diagnosis.manifold})"
-    report.paragraph(
-        f"self-intersecting faces: {diagnosis.crossing_faces:,}; noise of normals: "
-        f"{math.degrees(diagnosis.noise):.1f}°; manifold: {manifold}"
-    )
-    time = "a second" if cost.seconds < 1.0 else duration_text(cost.seconds)
-    report.paragraph(
-        f"labelling: {counted(diagnosis.label_vertices, 'vertices')}, "
-        f"{'several times' if cost.more else 'about'} {time} and "
-        f"{cost.memory:.1f} GB"
-    )
-    report.paragraph(f"labels can be trusted: {_colored(diagnosis.trust)}")
+    size = decimal(diagnosis.file_bytes or 0)
+    report.heading(diagnosis.mesh, f"{diagnosis.format.upper()}, {size}")
+    report.values(_facts(diagnosis))
+    both = diagnosis.before, diagnosis.after
+    length, area, volume = (f", m{power}" if diagnosis.unit else "" for power in ("", *"²³"))
+    rows = {
+        "vertices": [f"{one.vertices:,}" for one in both],
+        "faces": [f"{one.faces:,}" for one in both],
+        "watertight": map(_closed, both),
+        f"area{area}": [f"{one.area:.5g}" for one in both],
+        f"volume{volume}": ["open" if one.volume is None else f"{one.volume:.5g}" for one in both],
+        f"centre of mass{length}": [_center(one, diagnosis.size) for one in both],
+    }
+    lines = ([name, *texts] for name, texts in rows.items())
+    report.table(("", "in the file", "after repair"), lines)
+    report.lines(map(str, diagnosis.repairs), "repaired:")
+    report.line(f"labels can be trusted: {_colored(diagnosis.trust)}")
     for warning in diagnosis.warnings:
         report.lines([warning.message], _colored(warning.trust, "•"))
 
@@ -107,6 +104,24 @@ def _colored(trust: Trust, text: str | None = None) -> str:
     return f"[{_COLORS[trust]}]{trust if text is None else text}[/]"
 
 
+def _facts(diagnosis: MeshDiagnosis) -> Iterator[tuple[str, str]]:
+    """Names and values of what a mesh is, and of what labelling it takes."""
+    yield "unit", _unit(diagnosis)
+    extents = (length_with_unit(one, "m" if diagnosis.unit else None) for one in diagnosis.extents)
+    yield "extents", " x ".join(one.removesuffix(" (unit not stated)") for one in extents)
+    yield "size", f"{length_with_unit(diagnosis.size, diagnosis.unit)}, of the ball around it"
+    cavities = f", {diagnosis.cavities} cavities" if diagnosis.cavities else ""
+    yield "bodies", f"{diagnosis.bodies}{cavities}"
+    yield "self-intersecting faces", f"{diagnosis.crossing_faces:,}"
+    yield "noise of normals", exact_angle(diagnosis.noise)
+    yield "manifold", "yes" if diagnosis.manifold == "NoError" else f"no ({diagnosis.manifold})"
+    cost = diagnosis.cost
+    time = "a second" if cost.seconds < 1.0 else duration_text(cost.seconds)
+    vertices = counted(diagnosis.label_vertices, "vertices")
+    often = "several times" if cost.more else "about"
+    yield "labelling", f"{vertices}, {often} {time} and {cost.memory:.1f} GB"
+
+
 def _unit(diagnosis: MeshDiagnosis) -> str:
     if diagnosis.file_unit is None:
         return f"not stated; {diagnosis.guess.reason}"
@@ -114,30 +129,6 @@ def _unit(diagnosis: MeshDiagnosis) -> str:
         return diagnosis.file_unit
     suggested = f"its size suggests {diagnosis.guess.unit}: {diagnosis.guess.reason}"
     return f"{diagnosis.file_unit} as stated; {suggested}"
-
-
-def _measures(diagnosis: MeshDiagnosis) -> Table:
-    """Return a table of the measures before and after repair."""
-    before, after = both = diagnosis.before, diagnosis.after
-    length, area, volume = (f", m{power}" if diagnosis.unit else "" for power in ("", *"²³"))
-    shift = diagnosis.center_shift if before.closed and after.closed else 0.0
-    cavities = f", cavities: {diagnosis.cavities}" if diagnosis.cavities else ""
-    volumes = ("open" if state.volume is None else f"{state.volume:.5g}" for state in both)
-    rows = [
-        ("vertices, faces", *(f"{state.vertices:,} {state.faces:,}" for state in both), ""),
-        ("watertight", *map(_closed, both), ""),
-        (f"area{area}", *(f"{state.area:.5g}" for state in both), _change(before.area, after.area)),
-        (f"volume{volume}", *volumes, _change(before.volume, after.volume)),
-        (
-            f"centre of mass{length}",
-            *(_center(state, diagnosis.size) for state in both),
-            f"{100.0 * shift:.2g} % of the size" if shift > _MIN_CHANGE else "",
-        ),
-        ("bodies", "", f"{diagnosis.bodies}{cavities}", ""),
-    ]
-    table = table_of(("", "in the file", "after repair", "change"), rows, folded=True)
-    table.columns[-1].justify = "left"
-    return table
 
 
 def _closed(measured: SurfaceMeasures) -> str:
@@ -159,28 +150,14 @@ def _center(measured: SurfaceMeasures, size: float) -> str:
     return " ".join(f"{round(x, digits) + 0.0:.{digits}f}" for x in measured.center_mass)
 
 
-def _change(before: float | None, after: float | None) -> str:
-    if before is None or after is None or abs(after - before) <= _MIN_CHANGE * abs(after):
-        return ""
-    if before * after < 0.0:
-        return "inverted"
-    if not before:
-        return "new"
-    percent = 100.0 * (after / before - 1.0)
-    return f"{percent:+.2g} %" if abs(percent) < 99.5 else f"{percent:+,.0f} %"
-
-
 def _print_lines(report: Report, meshes: Sequence[CheckedMesh]) -> None:
     """Print a line for each mesh, then the errors and the warnings."""
     headings = ("faces", "size", "bodies", "closed", "repairs", "crossing", "noise")
-    table = table_of(("mesh", "labels", *headings), map(_cells, meshes))
-    table.columns[0].min_width, table.columns[1].justify = 12, "left"
-    table.padding = (0, 1, 0, 0)
-    report.table(table)
-    report.paragraph(
-        "labels: whether they can be trusted; size: with the stated unit, or with ? the unit that "
-        "it suggests; closed: watertight, in the file > after repair; repairs: kinds of repair; "
-        "crossing: self-intersecting faces; noise: of the normals"
+    report.table(("mesh", "labels", *headings), map(_cells, meshes), texts=(0, 1))
+    report.line(
+        "labels: whether they can be trusted; size: with ?, the unit that it suggests; closed: "
+        "watertight after repair; repairs: kinds of repair; crossing: self-intersecting faces; "
+        "noise: of the normals"
     )
     for mesh in meshes:
         if mesh.diagnosis is None:
@@ -190,8 +167,8 @@ def _print_lines(report: Report, meshes: Sequence[CheckedMesh]) -> None:
             mark = _colored(warning.trust, f"{warning.trust}:")
             report.lines([f"{mesh.name}: {warning.message}"], mark)
     trusts = Counter(mesh.diagnosis.trust for mesh in meshes if mesh.diagnosis is not None)
-    counts = ", ".join(f"{trusts[trust]} {trust}" for trust in _COLORS)  # type: ignore[index]
-    report.paragraph(
+    counts = ", ".join(f"{trusts[trust]} {trust}" for trust in _COLORS)
+    report.line(
         f"{counted(len(meshes), 'meshes')}; labels can be trusted: {counts}; "
         f"{len(meshes) - trusts.total()} failed"
     )
@@ -201,16 +178,15 @@ def _cells(mesh: CheckedMesh) -> list[str]:
     diagnosis = mesh.diagnosis
     if diagnosis is None:
         return [escaped(mesh.name), "[red]failed[/]", *[""] * 7]
-    before, after = ("yes" if one.closed else "no" for one in (diagnosis.before, diagnosis.after))
-    unit = "m" if diagnosis.unit else f"{diagnosis.guess.unit or ''}?"
+    size = length_with_unit(diagnosis.size, diagnosis.unit)
     return [
         escaped(mesh.name),
         _colored(diagnosis.trust),
         f"{diagnosis.after.faces:,}",
-        f"{diagnosis.size:.3g} {unit}",
+        size.replace("unit not stated", f"{diagnosis.guess.unit or 'unit'}?"),
         str(diagnosis.bodies),
-        before if before == after else f"{before} > {after}",
+        "yes" if diagnosis.after.closed else "no",
         str(len(diagnosis.repairs)),
         str(diagnosis.crossing_faces),
-        f"{math.degrees(diagnosis.noise):.1f}°",
+        exact_angle(diagnosis.noise),
     ]

@@ -25,7 +25,6 @@ from grasp3d.cli.options import (
     Stated,
     Strict,
     WholeMesh,
-    model_help,
     without,
 )
 from grasp3d.errors import SettingError
@@ -115,19 +114,16 @@ class Sweep(Guarded):
     friction: Annotated[NumberRanges, Main("frictions")] = ("0.2", "0.5", "1.0")
     """Coulomb coefficients of friction between fingertip and object, above 0."""
 
-    sensor_resolution: Annotated[
-        DegreeRanges,
-        model_help(
-            "sensor_resolution", "One value or more, in degrees, and ranges that include both ends."
-        ),
-        Main("sensor resolutions"),
-    ] = ("0:60:1", "22.6")
+    sensor_resolution: Annotated[DegreeRanges, Main("sensor resolutions")] = ("0:60:1", "22.6")
+    """Resolutions of the fingertips' sensors: the smallest angle between two normals that they can
+    tell apart. One value or more, in degrees, and ranges that include both ends."""
 
     fraction: Annotated[tuple[float, ...], Main("area fractions of S")] = (0.5, 0.9)
     """Area fractions of S, above 0 and at most 1. For each the required sensor resolution is
     printed: at any smaller one at least this fraction of the surface is S."""
 
-    fingers: Annotated[int, model_help("fingers"), Group("hand")] = 2
+    fingers: Annotated[int, Group("hand")] = 2
+    """Number of fingers, from 2 to 5."""
 
     sampling: Sampling = field(default_factory=Sampling)
 

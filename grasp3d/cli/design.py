@@ -2,9 +2,7 @@
 
 from collections.abc import Sequence
 
-from rich.table import Table
-
-from grasp3d.cli.report import Report, exact_angle, table_of
+from grasp3d.cli.report import Report, exact_angle
 from grasp3d.cli.tool_commands import Design
 from grasp3d.contact.friction_cones import effective_friction
 from grasp3d.contact.sensor import MARGIN_ROUNDING, Sensor, required_counts, resolution_limit
@@ -66,25 +64,25 @@ def _print_limits(command: Design, radius: float) -> None:
         field, resolution = sensor.receptive_field, exact_angle(sensor.resolution)
         rows.append((f"{friction:g}", f"{field:#.4g}", resolution, *_counts(sensor)))
     report = Report()
-    report.paragraph("[bold]Required sensor for each friction[/]")
-    report.paragraph(f"fingertip: radius {radius:.4g} mm")
-    report.table(table_of(headings, rows, texts=0, folded=True))
-    report.paragraph(
-        "\nGrasps can be surely stable only with a finer sensor than this; grasp3d sweep computes "
+    report.line(f"required sensor for each friction; fingertip: radius {radius:.4g} mm")
+    report.table(headings, rows, texts=())
+    report.line(
+        "Grasps can be surely stable only with a finer sensor than this; grasp3d sweep computes "
         "the area fraction of an object where they are."
     )
-    report.paragraph(_COUNTS_NOTE)
+    report.line(_COUNTS_NOTE)
     if command == Design():
-        report.paragraph(_PAPER_NOTE)
+        report.line(_PAPER_NOTE)
 
 
 def _print_sensor(command: Design, sensor: Sensor) -> None:
     """Print a sensor, the friction that it requires, and how given frictions compare."""
     discs, caps = _counts(sensor)
-    comparison = _comparison(command, sensor)  # refuses frictions before anything is printed
+    headings = ["friction", "fine\nenough", "margin", "effective\nfriction"]
+    headings += ["counts\nat least"] * (command.joints is not None)
+    rows = [_comparison(command, sensor, one) for one in command.friction]  # may be refused
     report = Report()
-    report.paragraph("[bold]Required friction for this sensor[/]")
-    report.fields(
+    report.values(
         [
             ("fingertip", f"radius {sensor.fingertip_radius:.4g} mm"),
             ("receptive field", f"{sensor.receptive_field:.4g} mm"),
@@ -94,32 +92,28 @@ def _print_sensor(command: Design, sensor: Sensor) -> None:
             ("required friction", f"above {sensor.required_friction:.4g}"),
         ]
     )
-    report.paragraph(_COUNTS_NOTE)
-    if not command.friction:
-        return
-    report.paragraph("\n[bold]Comparison of this sensor with each friction[/]")
-    report.table(comparison)
-    counts_text = "; counts: per revolution of the encoder of each joint" if command.joints else ""
-    report.paragraph(
-        "\nmargin: friction angle minus half the resolution; effective friction: friction whose "
-        f"friction angle is the margin{counts_text}. For the best grasps: two fingers that push "
-        "along the line through both contacts. Others require a finer sensor: see grasp3d sweep."
-    )
+    report.line(_COUNTS_NOTE)
+    if rows:
+        report.table(headings, rows, texts=())
+        counts = "; counts: per revolution of the encoder of each joint" * bool(command.joints)
+        report.line(
+            "margin: friction angle minus half the resolution; effective friction: friction whose "
+            f"friction angle is the margin{counts}. For the best grasps: two fingers that push "
+            "along the line through both contacts. Others require a finer sensor: see grasp3d "
+            "sweep."
+        )
 
 
-def _comparison(command: Design, sensor: Sensor) -> Table:
-    headings = ["friction", "fine\nenough", "margin", "effective\nfriction"]
-    headings += ["counts\nat least"] if command.joints is not None else []
-    rows = []
-    for friction in command.friction:
-        margin = resolution_limit(friction) / 2.0 - sensor.tilt
-        effective = float(effective_friction(friction, sensor.resolution))
-        enough = "yes" if margin > MARGIN_ROUNDING else "no"
-        rows.append([f"{friction:g}", enough, exact_angle(margin), f"{effective:.4g}"])
-        if command.joints is not None:
-            counts = required_counts(command.joints, friction, sensor.resolution)
-            rows[-1].append("none" if counts is None else f"{counts:,}")
-    return table_of(headings, rows, texts=0, folded=True)
+def _comparison(command: Design, sensor: Sensor, friction: float) -> list[str]:
+    """Cells of a friction: whether a sensor is fine enough for it, and by how much."""
+    margin = resolution_limit(friction) / 2.0 - sensor.tilt
+    effective = float(effective_friction(friction, sensor.resolution))
+    enough = "yes" if margin > MARGIN_ROUNDING else "no"
+    cells = [f"{friction:g}", enough, exact_angle(margin), f"{effective:.4g}"]
+    if command.joints is not None:
+        counts = required_counts(command.joints, friction, sensor.resolution)
+        cells.append("none" if counts is None else f"{counts:,}")
+    return cells
 
 
 def _counts(sensor: Sensor) -> Sequence[str]:

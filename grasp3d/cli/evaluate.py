@@ -1,16 +1,13 @@
 """The command `grasp3d evaluate`: evaluates given grasps on a mesh."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from grasp3d.arrays import Floats
-from grasp3d.cli import grasp_report, hand_report, progress_bars
+from grasp3d.cli import grasp_report, progress_bars
 from grasp3d.cli.commands import Evaluate
 from grasp3d.cli.existing_files import check_not_source, check_not_task, check_output
 from grasp3d.errors import ContactError, MeshError, SettingError
 from grasp3d.grasps.audit import explained
-from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import (
     contacts_on,
     evaluate_contacts,
@@ -24,7 +21,6 @@ from grasp3d.grasps.grasp_files import (
     read_grasps,
     write_grasps,
 )
-from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.pose_files import holds_poses, read_poses
 from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.frames import AUTO
@@ -37,6 +33,9 @@ from grasp3d.system.names import safe_stem
 
 PICTURED = 12
 """Poses in a picture."""
+
+OF_POSES = {"object_motion": "free", "contact_rule": None, "contact_distance": None}
+"""Options of poses alone, and their defaults."""
 
 
 def run(command: Evaluate) -> int:
@@ -51,14 +50,21 @@ def run(command: Evaluate) -> int:
             "evaluate the grasps of other objects with theirs, one after the other"
         )
     poses = holds_poses(command.contacts)
-    _check_gripper(command, poses=poses)
+    _check_options(command, poses=poses)
     check_not_source(output, command.contacts, "poses" if poses else "contacts")
     check_output(output, SUFFIXES, "table", overwrite=command.overwrite, sources=[command.file])
     if command.picture is not None:
         _check_picture(command)
-    metrics = (_evaluate_poses if poses else _evaluate_contacts)(command, output)
-    if metrics is not None and not command.quiet:
-        grasp_report.print_metrics(metrics)
+    results = (_poses if poses else _contacts)(command)
+    metrics = None if command.metrics is None else results.metrics(command.metrics)
+    progress_bars.measure(lambda: results.epsilon, "measuring epsilon", quiet=command.quiet)
+    write_grasps(output, results, metrics=metrics)
+    if command.picture is not None:
+        _draw(command.picture, results, quiet=command.quiet)
+    if not command.quiet:
+        grasp_report.print_grasps(results, *filter(None, (output, command.picture)))
+        if metrics is not None:
+            grasp_report.print_metrics(metrics)
     return 0
 
 
@@ -73,37 +79,36 @@ def _check_picture(command: Evaluate) -> None:
     check_rendering()
 
 
-def _check_gripper(command: Evaluate, *, poses: bool) -> None:
-    """Refuse poses without a gripper, and contacts with one."""
-    if poses and command.reach.hand is None:
+def _check_options(command: Evaluate, *, poses: bool) -> None:
+    """Refuse options of poses for contacts, the other way round, and poses without a gripper."""
+    hand = command.reach.hand
+    if poses and hand is None:
         raise SettingError(
             f"{command.contacts}: contains poses; give their gripper with --hand NAME|FILE"
         )
-    if not poses and command.reach.pose_error:
-        raise SettingError("pose_error applies to poses of a gripper, not to contacts")
-    for name, changed in {
-        "object_motion": command.object_motion != "free",
-        "contact_rule": command.contact_rule is not None,
-        "contact_distance": command.contact_distance is not None,
-    }.items():
-        if changed and not poses:
-            raise SettingError(f"{name} applies to poses of a gripper, not to contacts")
     if poses and command.max_distance is not None:
         raise SettingError("max_distance applies to contacts, not to poses of a gripper")
-    if command.reach.hand is not None and not poses:
+    if poses:
+        return
+    changed = [name for name, default in OF_POSES.items() if getattr(command, name) != default]
+    if command.reach.pose_error:
+        changed.append("pose_error")
+    if changed:
+        raise SettingError(f"{changed[0]} applies to poses of a gripper, not to contacts")
+    if hand is not None:
         try:
             read_contacts(command.contacts)
         except ContactError:
-            read_poses(command.contacts, hand=command.reach.hand)  # says why it contains neither
+            read_poses(command.contacts, hand=hand)  # says why it contains neither
         raise SettingError(
             f"{command.contacts}: contains no poses; a gripper applies to poses, not to contacts"
         )
 
 
-def _evaluate_poses(command: Evaluate, output: Path) -> Mapping[str, Floats] | None:
-    """Evaluate poses, write and print the results."""
+def _poses(command: Evaluate) -> Any:
+    """Evaluate poses of a gripper or hand."""
     poses, mesh = poses_on(
-        command.contacts, command.file, command.mesh, hand=command.reach.hand, **_of_poses(command)
+        command.contacts, command.file, command.mesh, hand=command.reach.hand, **_stated(command)
     )
     model = command.reach.touching(command.model)
     _refuse_lengths(command, mesh, model)
@@ -112,24 +117,34 @@ def _evaluate_poses(command: Evaluate, output: Path) -> Mapping[str, Floats] | N
     with progress_bars.progress(f"evaluating {command.contacts.name}", quiet=command.quiet):
         if command.frame == AUTO:
             poses = explained(mesh, poses, scene.hand, table=scene.table)
-        chosen = ("object_motion", "contact_rule", "contact_distance")
-        options: dict[str, Any] = {name: getattr(command, name) for name in chosen}
-        results: Any = evaluate_grasps(
-            mesh, poses, model, load=command.load.chosen, scene=scene, **options
+        options: dict[str, Any] = {name: getattr(command, name) for name in OF_POSES}
+        return evaluate_grasps(mesh, poses, model, load=command.load.chosen, scene=scene, **options)
+
+
+def _contacts(command: Evaluate) -> Any:
+    """Evaluate contacts."""
+    stated = {**_stated(command), "frame": command.frame}
+    if any(given is not None for given in stated.values()):
+        read_grasps(command.contacts, **stated)  # says that it is for poses
+    contacts, unit = contacts_in(command.contacts)
+    model = with_fingers(command.model, contacts.shape[1])
+    mesh = load_mesh(command.file, command.mesh)
+    contacts = contacts_on(mesh, contacts, unit)
+    _refuse_lengths(command, mesh, model)
+    with progress_bars.progress(f"evaluating {command.contacts.name}", quiet=command.quiet):
+        return evaluate_contacts(
+            mesh, contacts, model, max_distance=command.max_distance, load=command.load.chosen
         )
-    metrics = None if command.metrics is None else results.metrics(command.metrics)
-    progress_bars.measure(lambda: results.epsilon, "measuring epsilon", quiet=command.quiet)
-    write_grasps(output, results, metrics=metrics)
-    if command.picture is not None:
-        _draw(command.picture, results, quiet=command.quiet)
-    if not command.quiet:
-        of_gripper = isinstance(results, EvaluatedPoses)
-        report = grasp_report.print_poses if of_gripper else hand_report.print_hand_grasps
-        report(results, *filter(None, (output, command.picture)))
-    return metrics
 
 
-def _draw(path: Path, results: EvaluatedPoses | EvaluatedHandGrasps, *, quiet: bool) -> None:
+def _stated(command: Evaluate) -> dict[str, Any]:
+    """What is stated of a file of poses, for `read_grasps`."""
+    return {
+        **command.of_poses, "outcome": command.outcome, "object_scale": command.object_scale
+    }  # fmt: skip
+
+
+def _draw(path: Path, results: Any, *, quiet: bool) -> None:
     """Draw the poses to be taken first."""
     from grasp3d.plots.figures import save_as
     from grasp3d.plots.grasps import grasp_figure
@@ -140,35 +155,6 @@ def _draw(path: Path, results: EvaluatedPoses | EvaluatedHandGrasps, *, quiet: b
     with progress_bars.progress("drawing poses", quiet=quiet):
         pictures = draw_grasps(shown)
     save_as(grasp_figure(shown, pictures, [int(row) + 1 for row in rows]), path)
-
-
-def _of_poses(command: Evaluate) -> dict[str, Any]:
-    """What is given of a file of poses, for `read_grasps`."""
-    return {
-        **command.of_poses, "outcome": command.outcome, "object_scale": command.object_scale
-    }  # fmt: skip
-
-
-def _evaluate_contacts(command: Evaluate, output: Path) -> Mapping[str, Floats] | None:
-    """Evaluate contacts, write and print the results."""
-    stated = {**_of_poses(command), "frame": command.frame}
-    if any(given is not None for given in stated.values()):
-        read_grasps(command.contacts, **stated)  # says that it is for poses
-    contacts, unit = contacts_in(command.contacts)
-    model = with_fingers(command.model, contacts.shape[1])
-    mesh, load = load_mesh(command.file, command.mesh), command.load.chosen
-    contacts = contacts_on(mesh, contacts, unit)
-    _refuse_lengths(command, mesh, model)
-    with progress_bars.progress(f"evaluating {command.contacts.name}", quiet=command.quiet):
-        results = evaluate_contacts(
-            mesh, contacts, model, max_distance=command.max_distance, load=load
-        )
-    metrics = None if command.metrics is None else results.metrics(command.metrics)
-    progress_bars.measure(lambda: results.epsilon_range, "measuring epsilon", quiet=command.quiet)
-    write_grasps(output, results, metrics=metrics)
-    if not command.quiet:
-        grasp_report.print_evaluated(results, output)
-    return metrics
 
 
 def _refuse_lengths(command: Evaluate, mesh: ObjectMesh, model: GraspModel) -> None:

@@ -1,31 +1,44 @@
 """The command `grasp3d hand`: prints the description of a hand, draws and writes it."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 
-from grasp3d.cli.articulated import print_articulated, print_known
+import numpy as np
+
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.report import Report, escaped, table_of
+from grasp3d.cli.report import Report, escaped
 from grasp3d.cli.tool_commands import Hand
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.plausible_numbers import implausible
+from grasp3d.hand.articulated.presets import NAMES, content_of
 from grasp3d.hand.hand import Hand as AnyHand
 from grasp3d.hand.hand_files import read_hand, write_hand
 from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper, preset_names
 
-HEADINGS = ("name", "opening,\nmm", "fingers,\nmm", "pads,\nmm", "force,\nN", "sensor\nresolution")
-"""Of the table of grippers that are known by name."""
+GRIPPERS = ("name", "opening,\nmm", "fingers,\nmm", "force,\nN", "sensor\nresolution")
+HANDS = ("hand with joints", "torques, N m", "couplings")
+JOINTS = ("joint", "moves", "from,\n°", "to,\n°", "open,\n°", "closes", "torque,\nN m")
+LINKS = ("link", "is", "shapes")
+
+FRAME = (
+    "the TCP, midway between the pads or tips; x: closing axis, from finger 1 to finger 2; "
+    "z: approach direction; y = z x x"
+)
+
+NOT_STATED = "not stated"
 
 
 def run(command: Hand) -> int:
     """Run the command, and return the exit code."""
     if not command.hand:
         if not command.quiet:
-            print_presets()
             print_known()
         return 0
-    from grasp3d.plots.figures import METADATA
+    from grasp3d.plots.figures import METADATA, save_as
 
     # The description that was read is replaced only with --overwrite.
     check_output(command.output, [".json"], "gripper", overwrite=command.overwrite)
@@ -41,138 +54,149 @@ def run(command: Hand) -> int:
         write_hand(command.output, hand)
     if command.picture is not None:
         _draw(hand, command.picture)
-    if command.frames is not None:
-        from grasp3d.plots.figures import save_as
+    if command.frames is not None and isinstance(hand, ParallelGripper):
         from grasp3d.plots.grippers import frames_figure
 
-        save_as(frames_figure(_gripper(hand)), command.frames)
+        save_as(frames_figure(hand), command.frames)
     if not command.quiet:
-        paths = filter(None, (command.output, command.picture, command.frames))
-        if isinstance(hand, ArticulatedHand):
-            print_articulated(hand, paths)
-        else:
-            print_gripper(_gripper(hand), paths)
+        print_hand(hand, *filter(None, (command.output, command.picture, command.frames)))
     return 0
 
 
 def _draw(hand: AnyHand, path: Path) -> None:
     from grasp3d.plots.figures import save_as
+    from grasp3d.plots.grippers import gripper_figure
+    from grasp3d.plots.hands import hand_figure
 
-    if isinstance(hand, ArticulatedHand):
-        from grasp3d.plots.hands import hand_figure
-
-        save_as(hand_figure(hand), path)
-    else:
-        from grasp3d.plots.grippers import gripper_figure
-
-        save_as(gripper_figure(_gripper(hand)), path)
+    is_gripper = isinstance(hand, ParallelGripper)
+    save_as(gripper_figure(hand) if is_gripper else hand_figure(hand), path)  # type: ignore[arg-type]
 
 
-def _gripper(hand: AnyHand) -> ParallelGripper:
-    """A hand that is a parallel gripper. Raises SettingError."""
-    if not isinstance(hand, ParallelGripper):
-        raise SettingError(f"{hand.name!r} is of a kind that is not described")
-    return hand
-
-
-def print_presets() -> None:
-    """Print the grippers that are known by name."""
-    rows = (
-        (
-            title,
-            f"{_mm(gripper.min_opening)}–{_mm(gripper.max_opening)}",
-            _product(gripper.finger_thickness, gripper.finger_width, gripper.finger_length),
-            _pads(gripper),
-            "" if gripper.max_force is None else f"{gripper.max_force:g}",
-            _resolution(gripper) or "",
+def print_known() -> None:
+    """Print the grippers and the hands with joints that are known by name."""
+    report, rows = Report(), []
+    for title, gripper in zip(preset_names(), PRESETS.values(), strict=True):
+        lengths = (gripper.finger_thickness, gripper.finger_width, gripper.finger_length)
+        rows.append(
+            (
+                title,
+                f"{_mm(gripper.min_opening)}–{_mm(gripper.max_opening)}",
+                " x ".join(map(_mm, lengths)),
+                "" if gripper.max_force is None else f"{gripper.max_force:g}",
+                "" if gripper.resolution is None else _degrees(gripper.resolution),
+            )
         )
-        for title, gripper in zip(preset_names(), PRESETS.values(), strict=True)
-    )
-    report = Report()
-    report.table(table_of(HEADINGS, rows, folded=True))
-    report.line("fingers: thickness x width x length; grasp3d hand NAME prints all of a gripper")
+    report.table(GRIPPERS, rows)
+    report.line("fingers: thickness x width x length; grasp3d hand NAME prints all of a gripper\n")
+    hands = []
+    for name in NAMES:
+        content = content_of(name)
+        torques = (f"{torque:g}" for torque in sorted({*content.get("torques", {}).values()}))
+        kinds = Counter(one["kind"] for one in content.get("couplings", ()))
+        coupled = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+        hands.append((name, ", ".join(torques) or NOT_STATED, coupled or "none"))
+    report.table(HANDS, hands, texts=(0, 1, 2))
+    report.line("they need a URDF of yours: grasp3d hand FILE.urdf -o NAME.json")
 
 
-def print_gripper(gripper: ParallelGripper, paths: Iterable[Path] = ()) -> None:
-    """Print the description of a gripper.
+def print_hand(hand: AnyHand, *paths: Path) -> None:
+    """Print the description of a gripper, or of a hand with joints.
 
     Args:
-        gripper: The gripper.
+        hand: The hand.
         paths: Files that it was written to.
     """
     report = Report()
-    report.line(f"[bold]{escaped(gripper.name)}[/] (lengths in mm)")
-    report.fields(_rows(gripper))
-    for path in paths:
-        report.written(path)
+    if isinstance(hand, ArticulatedHand):
+        units = "a hand with joints; angles in °, sliding in mm and N"
+        report.heading(hand.name, f"({units})")
+        report.table(JOINTS, _joints(hand), texts=(0, 1))
+        report.table(LINKS, _links(hand), texts=(0, 1, 2))
+        report.values(_rows(hand))
+        report.warnings(implausible(hand))
+    elif isinstance(hand, ParallelGripper):
+        report.heading(hand.name, "(lengths in mm)")
+        report.values(_fields(hand))
+    if paths:
+        report.written(*paths)
 
 
-def _rows(gripper: ParallelGripper) -> Iterator[tuple[str, str]]:
-    """Names and values of a description."""
+def _fields(gripper: ParallelGripper) -> Iterator[tuple[str, str]]:
+    """Names and values of what is known of a gripper."""
     low, high = gripper.limits
-    yield "opening", f"{_mm(gripper.min_opening)} to {_mm(gripper.max_opening)}"
-    clearance = f"{_mm(gripper.clearance)} on both sides"
-    yield "  of a grasp", f"{_mm(low)} to {_mm(high)}, with a clearance of {clearance}"
-    yield "fingers", f"{_mm(gripper.finger_thickness)} thick (x)"
-    yield "", f"{_mm(gripper.finger_width)} wide (y)"
-    yield "", f"{_mm(gripper.finger_length)} long (z)"
-    if gripper.round_tips:
-        yield "round tips", f"diameter {_mm(2.0 * gripper.tip_radius)}"
-    else:
-        yield "flat pads", f"{_mm(gripper.pad_width)} wide, {_mm(gripper.pad_height)} high"
-    if gripper.inner_faces:
-        depth = max(-corner[0] for face in gripper.inner_faces for corner in face)
-        where = f"up to {_mm(depth)} behind the pads" if depth > 0.0 else "in the plane of the pads"
-        yield "  inner faces", f"{len(gripper.inner_faces)}, {where}"
-    yield "  give way by", _mm(gripper.compliance)
-    yield "palm", f"{_mm(gripper.palm_thickness)} thick (x)"
-    yield "", f"{_mm(gripper.palm_width)} wide (y)"
-    yield "", f"{_mm(gripper.palm_length)} long (z)"
-    yield from _frame_rows(gripper)
-    yield from _touch_rows(gripper)
-    if gripper.source:
-        yield "source", gripper.source
-
-
-def _frame_rows(gripper: ParallelGripper) -> Iterator[tuple[str, str]]:
-    where = "centres of the tips" if gripper.round_tips else "centres of the pads"
-    yield "frame", f"origin (TCP) midway between the {where}"
-    yield "", "x: closing axis, from finger 1 to finger 2"
-    yield "", "z: approach direction, from the palm to the object; y = z x x"
-    closing, approach = gripper.base_axes
-    yield "base to TCP", f"{_mm(gripper.base_to_tcp)} along z"
-    yield "", f"x is {closing}, z is {approach} of the hand's own frame"
-    for name, scale, closed in zip(
-        gripper.joint_names, gripper.joint_scale, gripper.joint_closed, strict=True
-    ):
-        yield "joint", f"{name} = {closed:.6g} {scale:+.6g} x opening [m]"
-
-
-def _touch_rows(gripper: ParallelGripper) -> Iterator[tuple[str, str]]:
-    force = gripper.max_force
-    yield "greatest force", "not stated" if force is None else f"{force:g} N"
-    yield "sensor resolution", _resolution(gripper) or "not stated"
-    if gripper.receptive_field is not None:
-        yield "", f"from a receptive field of {_mm(gripper.receptive_field)}"
+    for one in fields(gripper):
+        value = getattr(gripper, one.name)
+        if one.name in {"name", "sensor_resolution"} or value in {None, ()}:
+            continue
+        text = str(value)
+        if one.name == "max_force":
+            text = f"{value:g} N"
+        elif one.name == "inner_faces":
+            text = str(len(value))
+        elif isinstance(value, float):
+            text = _mm(value)
+        elif isinstance(value, tuple):
+            text = ", ".join(f"{item:g}" if isinstance(item, float) else item for item in value)
+        yield one.name.replace("_", " "), text
+    yield "opening of a grasp", f"{_mm(low)} to {_mm(high)}"
+    yield "frame", FRAME
+    alpha = gripper.resolution
+    yield "sensor resolution", NOT_STATED if alpha is None else _degrees(alpha)
     if not gripper.round_tips:
         radius = gripper.torsion_radius(1.0)
         yield "torsion radius", f"{_mm(radius)} x friction, if the whole pads touch"
 
 
-def _pads(gripper: ParallelGripper) -> str:
-    if gripper.round_tips:
-        return f"ball {_mm(2.0 * gripper.tip_radius)}"
-    return _product(gripper.pad_width, gripper.pad_height)
+def _joints(hand: ArticulatedHand) -> Iterator[list[str]]:
+    moved = {joint.name: (link, joint) for link, joint in hand.tree.joints.items()}
+    columns = hand.limits_of_joints, hand.preshapes["open"], hand.closing, hand.torques
+    for name, limits, opened, speed, torque in zip(hand.joint_names, *columns, strict=True):
+        link, joint = moved[name]
+        unit = 1e3 if joint.kind == "slides" else math.degrees(1.0)
+        numbers = [f"{unit * value:.4g}" for value in (*limits, opened)]
+        closes = f"{speed:+g}" if speed else ""
+        force = NOT_STATED if math.isnan(torque) else f"{torque:g}" if torque else "no motor"
+        yield [escaped(name), escaped(link), *numbers, closes, force]
 
 
-def _product(*lengths: float) -> str:
-    return " x ".join(map(_mm, lengths))
+def _links(hand: ArticulatedHand) -> Iterator[list[str]]:
+    for name, shapes in zip(hand.link_names, hand.shapes, strict=True):
+        role = "fingertip" if name in hand.fingertips else "palm" if name == hand.palm else ""
+        if shapes or role:
+            counts = Counter(shape.kind for shape in shapes)
+            text = ", ".join(f"{count} {kind}" for kind, count in counts.items())
+            yield [escaped(name), role, text]
 
 
-def _resolution(gripper: ParallelGripper) -> str | None:
-    alpha = gripper.resolution
-    return None if alpha is None else f"{math.degrees(alpha):.4g}°"
+def _rows(hand: ArticulatedHand) -> Iterator[tuple[str, str]]:
+    """Names and values of what is known of a hand with joints."""
+    x, y, z = np.round(hand.approach, 4) + 0.0  # without -0
+    yield "frame", f"that of {hand.link_names[0]}, the base"
+    yield "approach", f"({x:.4g}, {y:.4g}, {z:.4g}) in it, open"
+    yield "preshapes", ", ".join(hand.preshapes)
+    for name, alpha in hand.sensors.items():
+        yield "sensor", f"{name} resolves {_degrees(alpha)}"
+    for coupling in hand.couplings:
+        pairs = zip(coupling.joints, coupling.ratios, strict=True)
+        yield f"{coupling.kind} coupling", ", ".join(f"{name} : {ratio:g}" for name, ratio in pairs)
+    if hand.tendons:
+        yield "tendons", f"{', '.join(hand.tendons)}: it takes no load"
+    if weights := [hand.masses[name].mass for name in hand.beyond_base if name in hand.masses]:
+        yield "links", f"{sum(weights):.4g} kg that move"
+    for joint in hand.tree.joints.values():
+        if joint.follows is not None and all(joint.name not in c.joints for c in hand.couplings):
+            name, factor, offset = joint.follows
+            yield "follower", f"{joint.name} = {factor:g} x {name} {offset:+g}"
+    yield "of", hand.tree.source
+    if hand.source:
+        yield "source", hand.source
+    for sentence in hand.assumed:
+        yield "assumed", sentence
 
 
 def _mm(length: float) -> str:
     return f"{1e3 * length:.4g}"
+
+
+def _degrees(angle: float) -> str:
+    return f"{math.degrees(angle):.4g}°"

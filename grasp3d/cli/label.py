@@ -1,6 +1,7 @@
 """The command `grasp3d label`: labels one mesh, writes it, and prints its report."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +12,14 @@ from grasp3d.cli.commands import Label
 from grasp3d.cli.existing_files import check_not_task, check_output
 from grasp3d.cli.report import (
     CHECK_HINT,
-    LEVELS,
     PERCENTS,
     Report,
-    angle_text,
     escaped,
-    label_name,
     length_with_unit,
     model_words,
     percent_text,
     print_load,
-    uncertainty_lines,
+    quantiles_text,
 )
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.export.writers import writer_for
@@ -36,11 +34,11 @@ from grasp3d.hand.jaws import AXES
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh.surface_points import nearest_vertex
 from grasp3d.settings import AnySampling
-from grasp3d.settings.model_text import MINIMUM
 from grasp3d.settings.parsing import plain_values
 from grasp3d.settings.units import Unit, parse_position
 from grasp3d.stability.label import Label as Letter
 from grasp3d.surface.area_statistics import vertex_weights
+from grasp3d.surface.fields import CRITICAL_ANGLE, EPSILONS, MAX_RESOLUTION
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import Labelling
 from grasp3d.surface.labels import SurfaceLabels
@@ -51,8 +49,6 @@ from grasp3d.system.names import safe_stem
 
 REACHED_CONTACTS = "two contacts that the gripper reaches, whole pads assumed to touch"
 """What the letters of an area are, where there is a gripper."""
-
-LETTERS = sorted(Letter)[::-1]
 
 
 def run(command: Label) -> int:
@@ -141,7 +137,7 @@ def _print_at(labels: SurfaceLabels, text: str, vertex: int) -> None:
     if approach is not None and np.isfinite(approach[vertex]).all():
         direction = ", ".join(f"{number + 0.0:.3g}" for number in approach[vertex])
         others.append(("approach along", f"({direction})"))
-    report.fields([("label", Letter(labels.label[vertex]).name), *shown.numbers, *others])
+    report.values([("label", Letter(labels.label[vertex]).name), *shown.numbers, *others])
 
 
 def _write_best(
@@ -183,81 +179,66 @@ def print_labels(labels: SurfaceLabels) -> None:
         labels: Labels of the surface.
     """
     report, mesh = Report(), labels.mesh
-    _print_settings(report, labels)
-    report.lines(labels.mesh.region_notes)
-    fractions = labels.fractions()
-    if labels.scene is None:
-        report.labels(
-            "label", ["area fraction"], lambda code: [percent_text(fractions[code.name])], texts=3
-        )
-    else:
-        parts = (f"{label_name(code)} {percent_text(fractions[code.name])}" for code in LETTERS)
-        report.line(f"area, of {REACHED_CONTACTS}: {', '.join(parts)}")
+    areas, fractions = vertex_weights(mesh, "area"), labels.fractions()
+    report.mesh(mesh, "; ".join(map(escaped, _settings(labels))))
+    report.lines(mesh.region_notes)
+    if labels.scene is not None:
+        report.line(f"area, of {REACHED_CONTACTS}:")
+    report.letters("label", {"area": lambda code: percent_text(fractions[code.name])})
     if labels.sampling is not None:
         report.line(f"[bold]{escaped(str(verdict_of(labels)))}[/]")
-        if labels.scene is None and (causes := causes_text(labels)):
+    if labels.scene is None:
+        if labels.sampling is not None and (causes := causes_text(labels)):
             decided = labels.holding is not None and labels.holding.label is not None
             forced = "U with the force at hand" if decided else "U"
             report.line(f"{forced}, of the area: {escaped(causes)}")
-    areas = vertex_weights(mesh, "area")
-    report.lines(uncertainty_lines(labels, areas, of="area", unit=mesh.unit))
-    if labels.scene is None:
-        angles = ", ".join(map(angle_text, labels.angle_quantiles(LEVELS)))
-        report.paragraph(f"critical friction angle, {PERCENTS} of the area: {angles}")
-        report.line(_epsilon_text(labels))
+        shown = (CRITICAL_ANGLE, MAX_RESOLUTION, *EPSILONS[:2])
+        values = (np.nan_to_num(getattr(labels, one.name), posinf=math.inf) for one in shown)
+        texts = [
+            quantiles_text(field, one, areas, metres=mesh.unit is not None)
+            for field, one in zip(shown, values, strict=True)
+        ]
+        report.line(f"{PERCENTS} of the area: {'; '.join(texts)}")
         print_load(report, labels.holding, areas)
     if lone := int(np.sum(~mesh.on_surface)):
-        report.paragraph(f"{counted(lone, 'vertices')} in no face: their label is U, their area 0")
-    for step in mesh.report.repairs:
-        report.paragraph(f"repaired: {escaped(str(step))}")
+        report.line(f"{counted(lone, 'vertices')} in no face: their label is U, their area 0")
+    report.lines(map(str, mesh.report.repairs), "repaired:")
     report.warnings(labels.warnings)
     if mesh.report.warnings:
-        report.paragraph(CHECK_HINT)
+        report.line(CHECK_HINT)
 
 
-def _print_settings(report: Report, labels: SurfaceLabels) -> None:
-    """Print the mesh, the model, the gripper, and settings of the search that are not default."""
+def _settings(labels: SurfaceLabels) -> Iterator[str]:
+    """The model, the gripper, and settings of the search that are not default."""
     mesh, model = labels.mesh, labels.model
     fingers = "" if model.fingers == 2 else f", {model.fingers} fingers"
-    report.mesh(mesh, f"{model_words(model)}{fingers}")
+    yield f"{model_words(model, mesh.unit)}{fingers}"
     if model.method == "extremes":
-        report.paragraph(
-            f"labels from wrench hulls at {model.extreme_normals} extreme normals per contact, "
-            f"{'circular cones' if model.edges is None else f'cones of {model.edges} edges'}"
-        )
-    if labels.sampling is not None and (differences := _differences(labels.sampling, mesh.unit)):
-        report.paragraph(f"search settings: {differences}")
+        cones = "circular cones" if model.edges is None else f"cones of {model.edges} edges"
+        yield f"wrench hulls at {model.extreme_normals} extreme normals per contact, {cones}"
+    if labels.sampling is not None:
+        yield from _differences(labels.sampling, mesh.unit)
     if labels.scene is not None:
-        report.line(_scene_text(labels.scene, mesh.size, mesh.unit))
+        yield from _scene(labels.scene, mesh.size, mesh.unit)
     if labels.search.evaluated and model.fingers > 2:
-        report.paragraph(f"{counted(labels.search.evaluated, 'candidate grasps')} evaluated")
+        yield f"{counted(labels.search.evaluated, 'candidate grasps')} evaluated"
 
 
-def _epsilon_text(labels: SurfaceLabels) -> str:
-    """Return the quantiles of epsilon and of its minimum over the tilts."""
-    nominal, minimum = (
-        ", ".join(f"{value:.3f}" for value in labels.epsilon_quantiles(LEVELS, of=of))
-        for of in ("nominal", "minimum")
-    )
-    least = MINIMUM[labels.model.tilts]
-    return f"epsilon, {PERCENTS} of the area: {nominal}; {least}: {minimum}"
-
-
-def _scene_text(scene: Scene, size: float, unit: Unit | None) -> str:
-    """Return the gripper, the table, and the limit of approach directions."""
+def _scene(scene: Scene, size: float, unit: Unit | None) -> Iterator[str]:
+    """The gripper, the table, and the limit of approach directions."""
     hand, table, approach = scene.hand, scene.table, scene.approach
-    text = f"gripper {escaped(hand.name)}, stroke {1000.0 * hand.max_opening:.4g} mm"
+    yield f"gripper {hand.name}, stroke {1000.0 * hand.max_opening:.4g} mm"
     if table is not None:
         height = round(table.offset / size, 9) * size + 0.0  # without rounding errors
-        text += f"; table at {length_with_unit(height, unit)}"
+        resting = ""
         if table.probability is not None:
-            text += f", resting pose of probability {100.0 * table.probability:.0f} %"
+            resting = f", resting pose of probability {100.0 * table.probability:.0f} %"
+        yield f"table at {length_with_unit(height, unit)}{resting}"
     if approach.within < math.pi:
-        text += f"; approach within {math.degrees(approach.within):.4g}° of straight down"
+        yield f"approach within {math.degrees(approach.within):.4g}° of straight down"
     if table is not None or approach.within < math.pi:
         option = "" if table is not None and table.probability is not None else " (--up)"
-        text += f"; up is {_direction(scene.up)}{option}"
-    return text
+        yield f"up is {_direction(scene.up)}{option}"
 
 
 def _direction(vector: Floats) -> str:
@@ -266,18 +247,15 @@ def _direction(vector: Floats) -> str:
     return name or f"({', '.join(f'{number + 0.0:.3g}' for number in vector)})"
 
 
-def _differences(sampling: AnySampling, unit: Unit | None) -> str:
-    """Return the settings of the search that differ from their defaults."""
-    defaults = plain_values(type(sampling)())
-    angles, lengths = ("search_angle", "tolerance"), sampling.lengths()
-
-    def text(name: str, value: float) -> str:
-        if name in angles:
-            return f"{math.degrees(value):.4g}°"
-        return length_with_unit(value, unit) if name in lengths else f"{value}"
-
-    return ", ".join(
-        f"{name} {text(name, value)}"
-        for name, value in plain_values(sampling).items()
-        if value != defaults[name]
-    )
+def _differences(sampling: AnySampling, unit: Unit | None) -> Iterator[str]:
+    """The settings of the search that differ from their defaults."""
+    defaults, lengths = plain_values(type(sampling)()), sampling.lengths()
+    for name, value in plain_values(sampling).items():
+        if value == defaults[name]:
+            continue
+        text = str(value)
+        if name in lengths:
+            text = length_with_unit(value, unit)
+        elif name in {"search_angle", "tolerance"}:
+            text = f"{math.degrees(value):.4g}°"
+        yield f"{name} {text}"

@@ -5,12 +5,12 @@ docstrings as help. Angles without a unit are degrees there.
 """
 
 import math
-from collections.abc import Callable, Container, Iterator, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from collections.abc import Callable, Container, Iterator
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.frames import AUTO, GripperFrame
@@ -31,47 +31,18 @@ from grasp3d.settings.pose_error import PoseError, PoseErrorField
 from grasp3d.settings.regions import Region
 from grasp3d.settings.units import Length, Metres, Position, Quantity, parse_angle, parse_length
 
-_NONE = "none"
+NONE = "none"
 SMALL = math.radians(1.0)
 """Angle below which a number without a unit is rather meant in radians."""
 
 _METAVARS = {
-    "max_memory": "GB", "worker_memory": f"GB|{_NONE}", "timeout": f"SECONDS|{_NONE}",
-    "width": "PIXELS", "height": "PIXELS", "scheduler": "ADDRESS|FILE",
-    "mass": f"MASS|{_NONE}", "density": f"DENSITY|{_NONE}", "grip_force": f"FORCE|{_NONE}",
-    "object_mass": "MASS",
+    "max_memory": "GB", "worker_memory": "GB", "timeout": "SECONDS", "scheduler": "ADDRESS|FILE",
+    "mass": "MASS", "density": "DENSITY", "grip_force": "FORCE", "object_mass": "MASS",
 }  # fmt: skip
 """Placeholders of the values of some settings; others have a placeholder by their type."""
 
-ValueT = TypeVar("ValueT")
-
 POSITIONAL, REPEATED = "positional", "repeated"
 """Notes on fields: an argument; an option that may be given several times."""
-
-
-@dataclass(frozen=True)
-class Stated:
-    """A note on a field: what its option has other than its type and docstring say."""
-
-    name: str = ""
-    help: str | Callable[[], str] = ""
-    """A text, or what makes it when the help is printed."""
-    metavar: str = ""
-
-
-@dataclass(frozen=True)
-class Parser:
-    """How words of the command line become a value."""
-
-    metavar: str
-    """Placeholder of the words; empty: there are none, as it is a flag."""
-    parse: Callable[[Sequence[str]], Any]
-    """The value for the words."""
-    text: Callable[[Any], str]
-    """The words for a value, to show a default."""
-    count: int | str = 1
-    """Number of words; *: any."""
-
 
 _GROUPS = {
     "model": "sensor", "sampling": "search", "reach": "hand",
@@ -84,6 +55,39 @@ _ALIASES = {"output": ("-o",), "quiet": ("-q",)}
 
 
 @dataclass(frozen=True)
+class Stated:
+    """A note on a field: what its option has other than its type and docstring say."""
+
+    name: str = ""
+    help: str = ""
+    metavar: str = ""
+
+
+@dataclass(frozen=True)
+class Parser:
+    """How a word of the command line becomes a value."""
+
+    metavar: str = ""
+    """Placeholder of the word; empty: there is none, as it is a flag."""
+    parse: Callable[[str, str], Any] = lambda _, word: word
+    """The value for an option and its word."""
+    text: Callable[[Any], str] = str
+    """The word for a value, to show a default."""
+    optional: bool = False
+    """Whether `none` is None."""
+
+    def value(self, option: str, word: str) -> Any:
+        """The value for a word; errors name the option."""
+        if self.optional and word.lower() == NONE:
+            return None
+        try:
+            return self.parse(option, word)
+        except GraspError as error:
+            named = str(error).startswith(option)
+            raise error if named else SettingError(f"{option}: {error}") from error
+
+
+@dataclass(frozen=True)
 class Option:
     """An option or a positional argument of a command: a field of it, or of settings in it."""
 
@@ -91,8 +95,10 @@ class Option:
     """Name of the field."""
     group: str
     """Name of its group."""
-    parser: Parser
-    """How its words are parsed."""
+    parsers: tuple[Parser, ...]
+    """How each of its words is parsed; of any number of words the parser of each."""
+    count: int | Literal["*"]
+    """Number of words: 1 is a value, others are tuples."""
     default: Any
     """Its default; `MISSING`: none."""
     repeated: bool
@@ -110,6 +116,13 @@ class Option:
     def is_required(self) -> bool:
         """Whether a command cannot do without it."""
         return self.default is MISSING
+
+    def parse(self, words: list[str]) -> Any:
+        """The value for its words; raises SettingError."""
+        name = self.names[-1] if self.names else self.field
+        parsers = self.parsers * len(words) if self.count == "*" else self.parsers
+        values = tuple(one.value(name, word) for one, word in zip(parsers, words, strict=True))
+        return values[0] if self.count == 1 and not self.repeated else values
 
 
 def options_of(kind: Any, group: str = "output", *, helps: bool = True) -> Iterator[Option]:
@@ -130,7 +143,7 @@ def options_of(kind: Any, group: str = "output", *, helps: bool = True) -> Itera
         if settings := settings_in(hint):
             yield from options_of(settings, _GROUPS.get(one.name, one.name), helps=helps)
         else:
-            yield _option(one, hint, texts.get(one.name, "") if helps else None, group)
+            yield _option(one, hint, texts.get(one.name, ""), group)
 
 
 def is_option(field: "Field[Any]", hint: Any, constants: Container[str]) -> bool:
@@ -162,36 +175,38 @@ def _noted(hint: Any) -> tuple[Any, list[Any]]:
     return base, notes
 
 
-def _option(field: "Field[Any]", hint: Any, text: str | None, group: str) -> Option:
-    """Return an option; without help where `text` is None."""
-    _, notes = _noted(hint)
-    stated: dict[str, Any] = {"name": field.name, "help": text}
-    for note in notes:
-        if isinstance(note, Stated):
-            stated |= {key: value for key, value in vars(note).items() if value}
-    positional = POSITIONAL in notes
-    aliases = () if positional else _ALIASES.get(field.name, ())
-    names = *aliases, option_name(stated["name"])
-    parser = _parser(hint, names[-1])
-    default = "" if field.default is MISSING else parser.text(field.default)
-    brief = next((str(note) for note in reversed(notes) if isinstance(note, Main)), "")
-    if text is None:
-        stated["help"] = ""
-    elif callable(stated["help"]):
-        stated["help"] = stated["help"]()
-    group = next((str(note) for note in notes if isinstance(note, Group)), group)
-    if default and "(default" not in stated["help"]:
-        stated["help"] += f" (default: {default})"
-        brief += f" (default: {default})" if brief and default not in {_NONE, "0", "inf"} else ""
+def _option(field: "Field[Any]", hint: Any, text: str, group: str) -> Option:
+    base, notes = _noted(hint)
+    last = dict[type, Any]((type(note), note) for note in notes)
+    stated, brief = last.get(Stated, Stated()), str(last.get(Main, ""))
+    name = f"--{(stated.name or field.name).replace('_', '-')}"
+    is_argument, text = POSITIONAL in notes, stated.help or text
+    items = get_args(base) if get_origin(base) is tuple else ()
+    if NoneType in get_args(base):
+        items = next((get_args(one) for one in get_args(base) if get_origin(one) is tuple), ())
+    parsers = tuple(_parser(one) for one in items if one is not ...) or (_parser(hint),)
+    count: Any = "*" if ... in items else len(parsers)
+    if field.default is not MISSING and parsers[0].metavar:
+        values = field.default if count == "*" else [field.default]
+        default = NONE
+        if field.default not in {None, ()}:
+            default = " ".join(map(parsers[0].text, values))
+        if default and "(default" not in text:
+            text += f" (default: {default})"
+            brief += f" (default: {default})" * bool(brief and default not in {NONE, "0", "inf"})
+    metavar = _METAVARS.get(field.name) or " ".join(one.metavar for one in parsers)
+    metavar += f"|{NONE}" * (parsers[0].optional and not metavar.endswith("]"))
+    metavar += " ..." * (count == "*" and REPEATED not in notes)
     return Option(
         field=field.name,
-        group="arguments" if positional else group,
-        parser=parser,
+        group="arguments" if is_argument else str(last.get(Group, group)),
+        parsers=parsers,
+        count=count,
         default=field.default,
         repeated=REPEATED in notes,
-        names=() if positional else names,
-        metavar=_METAVARS.get(field.name) or stated.get("metavar", parser.metavar),
-        text=stated["help"],
+        names=() if is_argument else (*_ALIASES.get(field.name, ()), name),
+        metavar=stated.metavar or metavar,
+        text=text,
         brief=brief,
     )
 
@@ -212,186 +227,108 @@ def _help_texts(kind: Any) -> dict[str, str]:
     }
 
 
-def option_name(field: str) -> str:
-    """Return the option of a field: `location_error` is given with `--location-error`."""
-    return f"--{field.replace('_', '-')}"
-
-
-def _parser(hint: Any, option: str) -> Parser:
-    """Return the parser of a type of field.
-
-    Errors are of the settings: one sentence, which names the option.
-    """
+def _parser(hint: Any) -> Parser:
+    """Return the parser of a type of field."""
     base, notes = _noted(hint)
-    own = next((note for note in notes if isinstance(note, Parser)), None)
-    if known := own or _PARSERS.get(get_origin(base) or base):
-        return known
-    kinds = get_args(base) if get_origin(base) in {Union, UnionType} else (base,)
-    optional, kind = NoneType in kinds, next(one for one in kinds if one is not NoneType)
-    if Radians in kinds or get_args(Radians)[1] in notes:
-        return _angle(option, optional=optional)
-    if Metres in kinds or get_origin(base) is Length:
-        kinds = kinds if Metres in kinds else get_args(get_args(base)[0])
-        return _length(option, optional=NoneType in kinds)
-    if get_origin(kind) is tuple:
-        return _of_tuple(kind, option)
-    if kind in {int, float} or get_origin(kind) is Literal:
-        return _plain(option, kind, optional=optional)
-    of_hand = one_word(f"NAME|FILE|{_NONE}", partial(_hand, option), lambda hand: str(hand.name))
-    return of_hand if Hand in kinds else one_word("FILE", kind, optional=False)
+    if own := [note for note in notes if isinstance(note, Parser)]:
+        return own[0]
+    if get_args(Radians)[1] in notes:
+        return Parser("DEGREES", _angle, _degrees)
+    inner = get_args(base)
+    if get_origin(base) is Literal:
+        return Parser("|".join(map(str, inner)), partial(_one_of, {str(one): one for one in inner}))
+    if get_origin(base) in {Union, UnionType}:
+        kinds = [one for one in inner if one is not NoneType]
+        kind = Metres if Metres in kinds else kinds[0]
+        optional = NoneType in inner and kind not in {str, Path}
+        return replace(_parser(kind), optional=optional)
+    parser = _PARSERS[get_origin(base) or base]
+    optional = parser.optional or NoneType in get_args(next(iter(inner), None))
+    return replace(parser, optional=optional)
 
 
-def _of_tuple(kind: Any, option: str) -> Parser:
-    """Return the parser of a type of tuples."""
-    items = get_args(kind)
-    parsers = [_parser(item, option) for item in items if item is not ...]
-    return _several(parsers[0]) if ... in items else _words(parsers)
+def _one_of(words: dict[str, Any], option: str, word: str) -> Any:
+    if word not in words:
+        raise SettingError(f"{option} must be one of {', '.join(words)}; got {word!r}")
+    return words[word]
 
 
-def _plain(option: str, kind: Any, *, optional: bool) -> Parser:
-    """Return the parser of a number, or of one of some words, or of `none` if that is allowed."""
-    words = {str(word): word for word in get_args(kind)}
-    right = f"one of {', '.join(words)}" if words else f"a {'whole ' * (kind is int)}number"
-    metavar = "|".join(words) or ("INT" if kind is int else "NUMBER")
-
-    def parse(word: str) -> Any:
-        try:
-            return words[word] if words else kind(word)
-        except (KeyError, ValueError) as error:
-            none = f", or {_NONE}" * optional
-            raise SettingError(f"{option} must be {right}{none}; got {word!r}") from error
-
-    metavar += f"|{_NONE}" * optional
-    return one_word(metavar, parse, "{:g}".format if kind is float else str, optional=optional)
+def _number(kind: type, option: str, word: str) -> Any:
+    try:
+        return kind(word)
+    except ValueError as error:
+        whole = "whole " * (kind is int)
+        raise SettingError(f"{option} must be a {whole}number; got {word!r}") from error
 
 
-def _words(parsers: list[Parser]) -> Parser:
-    """Return the parser of some words, each with its own."""
-    return Parser(
-        " ".join(one.metavar for one in parsers),
-        lambda words: tuple(one.parse([word]) for one, word in zip(parsers, words, strict=True)),
-        lambda value: _NONE if value is None else str(value),
-        len(parsers),
-    )
+def _angle(option: str, word: str) -> float:
+    angle = parse_angle(option, word)
+    if 0.0 < abs(angle) < SMALL and word[-1].isdecimal():
+        raise SettingError(
+            f"{option} {word} is {word} degrees: write {word}deg for that, or {word}rad"
+        )
+    return angle
 
 
-def _several(one: Parser) -> Parser:
-    """Return the parser of any number of words, all with the same one."""
-    return Parser(
-        f"{one.metavar} ...",
-        lambda words: tuple(one.parse([word]) for word in words),
-        lambda values: " ".join(map(one.text, values)) or _NONE,
-        "*",
-    )
+def _degrees(angle: float) -> str:
+    return f"{math.degrees(angle):.6g}"
 
 
-def _angle(option: str, *, optional: bool) -> Parser:
-    """Return the parser of an angle, or of `none` if that is allowed."""
-
-    def degrees(angle: float) -> str:
-        return f"{math.degrees(angle):.6g}"
-
-    def parse(text: str) -> float:
-        angle = parse_angle(option, text)
-        if 0.0 < abs(angle) < SMALL and text[-1].isdecimal():
-            raise SettingError(
-                f"{option} {text} is {text} degrees: write {text}deg for that, or {text}rad"
-            )
-        return angle
-
-    return one_word("DEGREES", parse, degrees, optional=optional)
+def _millimetres(length: float) -> str:
+    return f"{length:g}" if length in {0.0, math.inf} else f"{1000.0 * length:g}mm"
 
 
-def _length(option: str, *, optional: bool) -> Parser:
-    """Return the parser of a length, or of `none` if that is allowed."""
-
-    def word(length: float) -> str:
-        return f"{length:g}" if length in {0.0, math.inf} else f"{1000.0 * length:g}mm"
-
-    metavar = f"LENGTH|{_NONE}" if optional else "LENGTH"
-    return one_word(metavar, partial(parse_length, option), word, optional=optional)
-
-
-def one_word(
-    metavar: str = "",
-    parse: Callable[[str], Any] = str,
-    text: Callable[[Any], str] = str,
-    *,
-    optional: bool = True,
-) -> Parser:
-    """Return the parser of one word, or of `none` if that is allowed.
-
-    Args:
-        metavar: Placeholder of the value.
-        parse: The value for a word.
-        text: The word for a value, to show a default.
-        optional: Whether `none` is None.
-    """
-
-    def is_none(word: str) -> bool:
-        return optional and word.lower() == _NONE
-
-    return Parser(
-        metavar,
-        lambda words: None if is_none(words[0]) else parse(words[0]),
-        lambda value: _NONE if value is None else text(value),
-    )
-
-
-def _task(text: str) -> TaskText:
+def _task(_option: str, word: str) -> TaskText:
     """Check a task and its files; it keeps their names, which outputs must not have."""
-    task = TaskText.of(text)
+    task = TaskText.of(word)
     task.with_files_read()
     return task
 
 
-def _hand(option: str, word: str) -> Hand:
+def _hand(_option: str, word: str) -> Hand:
     """Return the gripper of a preset or a file."""
     from grasp3d.hand.hand_files import read_hand
 
-    return _named(option, read_hand, word)
+    return read_hand(word)
 
 
-def _named(option: str, parse: Callable[[str], ValueT], word: str) -> ValueT:
-    """Parse a word; errors name the option."""
-    try:
-        return parse(word)
-    except GraspError as error:
-        raise SettingError(f"{option}: {error}") from error
-
-
-def _object_pose(word: str) -> ObjectPose:
+def _object_pose(_option: str, word: str) -> ObjectPose:
     """Return the pose of a text or a file; raises ContactError."""
     from grasp3d.grasps.pose_files.frames import read_object_pose
 
     return read_object_pose(word)
 
 
+def _frame(_option: str, word: str) -> GripperFrame:
+    """Return the frame of a name or a file."""
+    from grasp3d.grasps.pose_files.frames import read_frame
+
+    return read_frame(word)
+
+
+def _any_frame(option: str, word: str) -> GripperFrame | str:
+    return word if word == AUTO else _frame(option, word)
+
+
+_LENGTH = Parser("LENGTH", parse_length, _millimetres)
+
 _PARSERS: dict[Any, Parser] = {
-    bool: Parser("", bool, lambda _: ""),
-    FrictionField: one_word("NUMBER|LOW..HIGH", optional=False),
-    PoseErrorField: one_word("LENGTH,DEGREES", PoseError.of, optional=False),
-    Position: one_word(f"X,Y,Z|{_NONE}"),
-    Quantity: one_word(f"NUMBER|{_NONE}"),
-    Region: one_word(f"BOX|FILE|{_NONE}"),
-    TaskField: one_word("TASK", _task, optional=False),
+    bool: Parser(),
+    str: Parser("FILE"),
+    Path: Parser("FILE", lambda _, word: Path(word)),
+    int: Parser("INT", partial(_number, int)),
+    float: Parser("NUMBER", partial(_number, float), "{:g}".format),
+    Hand: Parser("NAME|FILE", _hand, lambda hand: str(hand.name)),
+    Metres: _LENGTH,
+    Length: _LENGTH,
+    Quantity: Parser("NUMBER"),
+    FrictionField: Parser("NUMBER|LOW..HIGH"),
+    PoseErrorField: Parser("LENGTH,DEGREES", lambda _, word: PoseError.of(word)),
+    Position: Parser("X,Y,Z", optional=True),
+    Region: Parser("BOX|FILE", optional=True),
+    TaskField: Parser("TASK", _task),
 }
-"""Parsers by the kind of field of settings; the texts are parsed by the settings themselves."""
-
-
-def model_help(field: str, note: str = "") -> Stated:
-    """Return the help of a field of `GraspModel`, for an option of the same name.
-
-    Args:
-        field: Name of the field.
-        note: Sentence added to the help.
-    """
-
-    def text() -> str:
-        return f"{_help_texts(GraspModel)[field]} {note}".strip()
-
-    return Stated(help=text)
-
+"""Parsers by the kind of a field; texts that stay texts are parsed by the settings themselves."""
 
 NumberRanges = Annotated[
     tuple[str, ...], Stated(metavar="NUMBER|FROM:TO:STEP ..."), Group("sensor")
@@ -406,26 +343,20 @@ DegreeRanges = Annotated[
 LengthOption = float | Metres | None
 """A length: a number, a text with a unit, or none."""
 
-
-def _frame(word: str) -> GripperFrame:
-    """Return the frame of a name or a file."""
-    from grasp3d.grasps.pose_files.frames import read_frame
-
-    return _named("--frame", read_frame, word)
-
-
-FrameOption = Annotated[GripperFrame | None, one_word(f"NAME|FILE|{_NONE}", _frame), Group("hand")]
+FrameOption = Annotated[
+    GripperFrame | None, Parser("NAME|FILE", _frame, optional=True), Group("hand")
+]
 """The frame of a gripper's poses, or none."""
 
 AnyFrameOption = Annotated[
     GripperFrame | str | None,
-    one_word(f"NAME|FILE|{AUTO}|{_NONE}", lambda word: word if word == AUTO else _frame(word)),
+    Parser("NAME|FILE|auto", _any_frame, optional=True),
     Group("hand"),
 ]
 """The same, or the one that explains the poses."""
 
 ObjectPoseOption = Annotated[
-    ObjectPose | None, one_word(f"POSE|FILE|{_NONE}", _object_pose), Group("hand")
+    ObjectPose | None, Parser("POSE|FILE", _object_pose, optional=True), Group("hand")
 ]
 """The pose of the object in the frame of a robot, or none."""
 

@@ -1,32 +1,28 @@
-"""Printed reports: lines, tables, and the marks and numbers in them.
+"""Printed reports: lines, tables, and names with values, with the marks and numbers in them.
 
-Lines on what is uncertain, the margin that it leaves, and the load of grasps are those of several
-commands. What prints them is imported when that is done: the help of a command does without it.
+What prints them is imported when that is done: the help of a command does without it.
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grasp3d.arrays import Floats
-from grasp3d.quality.force_ranges import Certainty
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import SAFE_LABELS, friction_text
 from grasp3d.settings.units import Unit, small_length
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
-from grasp3d.stability.thresholds import margin_budget
 from grasp3d.surface.area_statistics import quantiles
+from grasp3d.surface.fields import LENGTH, LETTERS, RADIANS, Array, Field
 from grasp3d.surface.holding import Holding
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.counts import counted, short_number
 from grasp3d.system.names import printable
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
+    from grasp3d.arrays import Floats
     from grasp3d.mesh import ObjectMesh
 
 WARNING, NOTE, FAILED = "[yellow]warning:[/]", "[yellow]note:[/]", "[red]failed:[/]"
@@ -34,21 +30,25 @@ WARNING, NOTE, FAILED = "[yellow]warning:[/]", "[yellow]note:[/]", "[red]failed:
 
 CHECK_HINT = "`grasp3d check` reports the defects of a mesh and their remedies"
 
-Column = tuple[str, Callable[[int], str]]
-"""Heading of a table's column, and the cell of each row."""
-
 LEVELS = (0.1, 0.5, 0.9)
 """Levels of the quantiles that are printed."""
 PERCENTS = "/".join(f"{100.0 * level:.0f}" for level in LEVELS) + " %"
 
-UNLIMITED = 1000
-"""Characters in a line, more than any table has."""
+NONE = "–"
+"""A cell without a number: there is no grasp, or none is known."""
+
+LEAST_WIDTH = 16
+"""Characters of a text below which a narrow terminal does not fold it."""
+
+UNLIMITED = 10_000
+"""Characters in a line of a file or a pipe, more than any table has."""
 
 
 class Report:
     """What a command prints, in order.
 
-    Texts have the markup of rich: what may contain brackets is `escaped`.
+    Texts have the markup of rich: what may contain brackets is `escaped`. A terminal gets lines as
+    wide as it is, a file or a pipe whole ones.
     """
 
     def __init__(self, *, errors: bool = False) -> None:
@@ -60,56 +60,25 @@ class Report:
         from rich.console import Console
 
         self.console = Console(stderr=errors, emoji=False)
+        if not self.console.is_terminal:
+            self.console.width = UNLIMITED
 
     def line(self, text: str) -> None:
-        """Print a line, which nothing but a terminal wraps."""
-        self.console.print(text, soft_wrap=True)
+        """Print a line, which a terminal wraps at words."""
+        self.console.print(text)
 
     def lines(self, texts: Iterable[str], mark: str = "") -> None:
         """Print texts without markup, a line each, after a mark."""
         for text in texts:
             self.line(f"{mark} {escaped(text)}" if mark else escaped(text))
 
-    def paragraph(self, text: str) -> None:
-        """Print a text that is wrapped at words."""
-        self.console.print(text)
+    def warnings(self, texts: Iterable[str]) -> None:
+        """Print warnings without markup, a line each."""
+        self.lines(texts, WARNING)
 
     def written(self, *paths: Path | str) -> None:
         """Print the names of the files that were written."""
         self.line(f"written: {escaped(', '.join(map(str, paths)))}")
-
-    def table(self, table: "Table") -> None:
-        """Print a table from `table_of`."""
-        self.console.print(table)
-
-    def columns(self, columns: Sequence[Column], which: Sequence[int]) -> None:
-        """Print all of a table of numbers, also where the console is too narrow for them.
-
-        A narrow terminal shows its columns in several tables, each of which begins with the first.
-
-        Args:
-            columns: Their headings and cells.
-            which: The rows.
-        """
-        parts, room = [columns], self.console.width if self.console.is_terminal else UNLIMITED
-        if self._width(columns, which) > room:
-            first, *others = columns
-            parts = []
-            for column in others:
-                if not parts or self._width([*parts[-1], column], which) > room:
-                    parts.append([first])
-                parts[-1] = [*parts[-1], column]
-        for part in parts:
-            width = self._width(part, which)
-            # A column of texts that is too wide by itself is folded.
-            table = _table_of_columns(part, which, texts=len(part) if width > room else 0)
-            table.width = min(width, room)
-            self.console.print(table, crop=False)
-
-    def _width(self, columns: Sequence[Column], which: Sequence[int]) -> int:
-        """Characters in a line of a table."""
-        unlimited = self.console.options.update(max_width=UNLIMITED)
-        return self.console.measure(_table_of_columns(columns, which), options=unlimited).maximum
 
     def heading(self, name: str, text: str) -> None:
         """Print a line on what has a name, which has no markup."""
@@ -120,70 +89,116 @@ class Report:
         count, size = len(mesh.vertices), length_with_unit(mesh.size, mesh.unit)
         self.heading(mesh.report.source, f"{counted(count, 'vertices')}, size {size}; {text}")
 
-    def warnings(self, texts: Iterable[str]) -> None:
-        """Print warnings without markup, a line each."""
-        self.lines(texts, WARNING)
-
-    def labels(
-        self,
-        mode: Mode,
-        headings: Sequence[str],
-        cells: Callable[[Label], Sequence[str]],
-        *,
-        texts: int = 2,
+    def table(
+        self, headings: Sequence[str], rows: Iterable[Sequence[str]], *, texts: Sequence[int] = (0,)
     ) -> None:
+        """Print a table, whole also where the console is too narrow for it.
+
+        Args:
+            headings: Of all columns; all empty: the table has no line of headings.
+            rows: Cells with markup.
+            texts: Columns of texts, which a narrow terminal folds; the others are numbers.
+        """
+        from rich.table import Table
+        from rich.text import Text
+
+        table, cells = Table(box=None, pad_edge=False, show_header=any(headings)), list(rows)
+        for number, heading in enumerate(headings):
+            is_text = number in texts
+            longest = max((Text.from_markup(row[number]).cell_len for row in cells), default=0)
+            table.add_column(
+                heading, justify="left" if is_text else "right", no_wrap=not is_text,
+                overflow="fold", min_width=min(longest, LEAST_WIDTH),
+            )  # fmt: skip
+        for row in cells:
+            table.add_row(*row)
+        unlimited = self.console.options.update(max_width=UNLIMITED)
+        least = self.console.measure(table, options=unlimited).minimum
+        width = self.console.width
+        self.console.width = max(least, width)
+        self.console.print(table)
+        self.console.width = width
+
+    def values(self, rows: Iterable[tuple[str, str]]) -> None:
+        """Print names and their values, which have no markup."""
+        self.table(("", ""), ((name, escaped(value)) for name, value in rows), texts=(0, 1))
+
+    def letters(self, mode: Mode, columns: Mapping[str, Callable[[Label], str]]) -> None:
         """Print a table with a line for each label.
 
         Args:
             mode: What labels are of, which gives their meaning.
-            headings: Of the columns after label and meaning.
-            cells: What a label has in them.
-            texts: Number of columns of texts, see `table_of`.
+            columns: What a label has in each further column, by its heading.
         """
         rows = (
-            (label_name(label), MEANING[mode][label], *cells(label))
-            for label in sorted(Label)[::-1]
+            (label_name(one), MEANING[mode][one], *(cell(one) for cell in columns.values()))
+            for one in sorted(Label)[::-1]
         )
-        self.table(table_of(("label", "", *headings), rows, texts=texts))
+        self.table(("label", "", *columns), rows, texts=(0, 1))
 
-    def fields(self, rows: Iterable[tuple[str, str]]) -> None:
-        """Print names and their values, which have no markup."""
-        cells = ((name, escaped(value)) for name, value in rows)
-        self.table(table_of(("", ""), cells, texts=2))
+    def records(
+        self, fields: Iterable[Field], holder: Any, which: Sequence[int], *, of: str, metres: bool
+    ) -> None:
+        """Print a table of the declared columns that have a heading, and what they mean.
+
+        Args:
+            fields: The columns; those that the grasps do not have are left out.
+            holder: The grasps.
+            which: Their rows.
+            of: What a row is, the heading of its number.
+            metres: Whether lengths are in metres, and so printed in millimetres.
+        """
+        headed = ((field, field.values_of(holder)) for field in fields if field.heading)
+        shown = [(field, values) for field, values in headed if values is not None]
+        texts = [number for number, (field, _) in enumerate(shown, 1) if field.kind == "U"]
+
+        def cells(row: int) -> list[str]:
+            numbers = (cell(field, values[row], metres=metres) for field, values in shown)
+            return [str(row + 1), *numbers]
+
+        headings = (_heading(field, metres=metres) for field, _ in shown)
+        self.table([of, *headings], map(cells, which), texts=texts)
+        meanings = [f"{field.heading}: {field.meaning}" for field, _ in shown if field.meaning]
+        self.line("; ".join(meanings))
 
 
-def table_of(
-    headings: Sequence[str], rows: Iterable[Sequence[str]], *, texts: int = 1, folded: bool = False
-) -> "Table":
-    """Make a table whose first columns are texts, which are folded where the console is narrow.
+def _heading(field: Field, *, metres: bool) -> str:
+    unit = {RADIANS: "", LENGTH: "mm" if metres else ""}.get(field.unit, field.unit)
+    return f"{field.heading}\n{unit}" if unit else field.heading
+
+
+def cell(field: Field, value: Any, *, metres: bool) -> str:
+    """Format a value of a declared column; what is not finite is `NONE`.
 
     Args:
-        headings: Of all columns; all empty: the table has no line of headings.
-        rows: Cells with markup.
-        texts: Number of columns of texts; the others are numbers, aligned to the right.
-        folded: Whether numbers are folded as well.
+        field: The column.
+        value: Its value in one row.
+        metres: Whether lengths are in metres, and so printed in millimetres.
     """
-    from rich.table import Table
-
-    table = Table(box=None, pad_edge=False, show_header=any(headings))
-    for number, heading in enumerate(headings):
-        is_number = number >= texts
-        cut = is_number and not folded
-        table.add_column(
-            heading, justify="right" if is_number else "left", no_wrap=cut,
-            overflow="ellipsis" if cut else "fold",
-        )  # fmt: skip
-    for row in rows:
-        table.add_row(*row)
-    return table
+    if field.texts == LETTERS:
+        return label_name(Label(int(value)))
+    if field.kind == "U":
+        return escaped(str(value))
+    if not math.isfinite(value):
+        return NONE
+    if field.unit == RADIANS:
+        return angle_text(value)
+    if field.unit == LENGTH:
+        return f"{(1e3 if metres else 1.0) * value:.4g}"
+    return short_number(value) if field.unit else f"{value + 0.0:.3f}"
 
 
-def _table_of_columns(
-    columns: Sequence[Column], which: Iterable[int], *, texts: int = 0
-) -> "Table":
-    """Make a table from its columns, of which so many are texts."""
-    rows = ([cell(row) for _, cell in columns] for row in which)
-    return table_of([heading for heading, _ in columns], rows, texts=texts)
+def quantiles_text(field: Field, values: Array, weights: "Floats", *, metres: bool) -> str:
+    """The quantiles of a declared column, with its heading.
+
+    Args:
+        field: The column.
+        values: Its values, shape (k,).
+        weights: Weight of each row, shape (k,), not all 0.
+        metres: As in `cell`.
+    """
+    numbers = quantiles(values, LEVELS, weights)
+    return f"{field.heading} {', '.join(cell(field, one, metres=metres) for one in numbers)}"
 
 
 def escaped(text: str) -> str:
@@ -206,7 +221,7 @@ def percent_text(fraction: float) -> str:
 
 def angle_text(angle: float) -> str:
     """Format an angle in degrees; one that is not finite means that there is no grasp."""
-    return f"{math.degrees(angle) + 0.0:.1f}°" if math.isfinite(angle) else "none"
+    return f"{math.degrees(angle) + 0.0:.1f}°" if math.isfinite(angle) else NONE
 
 
 def exact_angle(angle: float) -> str:
@@ -228,96 +243,19 @@ def length_with_unit(length: float, unit: Unit | None) -> str:
     return f"{small_length(length, metres=unit is not None)}{stated}"
 
 
-def model_words(model: GraspModel) -> str:
-    """Friction and sensor resolution in words."""
-    resolution = math.degrees(model.sensor_resolution)
-    return f"friction {friction_text(model)}, sensor resolution {resolution:.4g}°"
-
-
-MARGIN = "margin: friction angle to spare, S: above 0; "
-LOAD = (
-    "force: grip force that holds the load at the worst normals, in N; payload: mass that is held, "
-    "in kg; "
-)
-"""Parts of the legend of a table."""
-
-_HOW: dict[Certainty, str] = {
-    "exact": "at the worst normals",
-    "bound": "at the worst normals, a safe bound",
-}
-
-
-ROUNDING = 1e-9
-"""Rounding error of sums of area fractions."""
-
-
-class _Labelled(Protocol):
-    """A surface or grasps with labels."""
-
-    @property
-    def model(self) -> Any: ...
-    @property
-    def critical_angle(self) -> Floats: ...
-    @property
-    def margin(self) -> Floats: ...
-
-
-def uncertainty_lines(
-    labelled: _Labelled, areas: Floats | None, *, of: str, unit: Unit | None
-) -> list[str]:
-    """What is uncertain, the margins, and the mean budget; nothing if only normals are.
+def model_words(model: GraspModel, unit: Unit | None) -> str:
+    """What is known of friction, sensor and locations, in words.
 
     Args:
-        labelled: Labels of a surface, or grasps.
-        areas: Area of each vertex, shape (k,); None: all grasps equally.
-        of: What the margins are of: 'area', 'grasps'.
+        model: The model.
         unit: Unit of the mesh.
     """
-    model = labelled.model
-    if not model.is_uncertain:
-        return []
-    lines = [f"uncertain: {'; '.join(_uncertainties(model, unit))}"]
-    if model.location_error != 0.0:
-        lines.append(f"safe labels: {SAFE_LABELS}")
-    critical = np.where(np.isfinite(labelled.critical_angle), labelled.critical_angle, np.inf)
-    areas = np.ones(len(critical)) if areas is None else areas
-    of_grasps = np.where(np.isfinite(critical), areas, 0.0)
-    if not of_grasps.sum() > 0.0:
-        return lines
-    margin = np.where(np.isfinite(critical), labelled.margin, -np.inf)
-    texts = ", ".join(map(angle_text, quantiles(margin, LEVELS, areas)))
-    return [
-        *lines,
-        f"margin, {PERCENTS} of the {of}: {texts} (S: above 0)",
-        f"mean budget: {_mean_budget(model, critical, margin, of_grasps)}",
-    ]
-
-
-def _mean_budget(model: GraspModel, critical: Floats, margin: Floats, weights: Floats) -> str:
-    """The means of the parts of the friction angle, over the grasps with a weight above 0."""
-    rows = weights > 0.0
-    budget = margin_budget(model, critical[rows], model.sure_angle - margin[rows])
-    means = {name: float(np.average(one, weights=weights[rows])) for name, one in budget.items()}
-    parts = [
-        f"{name} {exact_angle(mean)}"
-        for name, mean in means.items()
-        if mean != 0.0 or name in {"critical angle", "margin"}
-    ]
-    return f"friction angle {exact_angle(sum(means.values()))} = {' + '.join(parts)}"
-
-
-def margin_columns(grasps: _Labelled) -> list[Column]:
-    """The margin of each grasp, if anything but the sensor's normals is uncertain."""
-    margin: Column = ("margin", lambda row: angle_text(grasps.margin[row]))
-    return [margin] * grasps.model.is_uncertain
-
-
-def _uncertainties(model: GraspModel, unit: Unit | None) -> Sequence[str]:
-    smallest, largest = model.friction_interval
-    parts = [f"friction {friction_text(model)}"] if smallest < largest else []
-    if model.location_error:
-        parts.append(f"contact locations by {length_with_unit(model.location_error, unit)}")
-    return parts
+    resolution = math.degrees(model.sensor_resolution)
+    words = f"friction {friction_text(model)}, sensor resolution {resolution:.4g}°"
+    if not model.location_error:
+        return words
+    error = length_with_unit(model.location_error, unit)
+    return f"{words}, contact locations within {error}: {SAFE_LABELS}"
 
 
 def load_line(case: LoadCase) -> str:
@@ -328,58 +266,32 @@ def load_line(case: LoadCase) -> str:
     return f"[bold]load[/]: {mass}, {text}; force at hand: {per_finger}"
 
 
-def print_load(report: Report, holding: Holding | None, areas: Floats | None = None) -> None:
-    """Print a load, which part of the surface or which grasps hold it, and forces and payloads.
+def print_load(report: Report, holding: Holding | None, areas: "Floats") -> None:
+    """Print a load, which part of a surface holds it, and the forces and payloads there.
 
     Args:
         report: Where to print.
         holding: What is held; None: there is no load, and nothing is printed.
-        areas: Area fraction of each vertex of a surface, shape (k,); None: grasps are given.
+        areas: Area fraction of each vertex, shape (k,).
     """
     if holding is None:
         return
     report.line(load_line(holding.case))
-    force = holding.case.at_hand
     if holding.remedy and np.isfinite(holding.grip_force_largest).any():  # else the verdict says it
         report.line(f"  most grasps hold nothing: {escaped(holding.remedy)}")
-    count = len(holding.grip_force)
-    weights = np.ones(count) if areas is None else areas
     if holding.label is not None:
-        sums = {label.name: weights[holding.label == label].sum() for label in sorted(Label)[::-1]}
-        number = percent_text if areas is not None else "{:.0f}".format
-        whole = "the surface" if areas is not None else f"{count} grasps"
-        parts = ", ".join(f"{name} {number(part)}" for name, part in sums.items())
-        report.paragraph(f"  held by {number(sums['S'])} of {whole} ({parts})")
-    of, per = "grasps" if areas is None else "area", "" if holding.case.decided else " per kg"
-    part = _part_text(holding.grip_force_largest, weights, f"of the {of}", "need at most", "N")
-    report.line(f"  grip force{per} {_HOW[holding.how]}: some suffices on {part}")
+        sums = (f"{one} {percent_text(areas[holding.label == Label[one]].sum())}" for one in "SMU")
+        report.line(f"  with that force, of the area: {', '.join(sums)}")
+    per = "" if holding.case.decided else " per kg"
+    bound = ", a safe bound" if holding.how == "bound" else ""
+    forces = {f"force{per} at the worst normals{bound}, in N": holding.grip_force_largest}
     if holding.has_payload:
-        payloads = np.where(holding.payload > 0.0, holding.payload, math.inf)
-        part = _part_text(payloads, weights, f"of the {of}", "hold at most", "kg")
-        report.line(f"  payload with {force}: above 0 on {part}")
-
-
-def _part_text(values: Floats, weights: Floats, of: str, verb: str, unit: str) -> str:
-    """Which part of the grasps has a finite value, and the quantiles over that part."""
-    where = np.isfinite(values)
-    part = weights[where].sum() / weights.sum()
-    if not part > 0.0:
-        return f"none {of}"
-    numbers = quantiles(values[where], LEVELS, weights[where])
-    texts = ", ".join(map(short_number, numbers))
-    some = "all" if part > 1.0 - ROUNDING else percent_text(part)
-    return f"{some} {of}, {PERCENTS} of which {verb} {texts} {unit}"
-
-
-def force_text(force: float) -> str:
-    """Format a force; inf: none suffices."""
-    return "none" if not math.isfinite(force) else short_number(force)
-
-
-def holding_columns(holding: Holding | None) -> list[Column]:
-    """The grip force at the worst normals and the payload of grasps, as far as known."""
-    if holding is None:
-        return []
-    force: Column = ("force", lambda row: force_text(holding.grip_force_largest[row]))
-    payload: Column = ("payload", lambda row: short_number(holding.payload[row]))
-    return [force, *[payload] * holding.has_payload]
+        forces["payload there, in kg"] = np.where(holding.payload > 0.0, holding.payload, math.inf)
+    for name, values in forces.items():
+        known = np.isfinite(values)
+        if not areas[known].sum() > 0.0:
+            report.line(f"  {name}: none suffices anywhere")
+            continue
+        texts = ", ".join(map(short_number, quantiles(values[known], LEVELS, areas[known])))
+        part = percent_text(areas[known].sum() / areas.sum())
+        report.line(f"  {name}: on {part} of the area; {PERCENTS} of that {texts}")

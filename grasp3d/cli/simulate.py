@@ -2,13 +2,13 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Simulate
 from grasp3d.cli.existing_files import check_not_source, check_output
-from grasp3d.cli.report import Report, escaped, length_with_unit, table_of
+from grasp3d.cli.report import NONE, Report, escaped, length_with_unit
 from grasp3d.errors import SettingError
 from grasp3d.grasps.audit import READINGS, explained
 from grasp3d.grasps.evaluation import poses_on
@@ -123,17 +123,12 @@ def print_simulation(simulation: Simulation, output: Path) -> None:
     report = Report()
     for line in _head(simulation):
         report.line(line)
-    holding = simulation.rates(held=True)
-    rates = simulation.rates()
-    report.labels(
-        "scan",
-        ("grasps", "grasp held", "95 %", "object held"),
-        lambda label: (*_cells(rates[label.name]), _percent(holding[label.name])),
-    )
-    margins = [
-        (f"{rate.name}°", *_cells(rate)) for rate in simulation.rates_by_margin() if rate.count
-    ]
-    report.table(table_of(("margin", "grasps", "grasp held", "95 %"), margins))
+    holding, rates = simulation.rates(held=True), simulation.rates()
+    columns = _columns({one: rates[one.name] for one in Label}, "grasps", "grasp held")
+    held = {"object held": lambda label: _percent(holding[label.name])}
+    report.letters("scan", columns | held)
+    margins = [(f"{one.name}°", *_cells(one)) for one in simulation.rates_by_margin() if one.count]
+    report.table(("margin", "grasps", "grasp held", "95 %"), margins)
     _print_fates(report, simulation.fates)
     report.warnings(simulation.warnings)
     report.written(output)
@@ -147,18 +142,26 @@ def print_poses(poses: GraspPoses, output: Path) -> None:
         output: The file that they were written to.
     """
 
-    def cells(label: Label) -> tuple[str, str, str]:
+    def rate(label: Label) -> SuccessRate:
         outcome = poses.outcome[poses.columns["label"] == label.name]
-        tried = outcome[abs(outcome) < math.inf]
-        return _cells(success_rate(label.name, tried == 1.0))
+        return success_rate(label.name, outcome[abs(outcome) < math.inf] == 1.0)
 
     report = Report()
     for setting, words in READINGS.items():
         if said := poses.settings.get(setting):
             report.line(f"{words}: {escaped(str(said))}")
-    report.labels("scan", ("poses", "object held", "95 %"), cells)
+    report.letters("scan", _columns({one: rate(one) for one in Label}, "poses", "object held"))
     _print_fates(report, poses.columns["fate"].tolist())
     report.written(output)
+
+
+def _columns(rates: Mapping[Label, SuccessRate], *names: str) -> dict[str, Callable[[Label], str]]:
+    """Columns of a label's number of grasps, how many of them held, and the interval."""
+    cells = {label: _cells(rate) for label, rate in rates.items()}
+    return {
+        name: lambda label, number=number: cells[label][number]  # type: ignore[misc]
+        for number, name in enumerate((*names, "95 %"))
+    }
 
 
 def _print_fates(report: Report, fates: Iterable[str]) -> None:
@@ -187,9 +190,9 @@ def _head(simulation: Simulation) -> list[str]:
 
 def _cells(rate: SuccessRate) -> tuple[str, str, str]:
     """Number of grasps, the percentage that held, and its interval."""
-    interval = f"{100.0 * rate.low:.0f} to {100.0 * rate.high:.0f} %" if rate.count else "–"
+    interval = f"{100.0 * rate.low:.0f} to {100.0 * rate.high:.0f} %" if rate.count else NONE
     return str(rate.count), _percent(rate), interval
 
 
 def _percent(rate: SuccessRate) -> str:
-    return "–" if math.isnan(rate.rate) else f"{100.0 * rate.rate:.0f} %"
+    return NONE if math.isnan(rate.rate) else f"{100.0 * rate.rate:.0f} %"

@@ -82,7 +82,7 @@ class Hand(Quiet, Overwriting):
     """URDF and MuJoCo: names of the links, or bodies, of the two fingers that slide (default: it is
     a hand with joints)."""
 
-    preset: str | None = None
+    preset: Annotated[str | None, Stated(metavar="NAME")] = None
     """URDF and MuJoCo: name of the hand with joints whose numbers it has (default: that one whose
     joints have the same names, if there is one)."""
 

@@ -111,25 +111,22 @@ def _arguments(option: Option) -> dict[str, Any]:
     """Return how argparse takes the words of an option."""
     named: dict[str, Any] = {"dest": option.field, "required": option.is_required}
     shared = {"default": SUPPRESS, **(named if option.names else {"metavar": option.metavar})}
-    if not option.parser.metavar:
+    if not option.metavar:
         return {**shared, "action": BooleanOptionalAction if option.default else "store_true"}
     if option.repeated:
         return {**shared, "action": "append"}
-    count = option.parser.count
     single = None if option.is_required or option.names else "?"
-    return {**shared, "nargs": single if count == 1 else count}
+    return {**shared, "nargs": single if option.count == 1 else option.count}
 
 
 def _value(option: Option, found: Mapping[str, Any]) -> Any:
     """Return the value of an option, or its default."""
     words = found.get(option.field, option.default)
-    if option.field not in found and option.default is not MISSING:
-        return words
     if words is MISSING:
         words = []  # any number of arguments, of which none is given
-    if isinstance(words, bool):
+    elif option.field not in found or isinstance(words, bool):
         return words
-    return option.parser.parse([words] if isinstance(words, str) else words)
+    return option.parse([words] if isinstance(words, str) else words)
 
 
 def _meant(name: str, names: list[str], prog: str) -> str:
@@ -147,8 +144,8 @@ def _sentence(error: ArgumentError, options: Iterable[Option]) -> str:
     [option] = [one for one in options if name in one.names]
     if not option.metavar:
         return f"{name} takes no value"
-    count = 1 if option.repeated else option.parser.count
-    return f"{name} needs {'a value' if count == 1 else f'{count} values'}: {option.metavar}"
+    count = "a value" if option.repeated or option.count == 1 else f"{option.count} values"
+    return f"{name} needs {count}: {option.metavar}"
 
 
 def groups_of(kind: type) -> dict[str, list[Option]]:

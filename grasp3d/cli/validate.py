@@ -3,13 +3,11 @@
 from dataclasses import replace
 from pathlib import Path
 
-from rich.table import Table
-
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Validate
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.ranges import parse_angles, parse_numbers
-from grasp3d.cli.report import Report, escaped, table_of
+from grasp3d.cli.report import Report, escaped
 from grasp3d.errors import OutputError
 from grasp3d.plots.validations import FIGURES, save_figures
 from grasp3d.system.counts import counted, noun
@@ -89,27 +87,26 @@ def print_validation(validation: Validation, output: Path | None) -> None:
     report.lines([*sentences.sources_of(validation), sentences.closing_of(validation)])
     report.warnings(validation.warnings[:MOST_WARNINGS])
     if len(validation.warnings) > MOST_WARNINGS:
-        more = counted(len(validation.warnings) - MOST_WARNINGS, "warnings")
-        report.paragraph(f"and {more} more")
-    report.table(_table(text_tables.scores_of(validation)))
+        report.line(f"and {counted(len(validation.warnings) - MOST_WARNINGS, 'warnings')} more")
+    _print_table(report, text_tables.scores_of(validation))
     report.lines([sentences.intervals_of(validation), *sentences.objects_of(validation)])
     if not validation.grasps.one_sided:
-        report.table(_table(text_tables.differences_of(validation)))
-    report.table(_table(text_tables.labels_of(validation)))
-    report.table(_table(text_tables.calibration_of(validation)))
+        _print_table(report, text_tables.differences_of(validation))
+    _print_table(report, text_tables.labels_of(validation))
+    _print_table(report, text_tables.calibration_of(validation))
     report.lines(sentences.calibration_of(validation))
     for kind, meaning in MEANING.items():
         reasons = [one for one in validation.reasons if one.reason.kind == kind]
         if reasons:
-            report.paragraph(f"[bold]{meaning}: {counted(reasons[0].of, 'grasps')}[/]")
+            report.heading(meaning, counted(reasons[0].of, "grasps"))
             report.lines([_reason(validation, one) for one in reasons], " ")
     if output is not None:
-        report.lines([f"written: tables and figures in {output}"])
+        report.written(f"tables and figures in {output}")
 
 
-def _table(table: text_tables.TextTable) -> Table:
+def _print_table(report: Report, table: text_tables.TextTable) -> None:
     heads, rows = table
-    return table_of([*map(escaped, heads)], ([*map(escaped, row)] for row in rows))
+    report.table([*map(escaped, heads)], ([*map(escaped, row)] for row in rows))
 
 
 def _reason(validation: Validation, one: ReasonCount) -> str:

@@ -78,6 +78,10 @@ class Field:
     """Texts of the codes 0, 1, ..., which tables have in their place; empty: it has no codes."""
     outward: bool = False
     """Whether these are normals, which point into the object in Python, and outward in files."""
+    heading: str = ""
+    """Of its column in tables that people read; empty: it is not there."""
+    meaning: str = ""
+    """What it is, for the legend of such a table; empty: the heading says it."""
 
     def values_of(self, holder: object) -> Array | None:
         """The values as files hold them, a row for each vertex or grasp; None: there are none."""
@@ -173,16 +177,26 @@ def _payload(holder: Any) -> Array | None:
     return holding.payload if holding is not None and holding.has_payload else None
 
 
-LABEL = Field("label", kind="u1", ply="u1", texts=LETTERS)
-CRITICAL_ANGLE = Field("critical_angle", RADIANS, (), ANGLE_OR_INF, ply=DOUBLE)
-CRITICAL_ANGLE_BEST = replace(CRITICAL_ANGLE, name="critical_angle_best")
-MAX_RESOLUTION = Field("max_resolution", RADIANS, (), ANGLE, ply=FLOAT)
+LABEL = Field("label", kind="u1", ply="u1", texts=LETTERS, heading="label")
+CRITICAL_ANGLE = Field(
+    "critical_angle", RADIANS, (), ANGLE_OR_INF, ply=DOUBLE, heading="β*",
+    meaning="critical friction angle",
+)  # fmt: skip
+CRITICAL_ANGLE_BEST = replace(CRITICAL_ANGLE, name="critical_angle_best", heading="")
+MAX_RESOLUTION = Field(
+    "max_resolution", RADIANS, (), ANGLE, ply=FLOAT, heading="α*",
+    meaning="the grasp is surely stable with any finer sensor",
+)  # fmt: skip
 MARGIN = Field("margin", RADIANS, (), Allowed(infinite=-math.inf), ply=FLOAT)
-EPSILON = Field("epsilon", "", (), POSITIVE_OR_NAN, ply=DOUBLE)
+EPSILON = Field("epsilon", "", (), POSITIVE_OR_NAN, ply=DOUBLE, heading="ε")
 ANGLES = (CRITICAL_ANGLE, CRITICAL_ANGLE_BEST, MAX_RESOLUTION, MARGIN)
 DECIDED = (LABEL, *ANGLES)
-EPSILONS = (EPSILON, replace(EPSILON, name="epsilon_min"), replace(EPSILON, name="epsilon_max"))
-OPENING = Field("opening", LENGTH, (), POSITIVE_OR_NAN, ply=FLOAT)
+EPSILONS = (
+    EPSILON,
+    replace(EPSILON, name="epsilon_min", heading="ε_min", meaning="that at the worst normals"),
+    replace(EPSILON, name="epsilon_max", heading=""),
+)
+OPENING = Field("opening", LENGTH, (), POSITIVE_OR_NAN, ply=FLOAT, heading="opening")
 APPROACH_MARGIN = Field(
     "approach_margin", RADIANS, (), ANGLE_OR_NAN, of=of_part("reach", "approach_margin"),
     when="gripper", ply=DOUBLE,
@@ -193,11 +207,26 @@ DEPTH = Field(
 GRIP_FORCE = Field(
     "grip_force", NEWTONS, (), HELD, of=of_part("holding", "grip_force"), when="load", ply=DOUBLE
 )
+FORCE = "grip force that holds the load at the worst normals"
+PAYLOAD = "mass that the force at hand holds there"
 HOLDING = (
     GRIP_FORCE,
     replace(GRIP_FORCE, name="grip_force_least", of=of_part("holding", "grip_force_least")),
-    replace(GRIP_FORCE, name="grip_force_largest", of=of_part("holding", "grip_force_largest")),
-    replace(GRIP_FORCE, name="payload", of=_payload, unit=KILOGRAMS),
+    replace(
+        GRIP_FORCE,
+        name="grip_force_largest",
+        of=of_part("holding", "grip_force_largest"),
+        heading="force",
+        meaning=FORCE,
+    ),
+    replace(
+        GRIP_FORCE,
+        name="payload",
+        of=_payload,
+        unit=KILOGRAMS,
+        heading="payload",
+        meaning=PAYLOAD,
+    ),
 )
 FORCES = (
     *HOLDING,
@@ -205,7 +234,9 @@ FORCES = (
 )
 """What a load adds to grasps."""
 
-SCORE = Field("score", "", (), Allowed(0.0, 1.0))
+SCORE = Field(
+    "score", "", (), Allowed(0.0, 1.0), heading="score", meaning="U below 1/3, S above 2/3"
+)
 """The one number by which grasps are sorted."""
 
 STATED_LABEL = replace(LABEL, of=attrgetter("letter"))
@@ -219,7 +250,7 @@ GRASPS = (
     *EPSILONS,
     Field("rank", kind="i8"),
     OPENING,
-    replace(OPENING, name="separation"),
+    replace(OPENING, name="separation", heading=""),
     *HOLDING,
 )
 """Grasps in tables."""
@@ -267,6 +298,9 @@ def under_load(name: str) -> Callable[[Any], Array | None]:
     return lambda poses: None if poses.load is None else np.asarray(getattr(poses, name))
 
 
+REASON = Field("reason", kind="U", heading="reason")
+
+
 def given_poses(fingers: int = 2) -> tuple[Field, ...]:
     """Given poses that were evaluated, of a hand with so many fingers."""
     numbers = range(fingers)
@@ -277,11 +311,13 @@ def given_poses(fingers: int = 2) -> tuple[Field, ...]:
         *(field for field in ANGLES if field is not CRITICAL_ANGLE_BEST),
         *EPSILONS,
         replace(APPROACH_MARGIN, of=None, when="always", ply=""),
-        Field("grip_force", NEWTONS, (), HELD, of=under_load("grip_force"), when="load"),
-        Field("payload", KILOGRAMS, (), HELD, of=under_load("payload"), when="load"),
+        Field("grip_force", NEWTONS, (), HELD, of=under_load("grip_force"), when="load",
+              heading="force", meaning=FORCE),
+        Field("payload", KILOGRAMS, (), HELD, of=under_load("payload"), when="load",
+              heading="payload", meaning=PAYLOAD),
         Field("collides", kind="?"),
         Field("reachable", kind="?"),
-        Field("reason", kind="U"),
+        REASON,
         *(Field(f"area{number + 1}", AREA, of=_jaw("area", number)) for number in numbers),
         *(Field(f"touch{number + 1}", of=_jaw("touch", number), kind="u1", texts=names_of(Touch))
           for number in numbers),
@@ -303,21 +339,25 @@ HAND_GRASPS = (
     EPSILON,
     Field("rank", kind="i8"),
     Field("links", kind="U"),
-    Field("gap", LENGTH, (), POSITIVE_OR_NAN),
-    Field("penetration", LENGTH, (), Allowed(0.0)),
+    Field("gap", LENGTH, (), POSITIVE_OR_NAN, heading="gap",
+          meaning="largest one of a link that touches"),
+    Field("penetration", LENGTH, (), Allowed(0.0), heading="depth",
+          meaning="deepest penetration of a link"),
     Field("overlap", LENGTH, (), Allowed(0.0)),
     Field("below_table", LENGTH, (), POSITIVE_OR_NAN),
     *(
-        Field(name, unit, (), HELD, of=of_part("motor_holding", name), when="load")
-        for name, unit in (
-            ("payload", KILOGRAMS),
-            ("payload_sure", KILOGRAMS),
-            ("payload_possible", KILOGRAMS),
-            ("load_fraction", ""),
+        Field(name, unit, (), HELD, of=of_part("motor_holding", name), when="load",
+              heading=heading, meaning=meaning)
+        for name, unit, heading, meaning in (
+            ("payload", KILOGRAMS, "holds", "what the motors hold at the perceived normals"),
+            ("payload_sure", KILOGRAMS, "surely", "at the worst normals"),
+            ("payload_possible", KILOGRAMS, "", ""),
+            ("load_fraction", "", "load", "the mass over what is surely held"),
         )
     ),
-    Field("limit", kind="U", of=of_part("motor_holding", "limit"), when="load"),
+    Field("limit", kind="U", of=of_part("motor_holding", "limit"), when="load",
+          heading="limit", meaning="what limits what is surely held"),
     Field("reachable", kind="?"),
-    Field("reason", kind="U"),
+    REASON,
 )  # fmt: skip
 """Given poses of a hand with joints, with what its links touch."""

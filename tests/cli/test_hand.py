@@ -25,10 +25,9 @@ def test_lengths_frame_force_and_touch_are_printed(tmp_path: Path, name: str) ->
     gripper = preset(name)
     text = printed("hand", name, cwd=tmp_path, columns=200)
     lines = dict(re.findall(r"^(\w[\w ]*?)  +(\S.*?) *$", text, re.MULTILINE))
-    assert lines["opening"] == f"{1e3 * gripper.min_opening:g} to {1e3 * gripper.max_opening:g}"
-    assert lines["fingers"] == f"{1e3 * gripper.finger_thickness:g} thick (x)"
-    assert lines["greatest force"] == f"{gripper.max_force:g} N"
-    assert lines["base to TCP"] == f"{1e3 * gripper.base_to_tcp:g} along z"
+    for length in ("min_opening", "max_opening", "finger_thickness", "base_to_tcp"):
+        assert lines[length.replace("_", " ")] == f"{1e3 * getattr(gripper, length):.4g}"
+    assert lines["max force"] == f"{gripper.max_force:g} N"
     assert lines["sensor resolution"] == ("22.92°" if gripper.round_tips else "not stated")
     assert ("torsion radius" in lines) != gripper.round_tips
     for joint in gripper.joint_names:
@@ -37,7 +36,7 @@ def test_lengths_frame_force_and_touch_are_printed(tmp_path: Path, name: str) ->
 
 def test_json_and_picture_are_written_and_read_again(tmp_path: Path) -> None:
     run = grasp3d("hand", "panda", "-o", "g.json", "--picture", "g.png", cwd=tmp_path)
-    assert run.stdout.endswith("written: g.json\nwritten: g.png\n")
+    assert run.stdout.endswith("written: g.json, g.png\n")
     assert read_hand(tmp_path / "g.json") == preset("franka")
     assert (tmp_path / "g.png").read_bytes().startswith(b"\x89PNG")
     # It may have been written by hand.

@@ -39,13 +39,10 @@ def folder(tmp_path: Path) -> Path:
 
 def test_report(folder: Path) -> None:
     text = printed("evaluate", *POSES, cwd=folder)
-    assert "box.stl: 3 poses of hand sliders; friction 0.5, sensor resolution 10°" in text
-    assert "contacts as given, within 5 mm" in text
+    assert "box.stl: 3 poses of sliders, contacts as given, within 5 mm; friction 0.5" in text
     for line in (
         "1 of 3: a joint is beyond its limit",
         "1 of 3: no link within 5 mm of the object",
-        "surely stable and reached: 1 of 3 poses; the best is pose 1 (grasp_1)",
-        "with a margin of 21.",
         "joint 4 (slide_3) is 20 mm beyond its limit",
         "written: box_grasps.csv",
     ):
@@ -123,9 +120,8 @@ def test_load(folder: Path) -> None:
     assert held[1] is None
     assert columns["limit"][0].startswith("slide_")
     assert columns["label"][0] == "S"
-    assert "surely held and reached: 1 of " in text
     row = next(line.split() for line in text.splitlines() if re.match(" +1 .* slide_", line))
-    assert f"{100.0 * columns['load_fraction'][0]:.0f}" in row
+    assert f"{columns['load_fraction'][0]:.3f}" in row
     assert row.count("S") == 1
 
 
@@ -141,7 +137,6 @@ def test_options_and_descriptions_that_no_hand_has_are_named(folder: Path) -> No
 
 def test_what_motors_do_not_hold_is_not_surely_held(folder: Path) -> None:
     text = printed("evaluate", *POSES, "--mass", "5kg", "--torque-limits", "10", cwd=folder)
-    assert "surely held and reached: 0 of " in text
     columns = pc.read_csv(folder / "box_grasps.csv").to_pydict()
     assert columns["payload"][0] < columns["payload_possible"][0] < 5.0
     assert columns["label"][0] == "U"
@@ -168,5 +163,4 @@ def test_the_verdict_on_the_object_is_in_the_file(folder: Path) -> None:
 def test_poses_without_a_grasp_have_no_load(folder: Path) -> None:
     text = printed("evaluate", *POSES, "--mass", "0.5kg", cwd=folder, columns=200)
     (row,) = [line for line in text.splitlines() if line.startswith("   2 ")]
-    assert "> 1000 %" not in row
-    assert row.split("  no link")[0].split().count("none") == 8
+    assert row.split("  no link")[0].split().count("–") == 6

@@ -44,7 +44,7 @@ def test_tables_say_what_wrong_poses_make_of_grasps(folder: Path) -> None:
     assert 0.0 < found[1]["closing_share"] < 1.0
     for row, one in zip(rows, found, strict=True):
         assert f"■ {one['label']}  " in row
-        assert f"  {one['score']:.2f}  " in row
+        assert f"  {one['score']:.3f}  " in row
         assert row.rstrip().endswith(one["reason"])
     assert [one["label"] for one in found] == ["S", "U", "M", "U"]
     assert found[2]["shift"] == pytest.approx(-0.00375)
@@ -54,13 +54,14 @@ def test_tables_say_what_wrong_poses_make_of_grasps(folder: Path) -> None:
 
 def test_without_an_error_reasons_say_what_is_wrong(folder: Path) -> None:
     text = printed("evaluate", *GIVEN, cwd=folder)
-    assert re.search(r"pose +label +score +β\* +α\* +ε +opening +reason$", text, re.MULTILINE)
+    heading = r"pose +label +score +β\* +α\* +ε +ε_min +mm +reason *$"
+    assert re.search(heading, text, re.MULTILINE)
     found = pc.read_csv(folder / "b.csv").to_pylist()
     assert "closing_share" not in found[0]
     assert found[2]["reason"] == "finger 1 is 3 mm inside the object"
     assert "1 of 4: finger is inside the object" in text
     text = printed("evaluate", *GIVEN, "--mass", "0.1", "--grip-force", "20", cwd=folder)
-    assert re.search(r"β\* +needs +holds +opening +reason$", text, re.MULTILINE)
+    assert re.search(r"force +payload +opening *$", text, re.MULTILINE)
 
 
 def test_the_best_grasps_say_it_too(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -153,7 +153,7 @@ label ball.ply --hand leap | --hand: leap is a hand with joints, known without i
 label ball.ply --hand void/ | --hand: void: is a folder; name a file
 label ball.ply --hand damaged.json | damaged.json: is no JSON
 label ball.ply --hand notes.csv | unsupported gripper format .csv
-label ball.ply --unit feet | --unit must be one of m, cm, mm, in, or none; got 'feet'
+label ball.ply --unit feet | --unit must be one of m, cm, mm, in; got 'feet'
 label ball.ply --mass heavy | mass must be
 label ball.ply --density 1000 --mass 1 | mass and density exclude each other
 label ball.ply --grasps-format acronym | give their number with --best

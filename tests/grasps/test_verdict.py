@@ -26,7 +26,6 @@ from grasp3d import (
     label_surface,
     load_mesh,
 )
-from grasp3d.cli.report import force_text
 from grasp3d.grasps import EvaluatedPoses, verdict_of
 from grasp3d.grasps.causes import Cause, cause_fractions
 from grasp3d.grasps.verdict import HoldingVerdict, Remedy, Verdict
@@ -315,10 +314,6 @@ def test_reasons_why_no_force_holds() -> None:
         verdict = check(label_surface(off, hard, load=Load(mass=0.5, grip_force=force)))
         assert verdict.word == "not"
         assert HARD_FINGERS in str(verdict)
-
-
-def test_zero_has_no_sign() -> None:
-    assert force_text(-0.0) == "0"
 
 
 def coarse_mesh(path: Path) -> ObjectMesh:
