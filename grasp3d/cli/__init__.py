@@ -52,9 +52,10 @@ commands:
 {}
 
 options:
-  -h, --help  Print this help, or, after the name of a command, its main options.
-  --help-all  After the name of a command: print all of its options.
-  --version   Print the version.
+  -h, --help    Print this help, or, after the name of a command, its main options.
+  --help-all    After the name of a command: print all of its options.
+  --version     Print the version.
+  --completion  Print what completes commands in bash and zsh: source <(grasp3d --completion)
 
 examples:
   # Label a mesh, and write it
@@ -102,6 +103,11 @@ def _run(arguments: list[str]) -> int:
     name, *words = arguments or [""]
     if name == "--version":
         print(f"grasp3d {package_version()}")  # noqa: T201
+        return 0
+    if name == "--completion":
+        from grasp3d.cli.completion import completion_script
+
+        print(completion_script(KINDS), end="")  # noqa: T201
         return 0
     if name in {*HELP, HELP_ALL}:
         texts = ((name, (kind.__doc__ or "").partition("\n")[0]) for name, kind in KINDS.items())
