@@ -4,19 +4,16 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from types import FrameType
 
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.library import label_library
 from grasp3d.cli import batch_report
 from grasp3d.cli.commands import Batch
-from grasp3d.cli.existing_files import check_not_task
 
 
 def run(command: Batch) -> int:
     """Run the command; returns the exit code."""
-    check_not_task(Path(command.output), command.load)
     settings = BatchSettings(
         command.reach.touching(command.model),
         command.sampling,

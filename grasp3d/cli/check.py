@@ -43,7 +43,7 @@ def run(command: Check) -> int:
     """Run the command, and return the exit code."""
     files = find_meshes(command.inputs)
     sources = [local_path(file.source) for file in files]
-    check_output(command.output, [".json"], "report", overwrite=command.overwrite, sources=sources)
+    check_output(command.output, [".json"], "report", overwrite=command.overwrite, inputs=sources)
     settings = BatchSettings(command.model, command.sampling, command.mesh)
     meshes = _checked(command, files, settings)
     if command.output is not None:

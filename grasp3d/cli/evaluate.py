@@ -5,7 +5,7 @@ from typing import Any
 
 from grasp3d.cli import grasp_report, progress_bars
 from grasp3d.cli.commands import Evaluate
-from grasp3d.cli.existing_files import check_not_source, check_not_task, check_output
+from grasp3d.cli.existing_files import check_output
 from grasp3d.errors import ContactError, MeshError, SettingError
 from grasp3d.grasps.audit import explained
 from grasp3d.grasps.evaluation import (
@@ -43,7 +43,6 @@ def run(command: Evaluate) -> int:
     if command.metrics is not None:
         metric_names(command.metrics)
     output = command.output or Path(f"{safe_stem(command.file.stem)}_grasps.csv")
-    check_not_task(output, command.load)
     if command.file.is_dir():
         raise MeshError(
             f"{command.file}: is a folder, but grasps are of one object: name its mesh file, and "
@@ -51,8 +50,8 @@ def run(command: Evaluate) -> int:
         )
     poses = holds_poses(command.contacts)
     _check_options(command, poses=poses)
-    check_not_source(output, command.contacts, "poses" if poses else "contacts")
-    check_output(output, SUFFIXES, "table", overwrite=command.overwrite, sources=[command.file])
+    inputs = [command.file, command.contacts, *command.load.task_files]
+    check_output(output, SUFFIXES, "table", overwrite=command.overwrite, inputs=inputs)
     if command.picture is not None:
         _check_picture(command)
     results = (_poses if poses else _contacts)(command)

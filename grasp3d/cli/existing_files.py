@@ -1,11 +1,9 @@
 """Files that are there already at the paths of outputs: none is replaced without `--overwrite`."""
 
 from collections.abc import Iterable
-from contextlib import suppress
 from pathlib import Path
 
 from grasp3d.errors import OutputError
-from grasp3d.quality.loads import Load
 from grasp3d.system.files import check_suffix, check_writable
 
 
@@ -15,7 +13,7 @@ def check_output(
     what: str = "",
     *,
     overwrite: bool,
-    sources: Iterable[Path | None] = (),
+    inputs: Iterable[Path | None] = (),
 ) -> None:
     """Check before a long computation that an output has a known format and can be written.
 
@@ -24,7 +22,7 @@ def check_output(
         suffixes: Of the formats, in lower case; none: they are checked elsewhere.
         what: What the file contains, for the error: a table, a figure.
         overwrite: Whether any existing file may be replaced.
-        sources: Files that it must not replace; None: no local file.
+        inputs: Files that the command reads, which it must not replace; None: no local file.
 
     Raises:
         OutputError: The suffix is not known, it cannot be written, or a file is there already.
@@ -33,37 +31,10 @@ def check_output(
         return
     if suffixes:
         check_suffix(path, suffixes, what)
-    for source in (None, *sources):
-        check_writable(path, source=source)
-    if path.exists() and not overwrite:
+    check_writable(path)
+    if not path.exists():
+        return
+    if any(one is not None and one.exists() and path.samefile(one) for one in inputs):
+        raise OutputError(f"{path}: is read by this command; name another file")
+    if not overwrite:
         raise OutputError(f"{path}: exists; name another file, or replace it with --overwrite")
-
-
-def check_not_source(path: Path, source: Path, what: str) -> None:
-    """Check that an output does not replace a file that is read.
-
-    Args:
-        path: File to create or replace.
-        source: The file that is read.
-        what: What it holds, for the error: poses, contacts.
-
-    Raises:
-        OutputError: It is that file.
-    """
-    with suppress(OSError):  # a file does not exist
-        if path.samefile(source):
-            raise OutputError(f"{path}: is the file of {what}; name another file with -o")
-
-
-def check_not_task(path: Path, load: Load) -> None:
-    """Check that an output does not replace a file of the task.
-
-    Args:
-        path: File to create or replace.
-        load: As the options give it, with the names of the task's files.
-
-    Raises:
-        OutputError: It is a file of the task.
-    """
-    for file in load.task_files:
-        check_not_source(path, file, "the task")

@@ -9,7 +9,7 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.cli import grasp_report, progress_bars
 from grasp3d.cli.commands import Label
-from grasp3d.cli.existing_files import check_not_task, check_output
+from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import (
     CHECK_HINT,
     PERCENTS,
@@ -89,8 +89,8 @@ def _files(command: Label) -> tuple[Path, Path]:
         if command.posed_hand is not None:
             check_external(command.sampling)
     for path in (output, *grasp_files):
-        check_not_task(path, command.load)
-        check_output(path, overwrite=command.overwrite, sources=[command.file])
+        inputs = [command.file, *command.load.task_files]
+        check_output(path, overwrite=command.overwrite, inputs=inputs)
     return output, grasp_file
 
 

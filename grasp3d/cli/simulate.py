@@ -7,7 +7,7 @@ from pathlib import Path
 
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Simulate
-from grasp3d.cli.existing_files import check_not_source, check_output
+from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import NONE, Report, escaped, length_with_unit
 from grasp3d.errors import SettingError
 from grasp3d.grasps.audit import READINGS, explained
@@ -51,7 +51,7 @@ def run(command: Simulate) -> int:
     for name in ("object_pose", "frame"):
         if getattr(command, name) is not None:
             raise SettingError(f"{name} is that of given poses; name their file with --grasps")
-    check_output(output, SUFFIXES, "table", overwrite=command.overwrite, sources=[command.file])
+    check_output(output, SUFFIXES, "table", overwrite=command.overwrite, inputs=[command.file])
     simulation = _simulate(command)
     write_simulation(output, simulation)
     if not command.quiet:
@@ -66,8 +66,8 @@ def _simulate_poses(command: Simulate, output: Path) -> int:
         raise SettingError(
             f"{command.grasps}: contains poses; give their gripper with --hand NAME|FILE"
         )
-    check_not_source(output, command.grasps, "poses")
-    check_output(output, POSES, "pose", overwrite=command.overwrite, sources=[command.file])
+    inputs = [command.file, command.grasps]
+    check_output(output, POSES, "pose", overwrite=command.overwrite, inputs=inputs)
     check_hand(format_of(output), command.hand)
     mujoco_module()  # before anything is read
     poses, mesh = poses_on(

@@ -88,8 +88,8 @@ def _outputs(command: Sweep, shapes: list[str], meshes: list[MeshFile]) -> tuple
     table = command.output or Path(f"{stem}.csv")
     figure = command.figure or table.with_suffix(".svg")
     sources = [local_path(mesh.source) for mesh in meshes]
-    check_output(table, SUFFIXES, "table", overwrite=command.overwrite, sources=sources)
-    check_output(figure, METADATA, "figure", overwrite=command.overwrite, sources=sources)
+    check_output(table, SUFFIXES, "table", overwrite=command.overwrite, inputs=sources)
+    check_output(figure, METADATA, "figure", overwrite=command.overwrite, inputs=sources)
     return table, figure
 
 

@@ -49,9 +49,7 @@ def _check_output(command: Validate) -> None:
     if not command.output.is_dir():
         raise OutputError(f"{command.output}: is a file; name a folder")
     for path in (command.output / name for name in (*FIGURES, *TABLES)):
-        check_output(path, overwrite=command.overwrite)
-        if any(path.exists() and file.exists() and path.samefile(file) for file in command.grasps):
-            raise OutputError(f"{path}: is a file of grasps; name another folder with -o")
+        check_output(path, overwrite=command.overwrite, inputs=command.grasps)
 
 
 def _validate(command: Validate, settings: ValidationSettings) -> Validation:

@@ -64,19 +64,14 @@ def _temporary(path: Path, folder: Path | None) -> Path:
     return Path(name)
 
 
-def check_writable(path: Path, *, source: Path | None = None) -> None:
-    """Check before a long computation that its output file can be written.
-
-    Args:
-        path: File to create or replace.
-        source: A file that it must not replace.
+def check_writable(path: Path) -> None:
+    """Check before a long computation that its output file, to create or replace, can be written.
 
     Raises:
-        OutputError: It cannot be written, or it is the source.
+        OutputError: It cannot.
     """
     with atomic_write(path, keep=False):
-        if source is not None and path.exists() and path.samefile(source):
-            raise OutputError(f"{path}: is the mesh itself; name another file")
+        pass
 
 
 def check_suffix(path: Path, formats: Iterable[str], what: str) -> None:

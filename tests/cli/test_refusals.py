@@ -30,7 +30,7 @@ label ball.ply --location-error '1 furlong' | --location-error must be a length:
 label ball.ply --max-opening 70km | --max-opening must be a length: a number | (m, cm, mm, in)
 label ball.ply -o x.docx | unsupported format .docx: supported are .ply
 label ball.ply -o no/where.ply | cannot be written
-label ball.ply -o ball.ply | is the mesh itself
+label ball.ply -o ball.ply | is read by this command; name another file
 label ball.ply --at 0,0 | at must be three finite lengths, x,y,z | got '0,0'
 label box.stl --unit mm --at 0,0,90mm | at 0.0,0.0,90 mm is 50 mm from the surface of box.stl, more
 label ball.ply --best 0 | best must be at least 1
@@ -54,7 +54,7 @@ label ball.ply --region ball.ply:grip | ball.ply: its vertices have no 'grip'; t
 label ball.ply --region mask.ply | mask.ply: is no mask of ball.ply: one of its vertices is
 batch ball.ply -o out --region mask.ply | mask.ply is of one mesh; a library takes a box
 label box.stl -o notes.ply | notes.ply: exists; name another file
-label box.stl --best 2 --grasps task.csv --task task.csv --overwrite | is the file of the task
+label box.stl --best 2 --grasps task.csv --task task.csv --overwrite | is read by this command; name another file
 label box.stl --unit mm --hand franka --best 2 --frame tool0 | unknown gripper frame
 label box.stl --unit mm --hand franka --best 2 --frame mirror.txt | mirror.txt: the matrix of a
 label box.stl --unit mm --best 2 --frame graspgen | frame is for poses of a gripper of two
@@ -70,15 +70,15 @@ label open.stl --mass 0.5kg | is open, so its centre of mass is not known
 evaluate box.stl poses.csv --hand franka --outcome held | no outcome is called 'held': its grasps
 evaluate box.stl box.stl | unsupported contacts format .stl: supported are .csv
 evaluate box.stl bad.csv | found a b c
-evaluate box.stl pair.json -o pair.json | pair.json: is the file of contacts; name another file
+evaluate box.stl pair.json -o pair.json | pair.json: is read by this command; name another file
 evaluate box.stl far.json | grasp 1, contact 2 at (-5000, 0, 0)
 evaluate box.stl three.json --fingers 4 | have 3 fingers
 evaluate box.stl pair.json --metrics min_weight,beauty | 'beauty'; known: all, epsilon_l1
 evaluate box.stl poses.csv --unit mm | give their gripper with --hand NAME
 evaluate box.stl poses.csv --unit mm --hand franka --max-distance 1 | max_distance applies to
-evaluate box.stl pair.json -o task.csv --task 'weight + task.csv' --overwrite | of the
-evaluate box.stl pair.json -o task.csv --task 'pushes.csv + ./task.csv' --overwrite | of the task
-evaluate box.stl pair.json -o task_link.csv --task task.csv --overwrite | is the file of the task
+evaluate box.stl pair.json -o task.csv --task 'weight + task.csv' --overwrite | is read by this command
+evaluate box.stl pair.json -o task.csv --task 'pushes.csv + ./task.csv' --overwrite | is read by this command
+evaluate box.stl pair.json -o task_link.csv --task task.csv --overwrite | is read by this command; name another file
 evaluate box.stl robot.csv --unit mm --hand franka --object-pose 1,0,0,0 | it states the object
 evaluate box.stl short.csv --unit mm --hand franka | Expected 7 columns, got 3
 evaluate box.stl twice.csv --unit mm --hand franka | two columns are called 'px'
@@ -98,7 +98,7 @@ validate poses.csv --mesh box.stl --hand franka -o poses.csv | poses.csv: is a f
 validate poses.csv --hand franka --meshes nowhere | nowhere: there is no such folder
 simulate box.stl --unit mm --hand franka | gripper 'franka' has flat pads, which touch more than two
 simulate box.stl --unit mm --count 2 | count must be from 3 to 100000; got 2
-simulate ball.ply --unit mm -o link.csv | link.csv: is the mesh itself
+simulate ball.ply --unit mm -o link.csv | link.csv: is read by this command; name another file
 sweep | nothing to sweep
 sweep void | no mesh in it
 sweep circle --figure x.docx | unsupported figure format .docx
