@@ -43,14 +43,6 @@ def counted_results(
         yield from bar.track(results, total=total, description=text)
 
 
-@contextmanager
-def waiting(text: str, *, quiet: bool) -> Iterator[None]:
-    """Show that something is being done, of which no fraction is known."""
-    with bar_of(quiet=quiet) as bar:
-        bar.add_task(text, total=None)
-        yield
-
-
 def bar_of(*columns: ProgressColumn, quiet: bool) -> Progress:
     """Make a progress bar with some columns after the bar, which only a terminal shows."""
     console = Console(stderr=True, quiet=quiet, soft_wrap=True, emoji=False)
