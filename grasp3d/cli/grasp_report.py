@@ -98,6 +98,8 @@ def _remarks(grasps: Grasps) -> Iterator[str]:
     if not isinstance(grasps, GraspTable):
         kinds = Counter(kind for kind in grasps.reasons.kinds if kind)
         yield from (f"{count} of {size}: {kind}" for kind, count in kinds.most_common())
+        sure = (grasps.letter == Label.S) & grasps.reachable
+        yield f"surely stable and reached: {int(sure.sum())} of {size}"
         tried = ~np.isnan(grasps.outcome)
         held = {one: grasps.outcome[tried & (grasps.letter == Label[one])] for one in "SMU"}
         parts = [f"{k} {percent_text(v.mean())} of {len(v)}" for k, v in held.items() if len(v)]

@@ -184,7 +184,7 @@ def cell(field: Field, value: Any, *, metres: bool) -> str:
     if field.unit == RADIANS:
         return angle_text(value)
     if field.unit == LENGTH:
-        return f"{(1e3 if metres else 1.0) * value:.4g}"
+        return short_number((1e3 if metres else 1.0) * value)
     return short_number(value) if field.unit else f"{value + 0.0:.3f}"
 
 
