@@ -149,7 +149,10 @@ def _write_axis(line, normal, phi, tilt, moment, axis):
         axis[k] = moment * (along + aside * across)
 
 
-@scratch_kernel
+@scratch_kernel(
+    "bool, FixedFloats3, FixedFloats3, FixedFloats2, Floats2, Floats2, Floats1, Floats1, Floats3, "
+    "Floats3"
+)
 def write_sure_forces(spherical, points, normals, radii, angles, tilts, phi, moments, cones, axes):
     """Write the levels of what contacts surely apply; see `tilted_forces`.
 

@@ -37,7 +37,7 @@ def _overlap(i, j, one, other, deepest, relative, shapes):
     return deepest
 
 
-@kernel
+@kernel("Floats4, int, int, Ints2, LinkShapes, Floats1, Ints2")
 def self_overlaps(frames, begin, end, allowed, shapes, depths, pairs):
     """Find the two links of each pose that overlap most.
 

@@ -4,8 +4,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import Floats1, Floats2, Floats3, Floats4, Ints1, Ints2
 from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.hands.deepest import (
     ALONG,
@@ -91,13 +91,13 @@ cosine with the link's normal; and their number."""
 class Touches(NamedTuple):
     """What `touch` writes, in the object's frame [m]; k poses, m shapes, L links."""
 
-    gaps: npt.NDArray[np.float64]
+    gaps: Floats2
     """Signed distance of each shape, inf: beyond the search; negative: depth (k, m)."""
-    points: npt.NDArray[np.float64]
+    points: Floats3
     """Where: the point of the surface (k, m, 3)."""
-    counts: npt.NDArray[np.int64]
+    counts: Ints2
     """Contacts of each link (k, L); 0 links: none are looked for."""
-    contacts: npt.NDArray[np.float64]
+    contacts: Floats4
     """Of each contact: point on the surface, inward unit normal, signed distance of the link's
     shapes from the point (k, L, MOST, 7)."""
 
@@ -106,28 +106,28 @@ class TouchScratch(NamedTuple):
     """Arrays of one thread."""
 
     shape: ShapeScratch
-    nodes: npt.NDArray[np.int64]
-    bounds: npt.NDArray[np.float64]
-    placed: npt.NDArray[np.float64]
+    nodes: Ints1
+    bounds: Floats1
+    placed: Floats2
     """Frame of a shape to that of the object (3, 4)."""
-    triangle: npt.NDArray[np.float64]
+    triangle: Floats1
     """In the shape's frame (9,)."""
-    point: npt.NDArray[np.float64]
+    point: Floats1
     """Of the nearest point so far (3,)."""
-    direction: npt.NDArray[np.float64]
-    pieces: npt.NDArray[np.float64]
+    direction: Floats1
+    pieces: Floats2
     """Points of a shape with their depths (PIECES, ROW)."""
-    deepest: npt.NDArray[np.float64]
+    deepest: Floats1
     """The deepest point found (ROW,)."""
-    trial: npt.NDArray[np.float64]
+    trial: Floats1
     """The point that is tried next (3,)."""
-    start: npt.NDArray[np.float64]
+    start: Floats1
     """Direction with which the next triangle begins, in the shape's frame (3,)."""
-    lows: npt.NDArray[np.float64]
+    lows: Floats1
     """Lower bounds of the signed distances of the points of a link (s,)."""
-    near: npt.NDArray[np.float64]
+    near: Floats2
     """Points of a link that are near the surface (n, COLUMNS)."""
-    free: npt.NDArray[np.int64]
+    free: Ints1
     """1: the point belongs to no side yet (n,)."""
 
 
@@ -455,7 +455,7 @@ def _write_contact(row, first, last, frame, shapes, surface, scratch):
     row[6] = _gap_at(q, first, last, frame, shapes, scratch)
 
 
-@kernel
+@kernel("Floats4, float, float, int, int, LinkShapes, TouchedSurface, Touches, TouchScratch")
 def touch(frames, distance, search, begin, end, shapes, surface, touches, scratch):
     """Find the gaps between links and an object, and their contacts.
 

@@ -215,7 +215,7 @@ def farthest(space, u, point, force):
     return best, identifier, owner
 
 
-@scratch_kernel
+@scratch_kernel()
 def support(space, u, point, force):
     """`farthest` as a function of its own."""
     return farthest(space, u, point, force)

@@ -152,7 +152,7 @@ def _of_group(space, start, first, u):
     return chosen, best, f0, f1, f2, f3
 
 
-@scratch_kernel
+@scratch_kernel()
 def _best_level(space, u):
     """First column of the level that reaches farthest in a direction."""
     best, chosen, width = -math.inf, 0, _width(space)
@@ -170,7 +170,7 @@ def _best_level(space, u):
     return chosen
 
 
-@scratch_kernel
+@scratch_kernel()
 def farthest_tilted(space, u, point):
     """Write the farthest wrench (6,) in a direction (6,); returns the support.
 
@@ -189,7 +189,7 @@ def farthest_tilted(space, u, point):
     return total
 
 
-@scratch_kernel
+@scratch_kernel()
 def add_tilted_forces(space, u, weight, forces):
     """Add the contact forces of the farthest wrench, times a weight, to forces (n, 4)."""
     first = _best_level(space, u)

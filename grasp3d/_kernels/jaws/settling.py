@@ -315,7 +315,7 @@ class Touching(NamedTuple):
     scratch: Scratch
 
 
-@kernel
+@kernel()
 def make_touching():
     """Allocate the memory for two jaws."""
     return Touching(
@@ -460,7 +460,7 @@ class Settling(NamedTuple):
     touching: Touching
 
 
-@kernel
+@kernel()
 def make_settling(size):
     """Allocate the memory for a surface of `size` faces."""
     return Settling(
