@@ -65,5 +65,5 @@ def check_not_task(path: Path, load: Load) -> None:
     Raises:
         OutputError: It is a file of the task.
     """
-    for file in load.task_files:
+    for file in load.task.files:
         check_not_source(path, file, "the task")

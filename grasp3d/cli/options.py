@@ -338,13 +338,6 @@ def one_word(
     )
 
 
-def _task(text: str) -> TaskText:
-    """Check a task and its files; it keeps their names, which outputs must not have."""
-    task = TaskText.of(text)
-    task.with_files_read()
-    return task
-
-
 def _hand(option: str, word: str) -> Hand:
     """Return the gripper of a preset or a file."""
     from grasp3d.hand.hand_files import read_hand
@@ -374,7 +367,7 @@ _PARSERS: dict[Any, Parser] = {
     Position: one_word(f"X,Y,Z|{_NONE}"),
     Quantity: one_word(f"NUMBER|{_NONE}"),
     Region: one_word(f"BOX|FILE|{_NONE}"),
-    TaskField: one_word("TASK", _task, optional=False),
+    TaskField: one_word("TASK", TaskText.of, optional=False),
 }
 """Parsers by the kind of field of settings; the texts are parsed by the settings themselves."""
 
