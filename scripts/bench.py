@@ -132,7 +132,7 @@ def multifinger() -> Iterator[Row]:
     mesh = grasp3d.load_mesh(MUG)
     for fingers in (3, 4):
         cone = search_cone(grasp3d.GraspModel(fingers=fingers))
-        find = partial(search, mesh, fingers, grasp3d.MultifingerSampling(), cone)
+        find = partial(search, mesh, fingers, grasp3d.Sampling(), cone)
         evaluated = find().evaluated
         contacts = random_contacts(SHAPES[fingers - 2], FEW, seed=0)
         columns = wrenches(contacts, edges=8)

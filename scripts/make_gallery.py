@@ -38,7 +38,6 @@ from PIL import Image, ImageDraw, ImageFont
 from grasp3d import (
     GraspModel,
     Label,
-    MultifingerSampling,
     ObjectMesh,
     ParallelGripper,
     Sampling,
@@ -181,11 +180,11 @@ def coarsest_picture(
 def draw_grips(path: Path) -> None:
     """One object labelled for different grippers, and the coarsest sensor for each."""
     model = GraspModel(friction=0.3, sensor_resolution=math.radians(20.0))
-    grippers: dict[str, tuple[int, Sampling | MultifingerSampling]] = {
+    grippers: dict[str, tuple[int, Sampling]] = {
         "two fingers, up to 60 mm": (2, Sampling(max_opening=0.06)),
         "two fingers, up to 80 mm": (2, Sampling(max_opening=0.08)),
         "two fingers, any width": (2, Sampling()),
-        "three fingers, up to 80 mm": (3, MultifingerSampling(max_opening=0.08)),
+        "three fingers, up to 80 mm": (3, Sampling(max_opening=0.08)),
     }
     coarsest, view, size = (
         2.0 * math.degrees(model.friction_angle),

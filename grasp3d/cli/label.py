@@ -35,7 +35,7 @@ from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.jaws import AXES
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh.surface_points import nearest_vertex
-from grasp3d.settings import AnySampling
+from grasp3d.settings import Sampling
 from grasp3d.settings.model_text import MINIMUM
 from grasp3d.settings.parsing import plain_values
 from grasp3d.settings.units import Unit, parse_position
@@ -115,7 +115,7 @@ def _check_grasp_file(command: Label, path: Path) -> None:
 def _labels(command: Label) -> tuple[SurfaceLabels, list[int]]:
     """Read and label the mesh; returns the labels, and the vertices that are asked for."""
     model, load, quiet = command.reach.touching(command.model), command.load.chosen, command.quiet
-    sampling = command.sampling.fitted(model.fingers)
+    sampling = command.sampling
     task = Labelling.read(
         command.file, model, sampling, command.reach, load, command.mesh, force=command.force
     )
@@ -266,9 +266,9 @@ def _direction(vector: Floats) -> str:
     return name or f"({', '.join(f'{number + 0.0:.3g}' for number in vector)})"
 
 
-def _differences(sampling: AnySampling, unit: Unit | None) -> str:
+def _differences(sampling: Sampling, unit: Unit | None) -> str:
     """Return the settings of the search that differ from their defaults."""
-    defaults = plain_values(type(sampling)())
+    defaults = plain_values(Sampling())
     angles, lengths = ("search_angle", "tolerance"), sampling.lengths()
 
     def text(name: str, value: float) -> str:

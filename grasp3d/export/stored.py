@@ -25,10 +25,9 @@ from grasp3d.quality.loads import Load, load_from
 from grasp3d.reading.sources import Source, check_finite
 from grasp3d.settings import (
     MAX_SEARCHED_FINGERS,
-    AnySampling,
     GraspModel,
     MeshOptions,
-    sampling_kind,
+    Sampling,
 )
 from grasp3d.settings.parsing import settings_of_texts
 from grasp3d.settings.pose_error import PoseError
@@ -56,7 +55,7 @@ class FileSettings:
     """Settings that a file was labelled with."""
 
     model: GraspModel
-    sampling: AnySampling | None
+    sampling: Sampling | None
     """None: a scan."""
     options: MeshOptions
     mode: Mode
@@ -88,12 +87,11 @@ def settings_from(texts: Mapping[str, str]) -> FileSettings:
     try:
         options = settings_of_texts(MeshOptions, values)
         model = settings_of_texts(GraspModel, values)
-        kind = sampling_kind(model.fingers)
         search, angle = _search(values)
         sampled = {**values, "search_angle": angle}
         return FileSettings(
             model=model,
-            sampling=None if mode == "scan" else settings_of_texts(kind, sampled),
+            sampling=None if mode == "scan" else settings_of_texts(Sampling, sampled),
             options=options,
             mode="scan" if mode == "scan" else "label",
             search=search,

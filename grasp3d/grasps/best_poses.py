@@ -23,7 +23,7 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.quality.loads import Load
-from grasp3d.settings import GraspModel, Sampling, with_fingers
+from grasp3d.settings import GraspModel, with_fingers
 from grasp3d.settings.pose_error import PoseError, poses_of
 from grasp3d.stability.label import Label
 from grasp3d.surface.labels import SurfaceLabels
@@ -62,7 +62,7 @@ class PoseSearch:
         assert labels.scene is not None
         model = with_fingers(labels.model, labels.scene.hand.fingers[-1])
         limits, sampling = (0.0, math.inf), labels.sampling
-        if isinstance(sampling, Sampling):
+        if sampling is not None and labels.model.fingers == 2:
             limits = sampling.min_opening, sampling.max_opening
         return cls(labels.mesh, model, labels.scene, labels.load, limits)
 

@@ -23,7 +23,6 @@ from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.scene import Scene
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.loads import Load
-from grasp3d.settings import Sampling
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.holding import HARD_FINGERS, Holding
@@ -455,7 +454,7 @@ def _degrees(angle: float) -> float:
 
 def _other_remedies(labels: SurfaceLabels, cause: Cause | None) -> tuple[Remedy, ...]:
     """Wider jaws or more friction, where nothing is a grasp: what a search with them yields."""
-    if not isinstance(labels.sampling, Sampling):
+    if labels.sampling is None or labels.model.fingers > 2:
         return ()
     with unreported():
         try:

@@ -7,7 +7,7 @@ from typing import Any
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.loads import load_settings
-from grasp3d.settings import AnySampling, GraspModel
+from grasp3d.settings import GraspModel, Sampling
 from grasp3d.settings.parsing import plain_values
 from grasp3d.settings.units import one_line
 from grasp3d.stability.label import Label, Mode
@@ -67,7 +67,7 @@ def complete_settings(labels: VertexGrasps) -> Values:
 def chosen_settings(
     mesh: ObjectMesh,
     model: GraspModel,
-    sampling: AnySampling | None,
+    sampling: Sampling | None,
     mode: Mode,
     scene: Scene | None = None,
 ) -> Values:

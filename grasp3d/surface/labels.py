@@ -108,8 +108,7 @@ class SurfaceLabels(VertexGrasps):
         self.mesh.check_units(model)
         needed = search_cone(model)
         if needed > max(self.search.cone, search_cone(self.model)) + ANGLE_ROUNDING:
-            fingers = model.fingers
-            raise not_covered("atan(friction) + alpha/2", needed, self.search.cone, fingers)
+            raise not_covered("atan(friction) + alpha/2", needed, self.search.cone)
         return self.using(model=model)
 
     def fractions(self, *, weights: Weights = "area") -> dict[str, float]:

@@ -19,7 +19,7 @@ from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.loads import Load
 from grasp3d.quality.measures import ALL
 from grasp3d.quality.tilting import EpsilonRange
-from grasp3d.settings import AnySampling, GraspModel
+from grasp3d.settings import GraspModel, Sampling
 from grasp3d.stability.label import Label, Mode
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.contacts import SurfaceContacts, with_vertices
@@ -193,7 +193,7 @@ class VertexGrasps(SpreadGrasps):
     """Row of each vertex's grasp in that table, -1: none, shape (V,)."""
     reason: Bytes
     """`Reason` codes, shape (V,)."""
-    sampling: AnySampling | None
+    sampling: Sampling | None
     """How grasps were searched for; None in a scan, where they are given."""
     mode: Mode
     search: SearchReport
@@ -216,7 +216,7 @@ class VertexGrasps(SpreadGrasps):
         grip: ArrayLike,
         reason: ArrayLike,
         reach: Reach | None = None,
-        sampling: AnySampling | None,
+        sampling: Sampling | None,
         mode: Mode,
         search: SearchReport,
         scene: Scene | None = None,

@@ -43,7 +43,7 @@ label box.stl --unit mm --hand franka --fingers 3 | flat pads
 label box.stl --unit mm --hand franka --min-opening 100 --force | contradicts
 label box.stl --mass 1e300 | mass must be at most 1e+09 [kg]; got 1e300
 label box.stl --mass 1 --density 9 | mass and density exclude each other
-label box.stl --task five.csv | task 'five.csv': give force [N] and torque [N m] as 6 finite numbers; got
+label box.stl --task five.csv | task 'five.csv': give force [N] and torque [N m] as 6 finite
 label box.stl --task missing.csv | missing.csv': there is no such file
 label box.stl --task wieght | no task is called 'wieght'; known: weight
 label box.stl --task pushes.csv | torques of the task are in N m, but the unit of box

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from grasp3d import (
     GraspModel,
     Load,
-    MultifingerSampling,
     ParallelGripper,
     Sampling,
     SurfaceLabels,
@@ -56,7 +55,7 @@ def cone() -> SurfaceLabels:
 
 def three_fingers() -> SurfaceLabels:
     mesh = load_mesh(shapes.sphere(1), max_edge=0.5)
-    return label_surface(mesh, GraspModel(fingers=3), sampling=MultifingerSampling(candidates=16))
+    return label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(candidates=16))
 
 
 def gripper() -> SurfaceLabels:

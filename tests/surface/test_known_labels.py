@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from grasp3d import GraspModel, Load, MultifingerSampling, SurfaceLabels, label_surface, load_mesh
+from grasp3d import GraspModel, Load, Sampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d.errors import SettingError
 from grasp3d.hand.scene import Scene
 from grasp3d.surface import Holding
@@ -42,7 +42,7 @@ def wedge(**model: Any) -> SurfaceLabels:
 @cache
 def tripod() -> SurfaceLabels:
     mesh = load_mesh(shapes.box((1.0, 1.4, 2.0)), max_edge=0.7)
-    return label_surface(mesh, GraspModel(fingers=3), sampling=MultifingerSampling(candidates=16))
+    return label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(candidates=16))
 
 
 LABELS = {

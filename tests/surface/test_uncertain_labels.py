@@ -13,7 +13,6 @@ from grasp3d import (
     Contacts,
     GraspModel,
     Label,
-    MultifingerSampling,
     Sampling,
     SurfaceLabels,
     classify,
@@ -185,7 +184,7 @@ def test_given_grasps_and_scans(labels: SurfaceLabels) -> None:
 @pytest.mark.slow
 def test_three_fingers_are_safe() -> None:
     mesh = load_mesh(shapes.sphere(2), max_edge=9.0)
-    known = label_surface(mesh, GraspModel(fingers=3), sampling=MultifingerSampling(candidates=8))
+    known = label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(candidates=8))
     unsure = known.relabel(location_error=0.02 * mesh.size)
     assert ((unsure.label == known.label) | (unsure.label == Label.M)).all()
     assert (unsure.label == Label.S).any()

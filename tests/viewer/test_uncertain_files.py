@@ -8,7 +8,6 @@ import pytest
 
 from grasp3d import (
     GraspModel,
-    MultifingerSampling,
     Sampling,
     SurfaceLabels,
     label_surface,
@@ -83,7 +82,7 @@ def _clear(labels: SurfaceLabels) -> np.ndarray:
 
 def test_three_fingers_are_read_as_they_were_written(tmp_path: Path) -> None:
     mesh = load_mesh(shapes.box(), max_edge=0.5)
-    wide = MultifingerSampling(candidates=8, search_angle=1.2)
+    wide = Sampling(candidates=8, search_angle=1.2)
     known = label_surface(mesh, GraspModel(fingers=3), sampling=wide)
     labels = known.relabel(location_error=MODELS["location"].location_error)
     write_ply(tmp_path / "three.ply", labels)
@@ -109,9 +108,7 @@ def test_the_angles_of_a_subject_decide_its_labels(tmp_path: Path, fingers: int)
 def box(fingers: int) -> SurfaceLabels:
     mesh, model = load_mesh(shapes.box(), max_edge=0.5), GraspModel(fingers=fingers, friction=0.3)
     search = (
-        Sampling(search_angle=1.2)
-        if fingers == 2
-        else MultifingerSampling(candidates=8, search_angle=1.2)
+        Sampling(search_angle=1.2) if fingers == 2 else Sampling(candidates=8, search_angle=1.2)
     )
     return label_surface(mesh, model, sampling=search)
 

@@ -10,7 +10,7 @@ from grasp3d.errors import SettingError
 from grasp3d.export.writers import writer_for
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.scene import Scene
-from grasp3d.settings import AnySampling, GraspModel, search_cone
+from grasp3d.settings import GraspModel, Sampling, search_cone
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import label_surface, merged
 from grasp3d.surface.labels import SurfaceLabels
@@ -29,7 +29,7 @@ COMPUTED = 0.95
 
 
 def search_grasps(
-    subject: Subject, model: GraspModel, sampling: AnySampling, *,
+    subject: Subject, model: GraspModel, sampling: Sampling, *,
     wide: bool = False, scene: Scene | None = None,
 ) -> Subject:  # fmt: skip
     """Search the best grasps again, for the same gripper and table.
@@ -53,7 +53,7 @@ def search_grasps(
     return warm_up(subject_of(labels, subject.name))
 
 
-def search_wider(subject: Subject, model: GraspModel, sampling: AnySampling) -> Subject:
+def search_wider(subject: Subject, model: GraspModel, sampling: Sampling) -> Subject:
     """Search the widest cone for the vertices that have no grasp within the searched cone.
 
     Where a search samples directions or contacts, those in a wider cone are further apart and may
