@@ -38,7 +38,7 @@ from grasp3d.mesh.surface_points import nearest_vertex
 from grasp3d.settings import Sampling
 from grasp3d.settings.model_text import MINIMUM
 from grasp3d.settings.parsing import plain_values
-from grasp3d.settings.units import Unit, parse_position
+from grasp3d.settings.units import Unit, parse_lengths
 from grasp3d.stability.label import Label as Letter
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.grasp_table import GraspTable
@@ -119,7 +119,7 @@ def _labels(command: Label) -> tuple[SurfaceLabels, list[int]]:
     task = Labelling.read(
         command.file, model, sampling, command.reach, load, command.mesh, force=command.force
     )
-    points = (parse_position("at", text) for text in command.at)
+    points = (parse_lengths("at", text) for text in command.at)
     vertices = [nearest_vertex(task.mesh, "at", point) for point in points]
     with progress_bars.progress(f"labelling {command.file.name}", quiet=quiet):
         labels = task.labels()

@@ -29,7 +29,7 @@ from grasp3d.settings.friction import Friction as FrictionField
 from grasp3d.settings.parsing import IN_PYTHON, Group, Main
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
 from grasp3d.settings.regions import Region
-from grasp3d.settings.units import Length, Metres, Position, Quantity, parse_angle, parse_length
+from grasp3d.settings.units import Length, Lengths, Metres, Quantity, parse_angle, parse_length
 
 _NONE = "none"
 SMALL = math.radians(1.0)
@@ -364,7 +364,7 @@ _PARSERS: dict[Any, Parser] = {
     bool: Parser("", bool, lambda _: ""),
     FrictionField: one_word("NUMBER|LOW..HIGH", optional=False),
     PoseErrorField: one_word("LENGTH,DEGREES", PoseError.of, optional=False),
-    Position: one_word(f"X,Y,Z|{_NONE}"),
+    Lengths: one_word(f"X,Y,Z|{_NONE}"),
     Quantity: one_word(f"NUMBER|{_NONE}"),
     Region: one_word(f"BOX|FILE|{_NONE}"),
     TaskField: one_word("TASK", TaskText.of, optional=False),

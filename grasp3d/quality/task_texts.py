@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.parsing import ParsedField, TextValue
+from grasp3d.settings.parsing import ParsedField
 from grasp3d.settings.units import parse_angle
 from grasp3d.system.documents import file_bytes
 from grasp3d.system.names import printable
@@ -90,7 +90,7 @@ _FORMS: tuple[tuple[str, str, Callable[..., _Part]], ...] = (
 
 
 @dataclass(frozen=True, repr=False)
-class TaskText(TextValue):
+class TaskText:
     r"""The text of a task with the wrenches of its files, checked.
 
     Example:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, TypeAlias
 
 from grasp3d.errors import SearchCoverageError, SettingError
-from grasp3d.settings.checks import check_choice, check_range, check_seed
+from grasp3d.settings.checks import LARGEST_SEED, check_choice, check_range
 from grasp3d.settings.grasp_model import (
     MAX_SEARCHED_FINGERS,
     GraspModel,
@@ -106,7 +106,7 @@ class Sampling(LengthSettings):
         check_range("rays", self.rays, MIN_RAYS, MAX_RAYS)
         check_range("candidates", self.candidates, MIN_CANDIDATES, MAX_CANDIDATES)
         check_choice("candidate points", self.candidate_points, CandidatePoints)
-        check_seed("seed", self.seed)
+        check_range("seed", self.seed, 0, LARGEST_SEED)
 
 
 GivenSampling: TypeAlias = Sampling | Mapping[str, Any] | None

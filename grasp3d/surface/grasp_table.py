@@ -24,7 +24,6 @@ from grasp3d.quality.measures import ALL
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
 from grasp3d.settings.parsing import plain_values
-from grasp3d.settings.units import one_line
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
@@ -465,7 +464,6 @@ def settings_of(mesh: ObjectMesh, model: GraspModel, scene: Scene | None) -> dic
         "source": mesh.report.source,
         **plain_values(model),
         **plain_values(mesh.options),
-        "center_of_mass": one_line(mesh.options.center_of_mass),
         "unit": mesh.unit or "unknown",
         "size": mesh.size,
         "center_mass": mesh.center_mass.tolist(),

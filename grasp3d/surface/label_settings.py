@@ -9,7 +9,6 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.loads import load_settings
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.settings.parsing import plain_values
-from grasp3d.settings.units import one_line
 from grasp3d.stability.label import Label, Mode
 from grasp3d.surface.grasp_numbers import EPSILON_RTOL
 from grasp3d.surface.vertex_grasps import VertexGrasps
@@ -81,7 +80,6 @@ def chosen_settings(
         **plain_values(model),
         **({} if sampling is None else plain_values(sampling)),
         **plain_values(mesh.options),
-        "center_of_mass": one_line(mesh.options.center_of_mass),
         "region": _ascii(str(mesh.options.region)),
         "unit": mesh.file_unit or "unknown",
         "lengths": mesh.unit or "unknown",

@@ -31,7 +31,7 @@ label ball.ply --max-opening 70km | --max-opening must be a length: a number | (
 label ball.ply -o x.docx | unsupported format .docx: supported are .ply
 label ball.ply -o no/where.ply | cannot be written
 label ball.ply -o ball.ply | is the mesh itself
-label ball.ply --at 0,0 | at must be three finite lengths, x,y,z | got '0,0'
+label ball.ply --at 0,0 | at must be 3 finite lengths | got '0,0'
 label box.stl --unit mm --at 0,0,90mm | at 0.0,0.0,90 mm is 50 mm from the surface of box.stl, more
 label ball.ply --best 0 | best must be at least 1
 label box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not known | add --unit mm

@@ -25,7 +25,7 @@ from grasp3d.settings.checks import check_range
         (
             GraspModel,
             {"edges": 2},
-            "edges must be from 3 to 360, or none for circular cones; got 2",
+            "edges must be from 3 to 360; got 2",
         ),
         (GraspModel, {"actuation": "both"}, "known: total, per_finger"),
         (
@@ -41,7 +41,7 @@ from grasp3d.settings.checks import check_range
         (MeshOptions, {"unit": "km"}, "known: m, cm, mm, in"),
         (Sampling, {"candidates": 7}, "candidates must be from 8 to 4096"),
         (Sampling, {"candidate_points": "edges"}, "known: surface, vertices"),
-        (Sampling, {"seed": -1}, "seed must be a whole number of at least 0"),
+        (Sampling, {"seed": -1}, "seed must be from 0 to 9223372036854775807; got -1"),
         (Sampling, {"search_angle": 2.0}, "at most 90 degrees"),
     ],
 )

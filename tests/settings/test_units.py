@@ -51,7 +51,7 @@ def test_a_text_with_a_unit_is_in_metres(text: str, metres: float) -> None:
 
 @pytest.mark.parametrize(
     ("given", "stored"),
-    [("0mm", 0.0), ("0.06", 0.06), ("inf", math.inf), (0.06, 0.06), (80, 80), (None, None)],
+    [("0mm", 0.0), ("0.06", 0.06), ("inf", math.inf), (0.06, 0.06), (80, 80.0), (None, None)],
 )
 def test_what_has_no_unit_is_a_number(given: Any, stored: Any) -> None:
     length = parse_length("it", given)
