@@ -259,7 +259,7 @@ def _quantiles(name: str, levels: Iterable[float], values: Iterable[float]) -> d
 
 
 def _angles_of(labels: "SurfaceLabels") -> AngleDistribution:
-    """Distribution of located angles, to be compared with the thresholds of a model.
+    """Distribution of the bounds of critical angles, to be compared with the thresholds of a model.
 
     They depend on the model's location error.
     """
@@ -267,7 +267,7 @@ def _angles_of(labels: "SurfaceLabels") -> AngleDistribution:
 
     weights = vertex_weights(labels.mesh, "area")
     counted = weights > 0.0
-    worst, best = labels.located_angles
+    worst, best = labels.critical_angle_bounds
     return SampledAngles(worst[counted], best[counted], weights[counted], limit=labels.search.cone)
 
 

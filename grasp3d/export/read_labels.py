@@ -29,7 +29,7 @@ from grasp3d.surface.fields import AREA, LENGTH, Array
 from grasp3d.surface.holding import Holding
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.vertex_fields import LOCATED, VERTICES, unpacked_bits
+from grasp3d.surface.vertex_fields import ANGLE_BOUNDS, VERTICES, unpacked_bits
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.documents import parse_json
 from grasp3d.system.limited_reading import read_file
@@ -123,9 +123,9 @@ def _labels(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Surface
     values: dict[str, Any] = {
         **{name: _value(stored, name) for name in PLAIN},
         "epsilon_range": EpsilonRange(*(_floats(stored, f"epsilon{end}") for end in _ENDS)),
-        "located_angles": None
+        "critical_angle_bounds": None
         if settings.model.location_error == 0.0
-        else tuple(_floats(stored, field.name) for field in LOCATED),
+        else tuple(_floats(stored, field.name) for field in ANGLE_BOUNDS),
         "partner_points": _partner_points(stored),
         **_reach(stored, settings),
         "holding": _holding(stored, settings, mesh),

@@ -185,7 +185,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         return self._labels.critical_angle
 
     @property
-    def located_angles(self) -> WorstAndBest:
+    def critical_angle_bounds(self) -> WorstAndBest:
         """The same, as other grasps have them."""
         return self.critical_angle, self.critical_angle
 

@@ -1,4 +1,4 @@
-"""Numbers of grasps on a surface: located angles, epsilon, grip forces, quality measures.
+"""Numbers of grasps on a surface: bounds of angles, epsilon, grip forces, quality measures.
 
 With method extremes they come from an enumeration of extreme normals (Wan & Howe 2018).
 """
@@ -175,14 +175,14 @@ BOUND_RTOL = 3e-2
 """The same for the largest epsilon, itself only a bound; saves most time for symmetric grasps."""
 
 
-def located_angles_of(
+def angle_bounds_of(
     grasps: GraspContacts,
     angles: WorstAndBest,
     model: GraspModel,
     *,
     best_points: Floats | None = None,
 ) -> WorstAndBest:
-    """Critical angles of grasps on a surface with uncertain contact locations.
+    """Bounds of the critical angles of grasps on a surface, over all true contact points.
 
     Args:
         grasps: The grasps, shape (b, n).

@@ -32,8 +32,8 @@ from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.fields import CONTACTS, GRASPS, Field, columns_of, present
 from grasp3d.surface.grasp_numbers import (
     EPSILON_RTOL,
+    angle_bounds_of,
     hull_labels,
-    located_angles_of,
     surface_epsilons,
     surface_holding,
     surface_metrics,
@@ -172,8 +172,8 @@ class GraspTable(LabelledGrasps):
         return LoadCase.of(self.load, self.mesh, self.model, hand)
 
     @Deferred
-    def located_angles(self) -> WorstAndBest:
-        """Critical angles (worst, best) with all that is not known about the contacts [rad].
+    def critical_angle_bounds(self) -> WorstAndBest:
+        """Bounds of the critical angles, over all that is not known about the contacts [rad].
 
         Uncertain contact locations turn the line between two contacts; see
         `stability.locations`. Without them they are `critical_angle` and
@@ -188,7 +188,7 @@ class GraspTable(LabelledGrasps):
         if other is not None:
             points = self.contacts.points.copy()
             points[other.rows] = other.contacts.points
-        return located_angles_of(self.contacts, angles, self.model, best_points=points)
+        return angle_bounds_of(self.contacts, angles, self.model, best_points=points)
 
     @Deferred
     def label(self) -> Bytes:
@@ -198,7 +198,7 @@ class GraspTable(LabelledGrasps):
         best normals, where they differ.
         """
         if self.model.method == "exact":
-            worst, best = self.located_angles
+            worst, best = self.critical_angle_bounds
             return locked(label_angles(worst, best, self.model))
         codes = np.full(self.size, Label.U, dtype=np.uint8)
         rows = np.flatnonzero(np.isfinite(self.critical_angle))
@@ -356,8 +356,8 @@ class GraspTable(LabelledGrasps):
         """The same grasps with another model or load.
 
         Args:
-            changed: Fields by name. Located angles that stay the same are kept: other frictions and
-                resolutions have the same, which take many closure tests for three fingers.
+            changed: Fields by name. Bounds of angles that stay the same are kept: other frictions
+                and resolutions have the same, which take many closure tests for three fingers.
 
         Raises:
             SettingError: Another scene, but how the gripper reaches them is known for this one.
@@ -368,9 +368,9 @@ class GraspTable(LabelledGrasps):
                 "with the other one (in Python label_surface(..., scene=...))"
             )
         table = replace(self, **changed)
-        angles = self.computed("located_angles")
+        angles = self.computed("critical_angle_bounds")
         if angles is not None and table.model.location_error == self.model.location_error:
-            vars(table)["located_angles"] = angles
+            vars(table)["critical_angle_bounds"] = angles
         return table
 
     def columns(self, metrics: Mapping[str, Floats] | None = None) -> Columns:
@@ -438,7 +438,7 @@ class GraspTable(LabelledGrasps):
         return import_module("grasp3d.viewer.show").show(self, **options)
 
 
-COMPUTED = frozenset({"located_angles", "label", "epsilon_range", "holding"})
+COMPUTED = frozenset({"critical_angle_bounds", "label", "epsilon_range", "holding"})
 """What is computed when it is first read, a row for each grasp."""
 
 

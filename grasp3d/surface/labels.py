@@ -131,7 +131,7 @@ class SurfaceLabels(VertexGrasps):
         """Distribution of critical angles: fractions S, M and U at any friction and resolution.
 
         They are those of method exact, whatever `model.method` is. Settings that need a wider cone
-        than was searched raise SearchCoverageError. The angles are the located ones.
+        than was searched raise SearchCoverageError. The angles are `critical_angle_bounds`.
 
         Args:
             weights: As in `fractions`.
@@ -148,7 +148,7 @@ class SurfaceLabels(VertexGrasps):
         """
         values = self._weights(weights)
         weighted = values > 0.0
-        worst, best = self.located_angles
+        worst, best = self.critical_angle_bounds
         return SampledAngles(
             worst=locked(worst[weighted]),
             best=locked(best[weighted]),

@@ -34,7 +34,7 @@ from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
 from grasp3d.stability.thresholds import label_angles, margins
 from grasp3d.surface.contacts import JawContacts
-from grasp3d.surface.grasp_numbers import hull_labels, located_angles_of
+from grasp3d.surface.grasp_numbers import angle_bounds_of, hull_labels
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.context import unreported
 
@@ -98,10 +98,10 @@ class ClosedNumbers:
         if contacts.size:
             allowed = allowed_contacts(mesh, contacts.points)
             angles = np.where(allowed, critical_friction_angle(found), math.inf)
-            located, _ = both = located_angles_of(contacts, (angles, angles), model)
+            upper, _ = both = angle_bounds_of(contacts, (angles, angles), model)
             exact = model.method == "exact"
             codes = label_angles(*both, model) if exact else hull_labels(contacts, model)
-            margin[closes] = margins(located, model)
+            margin[closes] = margins(upper, model)
             patches = _Patches.of(contacts, model, case)
             own = patches.numbers(angles)
             codes = patches.label(codes, own[2])

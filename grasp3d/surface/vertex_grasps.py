@@ -84,14 +84,14 @@ class SpreadGrasps(LabelledGrasps):
         return self._spread(self.grasps.critical_angle_best, self.no_angle)
 
     @cached_property
-    def located_angles(self) -> WorstAndBest:
+    def critical_angle_bounds(self) -> WorstAndBest:
         """Critical angles (worst, best) with all that is not known about the contacts [rad].
 
-        Shape (k,) each; see `GraspTable.located_angles`.
+        Shape (k,) each; see `GraspTable.critical_angle_bounds`.
         """
         if self.model.location_error == 0.0:
             return self.critical_angle, self.critical_angle_best
-        worst, best = self.grasps.located_angles
+        worst, best = self.grasps.critical_angle_bounds
         return self._spread(worst, self.no_angle), self._spread(best, self.no_angle)
 
     @cached_property
@@ -279,7 +279,7 @@ class VertexGrasps(SpreadGrasps):
             model: As in `of_vertices`.
             values: Attributes by name, with a row for each vertex: those of which `of_vertices`
                 has arguments, `critical_angle` and `critical_angle_best` [rad], and others such as
-                `label`, `located_angles`, `epsilon_range` or `holding`; None: unknown.
+                `label`, `critical_angle_bounds`, `epsilon_range` or `holding`; None: unknown.
             **settings: As in `of_vertices`: sampling, mode, search, scene and load.
         """
         worst, best = values["critical_angle"], values["critical_angle_best"]

@@ -71,7 +71,14 @@ def known(labels: SurfaceLabels, values: Mapping[str, Any]) -> SurfaceLabels:
 
 
 def values_of(labels: SurfaceLabels) -> dict[str, Any]:
-    names = (*ARRAYS, "located_angles", "epsilon_range", "holding", "reach", "partner_points")
+    names = (
+        *ARRAYS,
+        "critical_angle_bounds",
+        "epsilon_range",
+        "holding",
+        "reach",
+        "partner_points",
+    )
     return {name: getattr(labels, name) for name in names}
 
 

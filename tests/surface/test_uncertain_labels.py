@@ -47,7 +47,7 @@ def test_zero_errors_change_nothing(labels: SurfaceLabels) -> None:
     again = label_surface(labels.mesh, model, sampling=WIDE)
     assert again.label.tolist() == labels.label.tolist()
     assert again.critical_angle.tolist() == labels.critical_angle.tolist()
-    assert again.located_angles[0].tolist() == labels.critical_angle.tolist()
+    assert again.critical_angle_bounds[0].tolist() == labels.critical_angle.tolist()
     relabelled = labels.relabel(friction=(0.5, 0.5), location_error=0.0)
     assert relabelled.label.tolist() == labels.label.tolist()
 

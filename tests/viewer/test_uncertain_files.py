@@ -74,7 +74,7 @@ def _for_model(labels: SurfaceLabels, name: str) -> SurfaceLabels:
 
 def _clear(labels: SurfaceLabels) -> np.ndarray:
     """Vertices whose label does not depend on the rounding to 32 bits."""
-    worst, best = labels.located_angles
+    worst, best = labels.critical_angle_bounds
     with np.errstate(invalid="ignore"):
         near = np.abs(worst - labels.model.sure_angle) < 1e-6
         return ~(near | (np.abs(best - labels.model.unstable_from) < 1e-6))

@@ -143,7 +143,7 @@ def compute_forces(subject: Subject, model: GraspModel) -> Subject:
 
 
 def locate_contacts(subject: Subject, model: GraspModel) -> Subject:
-    """Compute the located angles of every vertex's grasp.
+    """Compute the bounds of the critical angles of every vertex's grasp.
 
     Args:
         subject: With labels.
@@ -153,8 +153,8 @@ def locate_contacts(subject: Subject, model: GraspModel) -> Subject:
         SettingError: The model is for another number of fingers.
     """
     report_progress(0.0)
-    angles = subject.labels.using(model=model).located_angles
-    return replace(subject, located={model.location_error: angles})
+    angles = subject.labels.using(model=model).critical_angle_bounds
+    return replace(subject, bounds_by_error={model.location_error: angles})
 
 
 def check_savable(subject: Subject, model: GraspModel, path: Path) -> None:

@@ -22,7 +22,7 @@ from grasp3d.surface.rows import NO_ROW
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.counts import short_number
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
-from grasp3d.viewer.subjects.subject import Subject, located_grasp
+from grasp3d.viewer.subjects.subject import Subject, grasp_angle_bounds
 
 SYMBOLS = {"critical angle": "β*", "sensor resolution": "α/2"}
 """Parts of a budget that have a symbol in the viewer."""
@@ -36,7 +36,7 @@ def angle_numbers(case: Case) -> list[tuple[str, str]]:
     """Names and values of critical angles, the coarsest resolution and the margin."""
     numbers = [("β*", _critical_angles(*case.angles, "normals"))]
     if case.perceived is not None:
-        numbers.append(("located β*", _critical_angles(case.worst, case.best, "points")))
+        numbers.append(("β* bounds", _critical_angles(case.worst, case.best, "points")))
     return [*numbers, ("α*", _max_resolution(case)), ("margin", _margin(case))]
 
 
@@ -45,8 +45,8 @@ def budget_text(case: Case) -> str:
     critical = case.angles[0]
     if not (math.isfinite(critical) and math.isfinite(case.worst)):
         return ""
-    located = None if case.perceived is None else case.worst
-    budget = margin_budget(case.model, critical, located)
+    upper = None if case.perceived is None else case.worst
+    budget = margin_budget(case.model, critical, upper)
     parts = [
         f"{SYMBOLS.get(name, name)} {signed_angle(float(angle))}"
         for name, angle in budget.items()
@@ -221,15 +221,15 @@ def inspect_given(subject: Subject, model: GraspModel) -> Inspection | None:
     given = subject.given
     if given is None:
         return None
-    located = located_grasp(given.contacts, given.worst, given.best, model)
-    over_worst, over_best = (np.array([angle]) for angle in located)
+    bounds = grasp_angle_bounds(given.contacts, given.worst, given.best, model)
+    over_worst, over_best = (np.array([angle]) for angle in bounds)
     points, normals = given.contacts.points[0], given.contacts.normals[0]
     case = Case(
         model=model,
         mode="scan",
         code=int(label_angles(over_worst, over_best, model)[0]),
-        worst=located[0],
-        best=located[1],
+        worst=bounds[0],
+        best=bounds[1],
         cone=subject.cone,
         cause=None,
         off_line=_off_line(points, normals),
@@ -288,7 +288,7 @@ def warm_up(subject: Subject) -> Subject:
         grasp = _grasp(subject.labels, int(vertices[0]))
         _epsilons_of(grasp, subject.labels.model)
         if grasp.count == PAIR and subject.labels.model.method == "exact":
-            located_grasp(
+            grasp_angle_bounds(
                 grasp, 0.0, 0.0, replace(subject.labels.model, location_error=subject.mesh.size)
             )
         _held_by(subject, grasp, subject.labels.model)

@@ -64,7 +64,7 @@ def next_job(
     """The next job; None: everything is computed.
 
     The first word of a job's key is its kind: open, save, scan, search, wider,
-    located, epsilon or forces; the rest is all that its result depends on.
+    bounds, epsilon or forces; the rest is all that its result depends on.
 
     Args:
         viewed: The current object.
@@ -84,10 +84,10 @@ def next_job(
         if viewed.scan is None or viewed.fixed != state.fixed:
             run = partial(scan_with_fixed, subject, state.model, state.fixed)
             return Job(("scan", number, state.fixed), "scanning", run)
-        return _located_job(viewed.scan, state, number) or _numbers_job(viewed.scan, state, number)
+        return _bounds_job(viewed.scan, state, number) or _numbers_job(viewed.scan, state, number)
     return (
         _search_job(subject, state, sampling, number)
-        or _located_job(subject, state, number)
+        or _bounds_job(subject, state, number)
         or _numbers_job(subject, state, number)
     )
 
@@ -192,12 +192,12 @@ def _search_job(
     return None
 
 
-def _located_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
+def _bounds_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
     """Compute how far uncertain contact locations affect three fingers and more."""
     if _locates(subject, state):
         return None
     model = model_for(subject, state)
-    key = ("located", number, model.location_error, model.fingers, state.fixed, state.max_opening)
+    key = ("bounds", number, model.location_error, model.fingers, state.fixed, state.max_opening)
     return Job(key, "computing labels with errors", partial(locate_contacts, subject, model), DELAY)
 
 
