@@ -262,9 +262,9 @@ def loaded(name: str, azimuth: float, elevation: float, width: int) -> Loaded:
     labels = label_surface(
         load_mesh(MESHES / name, unit="m"), MODEL, hand=GRIPPER, load=Load(grip_force=40.0)
     )
-    assert labels.holding is not None
+    assert labels.load_result is not None
     view = View(math.radians(azimuth), math.radians(elevation))
-    return Loaded(Path(name).stem, view, (width, 640), labels, labels.holding.payload)
+    return Loaded(Path(name).stem, view, (width, 640), labels, labels.load_result.payload)
 
 
 @styled

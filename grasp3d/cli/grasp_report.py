@@ -18,8 +18,8 @@ from grasp3d.cli.report import (
     angle_text,
     escaped,
     force_text,
-    holding_columns,
     label_name,
+    load_columns,
     load_line,
     margin_columns,
     model_words,
@@ -72,7 +72,7 @@ def print_evaluated(grasps: GraspTable, output: Path) -> None:
     report.lines(_outside(grasps))
     report.paragraph(_distance_text(grasps))
     report.line(f"[bold]{escaped(str(verdict_of(grasps)))}[/]")
-    print_load(report, grasps.holding)
+    print_load(report, grasps.load_result)
     report.warnings(grasps.warnings)
     print_some(report, contact_columns(grasps, distances=True), grasps)
     report.line(_legend(grasps))
@@ -205,7 +205,7 @@ def _number_of(count: int, total: int) -> tuple[str, str]:
 
 def _legend(grasps: GraspTable) -> str:
     """Meaning of the columns of contacts."""
-    added = ("" if grasps.holding is None else LOAD) + MARGIN * grasps.model.is_uncertain
+    added = ("" if grasps.load_result is None else LOAD) + MARGIN * grasps.model.is_uncertain
     unit = grasps.mesh.unit or "the unit of the mesh, which is not stated"
     return f"{added}{_CONTACTS_LEGEND}{epsilon_min_text(grasps.model)}; lengths in {unit}"
 
@@ -253,7 +253,7 @@ def contact_columns(grasps: GraspTable, *, distances: bool = False) -> list[Colu
         columns.append(("separation", lambda row: f"{grasps.separation[row]:.4g}"))
     if distances:
         columns.append(("distance", lambda row: _distance(grasps, grasps.distance[row].max())))
-    return [*columns, *holding_columns(grasps.holding)]
+    return [*columns, *load_columns(grasps.load_result)]
 
 
 def pose_columns(poses: EvaluatedPoses) -> list[Column]:

@@ -25,7 +25,7 @@ from grasp3d.cli.report import (
     percent_text,
 )
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
-from grasp3d.grasps.motor_holding import load_text
+from grasp3d.grasps.hand_load_result import load_text
 from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.settings.units import small_length
 from grasp3d.stability.label import Label
@@ -74,14 +74,14 @@ def print_hand_grasps(grasps: EvaluatedHandGrasps, *outputs: Path) -> None:
     report.lines(reason_lines(grasps))
     report.lines(outcomes_lines(grasps))
     report.line(f"[bold]{_verdict(grasps)}[/]")
-    if grasps.motor_holding is not None:
+    if grasps.hand_load_result is not None:
         report.line(f"[bold]{escaped(str(grasps.verdict))}[/]")
-        report.line(escaped(grasps.motor_holding.link_weights))
+        report.line(escaped(grasps.hand_load_result.link_weights))
     report.warnings(grasps.warnings)
     print_some(report, _columns(grasps), grasps)
     report.line(_LEGEND)
-    if grasps.motor_holding is not None:
-        report.line(f"{_HELD}{_LOAD}" if grasps.motor_holding.load.decided else _HELD)
+    if grasps.hand_load_result is not None:
+        report.line(f"{_HELD}{_LOAD}" if grasps.hand_load_result.load.decided else _HELD)
     print_files(report, grasps, *outputs)
 
 
@@ -116,17 +116,17 @@ def _columns(grasps: EvaluatedHandGrasps) -> list[Column]:
     def gap(row: int) -> str:
         return "none" if math.isnan(grasps.gap[row]) else f"{1e3 * grasps.gap[row]:.1f}"
 
-    holding = grasps.motor_holding
+    load_result = grasps.hand_load_result
     held: list[Column] = []
-    if holding is not None:
-        unit = "kg" if holding.load.by_mass else ""
+    if load_result is not None:
+        unit = "kg" if load_result.load.by_mass else ""
         held = [
-            (f"holds\n{unit}", lambda row: number_text(holding.payload[row])),
-            (f"surely\n{unit}", lambda row: number_text(holding.payload_sure[row])),
-            ("limit", lambda row: escaped(str(holding.limit[row]))),
+            (f"holds\n{unit}", lambda row: number_text(load_result.payload[row])),
+            (f"surely\n{unit}", lambda row: number_text(load_result.payload_sure[row])),
+            ("limit", lambda row: escaped(str(load_result.limit[row]))),
         ]
-        if holding.load.decided:
-            load: Column = ("load", lambda row: load_text(float(holding.load_fraction[row])))
+        if load_result.load.decided:
+            load: Column = ("load", lambda row: load_text(float(load_result.load_fraction[row])))
             held.insert(2, load)
     return [
         ("pose", lambda row: str(row + 1)),

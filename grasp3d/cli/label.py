@@ -125,7 +125,7 @@ def _labels(command: Label) -> tuple[SurfaceLabels, list[int]]:
         labels = task.labels()
     progress_bars.measure(lambda: labels.epsilon_range, "measuring epsilon", quiet=quiet)
     if load is not None:
-        progress_bars.measure(lambda: labels.holding, "measuring grip forces", quiet=quiet)
+        progress_bars.measure(lambda: labels.load_result, "measuring grip forces", quiet=quiet)
     return labels, vertices
 
 
@@ -196,7 +196,7 @@ def print_labels(labels: SurfaceLabels) -> None:
     if labels.sampling is not None:
         report.line(f"[bold]{escaped(str(verdict_of(labels)))}[/]")
         if labels.scene is None and (causes := causes_text(labels)):
-            decided = labels.holding is not None and labels.holding.label is not None
+            decided = labels.load_result is not None and labels.load_result.label is not None
             forced = "U with the force at hand" if decided else "U"
             report.line(f"{forced}, of the area: {escaped(causes)}")
     areas = vertex_weights(mesh, "area")
@@ -205,7 +205,7 @@ def print_labels(labels: SurfaceLabels) -> None:
         angles = ", ".join(map(angle_text, labels.angle_quantiles(LEVELS)))
         report.paragraph(f"critical friction angle, {PERCENTS} of the area: {angles}")
         report.line(_epsilon_text(labels))
-        print_load(report, labels.holding, areas)
+        print_load(report, labels.load_result, areas)
     if lone := int(np.sum(~mesh.on_surface)):
         report.paragraph(f"{counted(lone, 'vertices')} in no face: their label is U, their area 0")
     for step in mesh.report.repairs:

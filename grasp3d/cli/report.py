@@ -19,8 +19,8 @@ from grasp3d.settings.units import Unit, small_length
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 from grasp3d.stability.thresholds import margin_budget
 from grasp3d.surface.area_statistics import quantiles
-from grasp3d.surface.holding import Holding
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.load_result import LoadResult
 from grasp3d.system.counts import counted, short_number
 from grasp3d.system.names import printable
 
@@ -328,33 +328,37 @@ def load_line(case: LoadCase) -> str:
     return f"[bold]load[/]: {mass}, {text}; force at hand: {per_finger}"
 
 
-def print_load(report: Report, holding: Holding | None, areas: Floats | None = None) -> None:
+def print_load(report: Report, load_result: LoadResult | None, areas: Floats | None = None) -> None:
     """Print a load, which part of the surface or which grasps hold it, and forces and payloads.
 
     Args:
         report: Where to print.
-        holding: What is held; None: there is no load, and nothing is printed.
+        load_result: What is held; None: there is no load, and nothing is printed.
         areas: Area fraction of each vertex of a surface, shape (k,); None: grasps are given.
     """
-    if holding is None:
+    if load_result is None:
         return
-    report.line(load_line(holding.case))
-    force = holding.case.at_hand
-    if holding.remedy and np.isfinite(holding.grip_force_largest).any():  # else the verdict says it
-        report.line(f"  most grasps hold nothing: {escaped(holding.remedy)}")
-    count = len(holding.grip_force)
+    report.line(load_line(load_result.case))
+    force = load_result.case.at_hand
+    if (
+        load_result.remedy and np.isfinite(load_result.grip_force_largest).any()
+    ):  # else the verdict says it
+        report.line(f"  most grasps hold nothing: {escaped(load_result.remedy)}")
+    count = len(load_result.grip_force)
     weights = np.ones(count) if areas is None else areas
-    if holding.label is not None:
-        sums = {label.name: weights[holding.label == label].sum() for label in sorted(Label)[::-1]}
+    if load_result.label is not None:
+        sums = {
+            label.name: weights[load_result.label == label].sum() for label in sorted(Label)[::-1]
+        }
         number = percent_text if areas is not None else "{:.0f}".format
         whole = "the surface" if areas is not None else f"{count} grasps"
         parts = ", ".join(f"{name} {number(part)}" for name, part in sums.items())
         report.paragraph(f"  held by {number(sums['S'])} of {whole} ({parts})")
-    of, per = "grasps" if areas is None else "area", "" if holding.case.decided else " per kg"
-    part = _part_text(holding.grip_force_largest, weights, f"of the {of}", "need at most", "N")
-    report.line(f"  grip force{per} {_HOW[holding.how]}: some suffices on {part}")
-    if holding.has_payload:
-        payloads = np.where(holding.payload > 0.0, holding.payload, math.inf)
+    of, per = "grasps" if areas is None else "area", "" if load_result.case.decided else " per kg"
+    part = _part_text(load_result.grip_force_largest, weights, f"of the {of}", "need at most", "N")
+    report.line(f"  grip force{per} {_HOW[load_result.how]}: some suffices on {part}")
+    if load_result.has_payload:
+        payloads = np.where(load_result.payload > 0.0, load_result.payload, math.inf)
         part = _part_text(payloads, weights, f"of the {of}", "hold at most", "kg")
         report.line(f"  payload with {force}: above 0 on {part}")
 
@@ -376,10 +380,10 @@ def force_text(force: float) -> str:
     return "none" if not math.isfinite(force) else short_number(force)
 
 
-def holding_columns(holding: Holding | None) -> list[Column]:
+def load_columns(load_result: LoadResult | None) -> list[Column]:
     """The grip force at the worst normals and the payload of grasps, as far as known."""
-    if holding is None:
+    if load_result is None:
         return []
-    force: Column = ("force", lambda row: force_text(holding.grip_force_largest[row]))
-    payload: Column = ("payload", lambda row: short_number(holding.payload[row]))
-    return [force, *[payload] * holding.has_payload]
+    force: Column = ("force", lambda row: force_text(load_result.grip_force_largest[row]))
+    payload: Column = ("payload", lambda row: short_number(load_result.payload[row]))
+    return [force, *[payload] * load_result.has_payload]

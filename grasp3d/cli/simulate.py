@@ -123,12 +123,12 @@ def print_simulation(simulation: Simulation, output: Path) -> None:
     report = Report()
     for line in _head(simulation):
         report.line(line)
-    holding = simulation.rates(held=True)
+    load_result = simulation.rates(held=True)
     rates = simulation.rates()
     report.labels(
         "scan",
         ("grasps", "grasp held", "95 %", "object held"),
-        lambda label: (*_cells(rates[label.name]), _percent(holding[label.name])),
+        lambda label: (*_cells(rates[label.name]), _percent(load_result[label.name])),
     )
     margins = [
         (f"{rate.name}°", *_cells(rate)) for rate in simulation.rates_by_margin() if rate.count

@@ -211,7 +211,7 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
     collision, and from an allowed direction, shape (k,)."""
 
     no_angle = math.nan
-    holding = None
+    load_result = None
     """What the patches hold is in `payload` and `grip_force`."""
 
     __repr__ = short_repr

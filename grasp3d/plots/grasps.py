@@ -91,7 +91,7 @@ def _lines(grasps: GraspTable | GivenGrasps, row: int) -> list[str]:
         turn = float(grasps.approach_margin[row])
         lines += [f"approach ±{math.degrees(turn):.0f}°"] if math.isfinite(turn) else []
     if isinstance(grasps, EvaluatedHandGrasps):
-        margin, held = float(grasps.margin[row]), grasps.motor_holding
+        margin, held = float(grasps.margin[row]), grasps.hand_load_result
         lines += [f"margin {_degrees(margin, '+')}"] if math.isfinite(margin) else []
         if held is not None and not math.isnan(held.payload[row]):
             sure = f"{short_number(held.payload_sure[row])} surely"

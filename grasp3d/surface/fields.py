@@ -169,8 +169,8 @@ def names_of(codes: type[IntEnum]) -> tuple[str, ...]:
 
 
 def _payload(holder: Any) -> Array | None:
-    holding = holder.holding
-    return holding.payload if holding is not None and holding.has_payload else None
+    load_result = holder.load_result
+    return load_result.payload if load_result is not None and load_result.has_payload else None
 
 
 LABEL = Field("label", kind="u1", ply="u1", texts=LETTERS)
@@ -191,17 +191,23 @@ DEPTH = Field(
     "depth", LENGTH, (), KNOWN_OR_NAN, of=of_part("reach", "depth"), when="gripper", ply=DOUBLE
 )
 GRIP_FORCE = Field(
-    "grip_force", NEWTONS, (), HELD, of=of_part("holding", "grip_force"), when="load", ply=DOUBLE
+    "grip_force",
+    NEWTONS,
+    (),
+    HELD,
+    of=of_part("load_result", "grip_force"),
+    when="load",
+    ply=DOUBLE,
 )
 HOLDING = (
     GRIP_FORCE,
-    replace(GRIP_FORCE, name="grip_force_least", of=of_part("holding", "grip_force_least")),
-    replace(GRIP_FORCE, name="grip_force_largest", of=of_part("holding", "grip_force_largest")),
+    replace(GRIP_FORCE, name="grip_force_least", of=of_part("load_result", "grip_force_least")),
+    replace(GRIP_FORCE, name="grip_force_largest", of=of_part("load_result", "grip_force_largest")),
     replace(GRIP_FORCE, name="payload", of=_payload, unit=KILOGRAMS),
 )
 FORCES = (
     *HOLDING,
-    replace(LABEL, name="label_with_force", of=of_part("holding", "label"), when="load"),
+    replace(LABEL, name="label_with_force", of=of_part("load_result", "label"), when="load"),
 )
 """What a load adds to grasps."""
 
@@ -308,7 +314,7 @@ HAND_GRASPS = (
     Field("overlap", LENGTH, (), Allowed(0.0)),
     Field("below_table", LENGTH, (), POSITIVE_OR_NAN),
     *(
-        Field(name, unit, (), HELD, of=of_part("motor_holding", name), when="load")
+        Field(name, unit, (), HELD, of=of_part("hand_load_result", name), when="load")
         for name, unit in (
             ("payload", KILOGRAMS),
             ("payload_sure", KILOGRAMS),
@@ -316,7 +322,7 @@ HAND_GRASPS = (
             ("load_fraction", ""),
         )
     ),
-    Field("limit", kind="U", of=of_part("motor_holding", "limit"), when="load"),
+    Field("limit", kind="U", of=of_part("hand_load_result", "limit"), when="load"),
     Field("reachable", kind="?"),
     Field("reason", kind="U"),
 )  # fmt: skip

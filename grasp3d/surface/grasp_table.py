@@ -35,12 +35,12 @@ from grasp3d.surface.grasp_numbers import (
     angle_bounds_of,
     hull_labels,
     surface_epsilons,
-    surface_holding,
+    surface_load_result,
     surface_metrics,
 )
-from grasp3d.surface.holding import Holding
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.load_result import LoadResult
 from grasp3d.surface.rows import rows_of
 from grasp3d.system.context import unreported
 from grasp3d.system.versions import package_version
@@ -146,7 +146,7 @@ class GraspTable(LabelledGrasps):
     reach: Reach | None = None
     """How the gripper reaches each grasp, with its pose; None: no gripper."""
     load: Load | None = None
-    """What each grasp must hold; None: `holding` is not computed."""
+    """What each grasp must hold; None: `load_result` is not computed."""
 
     __repr__ = short_repr
 
@@ -218,7 +218,7 @@ class GraspTable(LabelledGrasps):
         return surface_epsilons(self.contacts, self.model)
 
     @Deferred
-    def holding(self) -> Holding | None:
+    def load_result(self) -> LoadResult | None:
         """Grip force and payload of the grasps under the load; None: there is no load.
 
         Of the grasps over the worst normals; where another grasp is better over the best normals,
@@ -227,15 +227,17 @@ class GraspTable(LabelledGrasps):
         case, model, other = self.load_case, self.model, self.best_normals
         if case is None:
             return None
-        holding = surface_holding(self.contacts, model, case)
+        load_result = surface_load_result(self.contacts, model, case)
         outside = np.isinf(self.critical_angle_best)  # of the region
-        holding = holding.replaced(outside, Holding.failed(case, self.size))
+        load_result = load_result.replaced(outside, LoadResult.failed(case, self.size))
         if other is None:
-            return holding
+            return load_result
         with unreported():
-            better = surface_holding(other.contacts, model, case)
+            better = surface_load_result(other.contacts, model, case)
         least = better.placed(other.rows, self.size).grip_force_least
-        return replace(holding, grip_force_least=locked(np.fmin(holding.grip_force_least, least)))
+        return replace(
+            load_result, grip_force_least=locked(np.fmin(load_result.grip_force_least, least))
+        )
 
     @cached_property
     def rank(self) -> Ints:
@@ -408,8 +410,8 @@ class GraspTable(LabelledGrasps):
     def settings(self) -> dict[str, Any]:
         """Settings that the grasps were evaluated with, as files have them; angles in radians."""
         load = {}
-        if self.holding is not None:
-            load = {**load_settings(self.load), **self.holding.settings()}
+        if self.load_result is not None:
+            load = {**load_settings(self.load), **self.load_result.settings()}
         return {
             **settings_of(self.mesh, self.model, self.scene),
             "epsilon_min": self.model.tilts,
@@ -438,7 +440,7 @@ class GraspTable(LabelledGrasps):
         return import_module("grasp3d.viewer.show").show(self, **options)
 
 
-COMPUTED = frozenset({"critical_angle_bounds", "label", "epsilon_range", "holding"})
+COMPUTED = frozenset({"critical_angle_bounds", "label", "epsilon_range", "load_result"})
 """What is computed when it is first read, a row for each grasp."""
 
 

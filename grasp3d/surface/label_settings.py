@@ -40,7 +40,7 @@ def settings_of(labels: VertexGrasps) -> Values:
         "epsilon_rtol": EPSILON_RTOL,
         "epsilon_min": labels.model.tilts,
         "epsilon_max": "sampled_tilts" if labels.model.method == "extremes" else "upper_bound",
-        **({} if labels.holding is None else labels.holding.settings()),
+        **({} if labels.load_result is None else labels.load_result.settings()),
         "label_codes": f"{Label.U:d}=U({u_means}) {Label.M:d}=M(cannot_tell) {Label.S:d}=S(stable)",
     }
 

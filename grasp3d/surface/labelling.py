@@ -221,7 +221,7 @@ def label_surface(
             tries wrong poses of the best ones. None: they are exact.
         scene: The gripper, the table, the approach and the pose error together, in place of those.
         load: What each grasp must hold, and with which force, or its mass, '0.5kg':
-            `labels.holding` then has the grip force and payload of each. A gripper brings its
+            `labels.load_result` then has the grip force and payload of each. A gripper brings its
             greatest force and the torsion radius of its pads. It changes neither grasps nor labels.
             None: nothing.
 
@@ -272,8 +272,8 @@ def label_surface(
         With a load, here the box of 0.5 kg, turned in any direction:
 
         >>> labels = grasp3d.label_surface(mesh, hand=hand, load=grasp3d.Load(mass=0.5))
-        >>> held = np.nanmax(labels.holding.payload)  # nan: not reached
-        >>> print(f"{labels.holding.available:g} N hold {held:.1f} kg")
+        >>> held = np.nanmax(labels.load_result.payload)  # nan: not reached
+        >>> print(f"{labels.load_result.available:g} N hold {held:.1f} kg")
         70 N hold 3.3 kg
     """
     model = GraspModel.given("model", model) or GraspModel()

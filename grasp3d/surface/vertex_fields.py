@@ -128,7 +128,7 @@ RESTORING = (
     Field("reach_state", kind="u1", of=of_part("reach", "state"), when="gripper",
           texts=names_of(Reachability)),
     Field("free_angles", of=_free_angles, kind="u8", when="gripper"),
-    Field("resistance", of=of_part("holding", "resistance"), kind="u1", when="load",
+    Field("resistance", of=of_part("load_result", "resistance"), kind="u1", when="load",
           texts=names_of(Resistance)),
 )  # fmt: skip
 """What makes labels that are read again complete."""

@@ -24,9 +24,9 @@ from grasp3d.stability.label import Label, Mode
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.contacts import SurfaceContacts, with_vertices
 from grasp3d.surface.grasp_table import COMPUTED, BestNormalGrasps, GraspTable
-from grasp3d.surface.holding import Holding
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.load_result import LoadResult
 from grasp3d.surface.rows import NO_ROW, rows_of, spread
 
 
@@ -58,7 +58,7 @@ class SpreadGrasps(LabelledGrasps):
 
     @property
     def load(self) -> Load | None:
-        """What each grasp must hold; None: `holding` is not computed."""
+        """What each grasp must hold; None: `load_result` is not computed."""
         return self.grasps.load
 
     @property
@@ -110,13 +110,13 @@ class SpreadGrasps(LabelledGrasps):
         )
 
     @cached_property
-    def holding(self) -> Holding | None:
+    def load_result(self) -> LoadResult | None:
         """Grip force and payload under the load, rows (k,); None: there is no load.
 
-        Computed when first read; see `GraspTable.holding`.
+        Computed when first read; see `GraspTable.load_result`.
         """
-        holding = self.grasps.holding
-        return None if holding is None else holding.spread(self.row)
+        load_result = self.grasps.load_result
+        return None if load_result is None else load_result.spread(self.row)
 
     def metrics(self, names: str | Sequence[str] = ALL) -> dict[str, Floats]:
         """Quality measures of each place's grasp, shape (k,) each; computed when called.
@@ -279,7 +279,7 @@ class VertexGrasps(SpreadGrasps):
             model: As in `of_vertices`.
             values: Attributes by name, with a row for each vertex: those of which `of_vertices`
                 has arguments, `critical_angle` and `critical_angle_best` [rad], and others such as
-                `label`, `critical_angle_bounds`, `epsilon_range` or `holding`; None: unknown.
+                `label`, `critical_angle_bounds`, `epsilon_range` or `load_result`; None: unknown.
             **settings: As in `of_vertices`: sampling, mode, search, scene and load.
         """
         worst, best = values["critical_angle"], values["critical_angle_best"]

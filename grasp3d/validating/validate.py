@@ -1,4 +1,4 @@
-"""Holding labels and scores of grasps against their outcomes."""
+"""LoadResult labels and scores of grasps against their outcomes."""
 
 import math
 from collections import Counter
@@ -152,7 +152,7 @@ class Evaluation:
             with within(start, start + 0.8 * (done - start)):
                 evaluated.compute("epsilon_range")
             with within(start + 0.8 * (done - start), done):
-                evaluated.compute("holding")
+                evaluated.compute("load_result")
             parts.append((evaluated, part))
         return closed, parts
 

@@ -1,4 +1,4 @@
-"""Result of holding labels and scores against outcomes, and its tables as CSV."""
+"""Result of comparing labels and scores with outcomes, and its tables as CSV."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

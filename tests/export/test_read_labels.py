@@ -132,9 +132,12 @@ def test_files_have_every_field_bit_for_bit(tmp_path: Path, suffix: str, case: s
     )  # fmt: skip
     assert (found.search, found.load) == (labels.search, labels.load)
     assert scene_of(found) == scene_of(labels)
-    if labels.holding is not None:
-        assert found.holding is not None
-        assert (found.holding.how, found.holding.case) == (labels.holding.how, labels.load_case)
+    if labels.load_result is not None:
+        assert found.load_result is not None
+        assert (found.load_result.how, found.load_result.case) == (
+            labels.load_result.how,
+            labels.load_case,
+        )
     if labels.reach is not None:
         assert bits(vars(found.reach)) == bits(vars(labels.reach))
     assert found.fractions() == labels.fractions()

@@ -15,7 +15,7 @@ from hypothesis.extra.numpy import arrays
 from grasp3d import GraspModel, Load, Sampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d.errors import SettingError
 from grasp3d.hand.scene import Scene
-from grasp3d.surface import Holding
+from grasp3d.surface import LoadResult
 from grasp3d.surface.rows import NO_ROW, spread
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM
@@ -75,7 +75,7 @@ def values_of(labels: SurfaceLabels) -> dict[str, Any]:
         *ARRAYS,
         "critical_angle_bounds",
         "epsilon_range",
-        "holding",
+        "load_result",
         "reach",
         "partner_points",
     )
@@ -85,10 +85,10 @@ def values_of(labels: SurfaceLabels) -> dict[str, Any]:
 def assert_equal(one: SurfaceLabels, other: SurfaceLabels) -> None:
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
-    assert (one.holding is None) == (other.holding is None)
-    if one.holding is not None and other.holding is not None:
-        for field in fields(Holding):
-            values = getattr(one.holding, field.name), getattr(other.holding, field.name)
+    assert (one.load_result is None) == (other.load_result is None)
+    if one.load_result is not None and other.load_result is not None:
+        for field in fields(LoadResult):
+            values = getattr(one.load_result, field.name), getattr(other.load_result, field.name)
             if isinstance(values[0], np.ndarray):
                 np.testing.assert_array_equal(*values, err_msg=field.name)
 

@@ -138,7 +138,7 @@ def compute_forces(subject: Subject, model: GraspModel) -> Subject:
         model: Grasp model; fingers as the subject has them.
     """
     labels = subject.labels.using(model=model)
-    labels.compute("holding")
+    labels.compute("load_result")
     return replace(subject, forces=labels)
 
 
@@ -202,9 +202,9 @@ def write_labels(subject: Subject, model: GraspModel, path: Path) -> Subject:
     with within(0.0, middle):
         relabelled.compute("epsilon_range")
     with within(middle, COMPUTED):
-        relabelled.compute("holding")
+        relabelled.compute("load_result")
     with within(COMPUTED, 1.0):
         writer_for(path)(path, relabelled)
     report_progress(1.0)
-    forces = None if relabelled.holding is None else relabelled
+    forces = None if relabelled.load_result is None else relabelled
     return replace(subject, epsilons=relabelled, forces=forces)

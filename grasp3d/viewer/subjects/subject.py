@@ -189,7 +189,7 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
         labels.mesh.report.source if name is None else name,
         notes=(*labels.warnings, *labels.mesh.region_notes, *_method_notes(labels)),
         epsilons=None if labels.computed("epsilon_range") is None else labels,
-        forces=None if labels.computed("holding") is None else labels,
+        forces=None if labels.computed("load_result") is None else labels,
     )
 
 

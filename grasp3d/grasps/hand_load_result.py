@@ -79,7 +79,7 @@ def _motors(hand: ArticulatedHand) -> set[str]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class MotorHolding:
+class HandLoadResult:
     """What the motors of a hand hold at each of k poses: masses [kg], or factors of wrenches."""
 
     load: LoadCase
