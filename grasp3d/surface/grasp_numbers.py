@@ -304,7 +304,7 @@ def surface_load_result(grasps: GraspContacts, model: GraspModel, case: LoadCase
     )  # fmt: skip
     if len(rows) == grasps.size:
         return load_result
-    return _unknown_normals(load_result.placed(rows, grasps.size))
+    return _unknown_normals(load_result.at_rows(rows, grasps.size))
 
 
 def _unknown_normals(load_result: LoadResult) -> LoadResult:

@@ -234,7 +234,7 @@ class GraspTable(LabelledGrasps):
             return load_result
         with unreported():
             better = surface_load_result(other.contacts, model, case)
-        least = better.placed(other.rows, self.size).grip_force_least
+        least = better.at_rows(other.rows, self.size).grip_force_least
         return replace(
             load_result, grip_force_least=locked(np.fmin(load_result.grip_force_least, least))
         )

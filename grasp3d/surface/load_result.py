@@ -15,7 +15,7 @@ from grasp3d.quality.tasks import Task
 from grasp3d.quality.tilting import FrictionCases, over_friction
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.rows import NO_ROW, spread
+from grasp3d.surface.rows import NO_ROW, gathered
 
 HARD_FINGERS = (
     "two hard fingers cannot resist a torque about the line through them: give a torsion radius "
@@ -137,18 +137,18 @@ class LoadResult:
         """The chosen rows."""
         return self._with({name: values[rows] for name, values in self._arrays().items()})
 
-    def placed(self, rows: Ints, size: int) -> "LoadResult":
+    def at_rows(self, rows: Ints, size: int) -> "LoadResult":
         """The same in a table of `size` rows, of which these are `rows`; others are no grasps."""
         row = np.full(size, NO_ROW)
         row[rows] = np.arange(len(rows))
-        return self.spread(row)
+        return self.gathered(row)
 
     def replaced(self, where: Bools, other: "LoadResult") -> "LoadResult":
         """The same with the rows of another one, of as many grasps, at a mask of shape (b,)."""
         both = {name: (values, getattr(other, name)) for name, values in self._arrays().items()}
         return self._with({name: np.where(where, new, old) for name, (old, new) in both.items()})
 
-    def spread(self, row: Ints) -> "LoadResult":
+    def gathered(self, row: Ints) -> "LoadResult":
         """The rows at the places that have them.
 
         Args:
@@ -156,7 +156,7 @@ class LoadResult:
         """
         return self._with(
             {
-                name: spread(values, row, np.nan if values.dtype.kind == "f" else 0)
+                name: gathered(values, row, np.nan if values.dtype.kind == "f" else 0)
                 for name, values in self._arrays().items()
             }
         )

@@ -1,4 +1,4 @@
-"""Labels whose values are known, as those of files, and values of rows spread over vertices."""
+"""Labels whose values are known, as those of files, and values of rows gathered over vertices."""
 
 import pickle
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from grasp3d import GraspModel, Load, Sampling, SurfaceLabels, label_surface, lo
 from grasp3d.errors import SettingError
 from grasp3d.hand.scene import Scene
 from grasp3d.surface import LoadResult
-from grasp3d.surface.rows import NO_ROW, spread
+from grasp3d.surface.rows import NO_ROW, gathered
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM
 
@@ -133,6 +133,6 @@ def test_known_labels_are_pickled() -> None:
 )
 def test_spread_values_are_those_of_the_rows(values: np.ndarray, places: list[int]) -> None:
     row = np.array([min(place, len(values) - 1) for place in places], dtype=np.int64)
-    found = spread(values, row, np.inf)
+    found = gathered(values, row, np.inf)
     np.testing.assert_array_equal(found, [values[one] if one >= 0 else np.inf for one in row])
     assert not found.flags.writeable
