@@ -122,7 +122,7 @@ def _columns(grasps: EvaluatedHandGrasps) -> list[Column]:
         unit = "kg" if load_result.load.by_mass else ""
         held = [
             (f"holds\n{unit}", lambda row: number_text(load_result.payload[row])),
-            (f"surely\n{unit}", lambda row: number_text(load_result.payload_sure[row])),
+            (f"surely\n{unit}", lambda row: number_text(load_result.payload_min[row])),
             ("limit", lambda row: escaped(str(load_result.limit[row]))),
         ]
         if load_result.load.decided:

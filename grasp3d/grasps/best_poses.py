@@ -93,10 +93,10 @@ class PoseSearch:
             pool = pool.take(self._distinct(pool, max(count, MOST_TRIED), least))
             pool = self.evaluated(pool.poses)
         chosen = self._refined(pool.take(self._distinct(pool, count, least)))
-        chosen = self.evaluated(as_read_again(self._at_rest(chosen)))
+        chosen = self.evaluated(as_read_again(self._closed_upon(chosen)))
         return self.evaluated(chosen.poses[ranked_rows(chosen)])
 
-    def _at_rest(self, chosen: EvaluatedPoses) -> Floats:
+    def _closed_upon(self, chosen: EvaluatedPoses) -> Floats:
         """Poses (k, 4, 4) at which the closing jaws leave the object where it is, if as good."""
         poses, rest = chosen.poses.copy(), chosen.jaws.poses
         rows = np.flatnonzero(self._free(rest))

@@ -17,7 +17,7 @@ from grasp3d._kernels.hull.pair_epsilon import make_pair_scratch, pair_epsilons
 from grasp3d._kernels.hull.polytope import SCRATCH_ROWS, Polytope, make_polytope
 from grasp3d._kernels.hull.support_functions import LINEAR, NO_TORSION, PER_FINGER, ROWS, SIX, TOTAL
 from grasp3d._kernels.hull.wrench_problem import (
-    AT_REST,
+    NEAR_DEGENERATE,
     SIGN,
     Results,
     Workspace,
@@ -204,10 +204,10 @@ class WrenchProblem:
         # Where tilts exceed friction, closure without friction, which seven contacts can have, may
         # be lost by the rest of the tilt. Closure within rounding errors has no equilibrium forces.
         undecided = results.closed & self.tilts_exceed_friction | unproven
-        at_rest = np.flatnonzero(results.status == AT_REST)
-        if len(at_rest):
-            results.status[at_rest] = CONVERGED
-            undecided[at_rest] = ~self._not_nearly_degenerate(at_rest)
+        near = np.flatnonzero(results.status == NEAR_DEGENERATE)
+        if len(near):
+            results.status[near] = CONVERGED
+            undecided[near] = ~self._not_nearly_degenerate(near)
         thin = np.flatnonzero(results.closed & (results.rank < 6) & ~undecided)
         undecided[thin] = ~self._closed_at_any_rank(thin, results)
         results.lower[undecided], results.closed[undecided] = 0.0, False

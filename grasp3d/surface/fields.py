@@ -317,8 +317,8 @@ HAND_GRASPS = (
         Field(name, unit, (), HELD, of=of_part("hand_load_result", name), when="load")
         for name, unit in (
             ("payload", KILOGRAMS),
-            ("payload_sure", KILOGRAMS),
-            ("payload_possible", KILOGRAMS),
+            ("payload_min", KILOGRAMS),
+            ("payload_max", KILOGRAMS),
             ("load_fraction", ""),
         )
     ),

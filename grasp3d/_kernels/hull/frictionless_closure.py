@@ -263,7 +263,7 @@ def _velocity(cells, dim, cell, i):
 def _largest_cosine(cells, contacts, dim, cell):
     """Largest cosine between velocity and normal in the mixed direction.
 
-    A contact at rest is left out: directions nearby move it along any velocity.
+    A stationary contact is left out: directions nearby move it along any velocity.
     """
     largest = -1.0
     for i in range(contacts):

@@ -444,7 +444,7 @@ def _nearly_symmetric(sides, angles, spherical, per_finger, factor, scratch):
 
 
 @merged
-def _placed(d, normal, cone):
+def _angles_of(d, normal, cone):
     """(angle from d to a normal, half-angle of the cone about it) [rad]."""
     return angle_between(normal, d), math.atan2(cone[1], cone[0])
 
@@ -585,7 +585,7 @@ def pair_epsilons(form, wrenches, tangential, cones, rtol, scratch, results, lef
             continue
         d = frames[0][0]
         back = combined(-1.0, d, 0.0, d)
-        angles = (_placed(d, normals[0], cones[g, 0]), _placed(back, normals[1], cones[g, 1]))
+        angles = (_angles_of(d, normals[0], cones[g, 0]), _angles_of(back, normals[1], cones[g, 1]))
         inside = min(angles[0][1] - angles[0][0], angles[1][1] - angles[1][0])
         closed, lower, upper = inside > CLEAR_ANGLE, 0.0, 0.0
         if closed and _is_regular(form, angles):

@@ -11,8 +11,8 @@ from grasp3d._kernels.array_types import Bools1, Bytes1, Floats1, Floats2, Float
 from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.hull.certificates import (
     LARGEST_SLACK,
-    RESTING,
     SMALL_SLACK,
+    STATIONARY,
     UNPROVEN,
     balance,
     clear_slack,
@@ -39,7 +39,7 @@ CLEAR = 1e-8
 """Epsilon relative to the largest wrench from which the hull itself proves force closure. Rounding
 errors of less than that may have moved the origin into it."""
 
-AT_REST = 4
+NEAR_DEGENERATE = 4
 """Status, in the kernels only: not force-closed if contacts that are close together coincide."""
 
 OTHER_RANK = 5
@@ -254,7 +254,7 @@ def _examine_separation(form, wrenches, cones, rim, workspace, polytope, results
         if not results.closed[g]:
             results.status[g] = UNDECIDED
         return
-    results.status[g] = AT_REST if proof == RESTING else CONVERGED
+    results.status[g] = NEAR_DEGENERATE if proof == STATIONARY else CONVERGED
     results.closed[g] = False
     results.lower[g] = results.upper[g] = 0.0
 

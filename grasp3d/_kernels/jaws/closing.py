@@ -77,7 +77,7 @@ def close_on(surface, tree, poses, opening, friction, jaw, first_pose, last_pose
     patch = Patch(np.empty(4), np.empty(3), np.empty(8), np.empty((8, 3)))
     scratch = make_scratch()
     memory = make_settling(size if friction >= 0.0 else 0)
-    nodes, at_rest = np.empty(STACK, np.int64), without_back(jaw)
+    nodes, front = np.empty(STACK, np.int64), without_back(jaw)
     for k in range(first_pose, last_pose):
         pose, distance = found.poses[k], opening[k]
         settled = False
@@ -90,7 +90,7 @@ def close_on(surface, tree, poses, opening, friction, jaw, first_pose, last_pose
             settled = state != CLEAR
             if settled:
                 distance = -2.0 * start_before(distance, width, jaw)
-        used = at_rest if settled else jaw
+        used = front if settled else jaw
         _close(surface, tree, pose, distance, settled, used, k, nodes, faces, scratch, patch, found)
 
 

@@ -218,7 +218,7 @@ def _held(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
     load = load_text(load_result.load_fraction[0]) if load_result.load.decided else ""
     return [
         ("holds", f"{short_number(load_result.payload[0])}{load_result.unit}"),
-        ("holds surely", f"{short_number(load_result.payload_sure[0])}{load_result.unit}"),
+        ("holds surely", f"{short_number(load_result.payload_min[0])}{load_result.unit}"),
         ("limited by", str(load_result.limit[0]) or UNKNOWN),
         *([(load_result.load.to_hold, f"load {load}")] if load else []),
     ]
