@@ -34,7 +34,6 @@ from .quality.loads import Load as Load
 from .quality.wrenches import EpsilonOptions as EpsilonOptions
 from .settings import GraspModel as GraspModel
 from .settings import MeshOptions as MeshOptions
-from .settings import MultifingerSampling as MultifingerSampling
 from .settings import Sampling as Sampling
 from .stability.classification import Stability as Stability
 from .stability.classification import classify as classify

@@ -132,7 +132,7 @@ def multifinger() -> Iterator[Row]:
     mesh = grasp3d.load_mesh(MUG)
     for fingers in (3, 4):
         cone = search_cone(grasp3d.GraspModel(fingers=fingers))
-        find = partial(search, mesh, fingers, grasp3d.MultifingerSampling(), cone)
+        find = partial(search, mesh, fingers, grasp3d.Sampling(), cone)
         evaluated = find().evaluated
         contacts = random_contacts(SHAPES[fingers - 2], FEW, seed=0)
         columns = wrenches(contacts, edges=8)
@@ -233,7 +233,7 @@ def hands(shared: Path) -> Iterator[Row]:
     def payloads() -> None:
         found = grasp3d.evaluate_grasps(mesh, given, hand=hand, load=grasp3d.Load(mass=0.1))
         found.compute("reason")
-        found.compute("motor_holding")
+        found.compute("hand_load_result")
 
     plain = best_time(letters, 1) / count
     yield Row("pose with its payload", best_time(payloads, 1) / count, plain)

@@ -38,7 +38,6 @@ from PIL import Image, ImageDraw, ImageFont
 from grasp3d import (
     GraspModel,
     Label,
-    MultifingerSampling,
     ObjectMesh,
     ParallelGripper,
     Sampling,
@@ -181,11 +180,11 @@ def coarsest_picture(
 def draw_grips(path: Path) -> None:
     """One object labelled for different grippers, and the coarsest sensor for each."""
     model = GraspModel(friction=0.3, sensor_resolution=math.radians(20.0))
-    grippers: dict[str, tuple[int, Sampling | MultifingerSampling]] = {
+    grippers: dict[str, tuple[int, Sampling]] = {
         "two fingers, up to 60 mm": (2, Sampling(max_opening=0.06)),
         "two fingers, up to 80 mm": (2, Sampling(max_opening=0.08)),
         "two fingers, any width": (2, Sampling()),
-        "three fingers, up to 80 mm": (3, MultifingerSampling(max_opening=0.08)),
+        "three fingers, up to 80 mm": (3, Sampling(max_opening=0.08)),
     }
     coarsest, view, size = (
         2.0 * math.degrees(model.friction_angle),
@@ -263,9 +262,9 @@ def loaded(name: str, azimuth: float, elevation: float, width: int) -> Loaded:
     labels = label_surface(
         load_mesh(MESHES / name, unit="m"), MODEL, hand=GRIPPER, load=Load(grip_force=40.0)
     )
-    assert labels.holding is not None
+    assert labels.load_result is not None
     view = View(math.radians(azimuth), math.radians(elevation))
-    return Loaded(Path(name).stem, view, (width, 640), labels, labels.holding.payload)
+    return Loaded(Path(name).stem, view, (width, 640), labels, labels.load_result.payload)
 
 
 @styled

@@ -78,8 +78,8 @@ MUTANTS = (
     ),
     Mutant(
         "force of wider cones as the largest",
-        'sure = ForceProblem.over_tilts(contacts, tilts, "sure"',
-        'sure = ForceProblem.over_tilts(contacts, tilts, "possible"',
+        'worst = ForceProblem.over_tilts(contacts, tilts, "worst_case"',
+        'worst = ForceProblem.over_tilts(contacts, tilts, "best_case"',
         "test_force_ranges.py",
     ),
     Mutant(

@@ -42,9 +42,9 @@ def test_a_surface_is_labelled_with_plain_settings() -> None:
     check_same(number, full)
 
 
-def test_the_fields_of_a_search_are_those_of_its_fingers() -> None:
-    with pytest.raises(SettingError, match=r"sampling has no 'rays'; known: .*candidates"):
-        grasp3d.label_surface(BOX, {"fingers": 3}, sampling={"rays": 8})
+def test_fewer_candidates_take_less_time() -> None:
+    with pytest.raises(SettingError, match=r"sampling has no 'points'; known: .*candidates"):
+        grasp3d.label_surface(BOX, {"fingers": 3}, sampling={"points": 8})
     found = grasp3d.check_mesh(BOX, model={"fingers": 3}, sampling={"candidates": 8})
     assert found.cost.seconds < grasp3d.check_mesh(BOX, model={"fingers": 3}).cost.seconds
 

@@ -2,42 +2,36 @@
 
 `python -m grasp3d._kernels.ahead` compiles those that are not compiled yet, and prints the folder
 of the package with their machine code; the build of the package runs it. Nothing else than NumPy,
-Numba and what this package imports has to be installed for it.
+Numba and what this package imports has to be installed for it. With names of kernels it compiles
+these, in this process.
 """
 
-import json
 import logging
+import os
+import pkgutil
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
+from functools import cache
+from importlib import import_module
+from itertools import product
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
-from grasp3d._kernels import compilations
-from grasp3d._kernels.compiling import (
-    announce,
-    code_folders,
-    compiled,
-    is_compiled,
-    name_of,
-)
-from grasp3d._kernels.signatures import SIGNATURES
+from numba.core import types
+from numba.extending import as_numba_type
+
+from grasp3d import _kernels
+from grasp3d._kernels.compiling import SIGNATURES, announce, code_folders, name_of
 from grasp3d.errors import OutputError
 from grasp3d.system.context import available_processors
-from grasp3d.system.counts import counted
 
 MOST_PROCESSES = 8
 """Each takes some 450 MB, and compiles again what kernels have in common."""
 
-_CHILD = """
-import json, signal, sys
-signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that began this one ends it
-sys.path = json.loads(sys.argv[1])
-from grasp3d._kernels.ahead import compile_named
-compile_named(sys.argv[2:])
-"""
-"""Program of a process that compiles kernels."""
 
-
-def warmup() -> tuple[str, ...]:
+def warmup() -> None:
     """Compile all kernels that are not compiled yet, so that nothing later waits for it.
 
     An installation brings them compiled for the processor and the version of Numba with which it is
@@ -48,52 +42,81 @@ def warmup() -> tuple[str, ...]:
     Machine code is read from three folders: that of the package, that which NUMBA_CACHE_DIR names,
     and the user's cache. It is written to the first of them that can be written.
 
-    Returns:
-        The names of the kernels that were compiled, as 'MODULE.FUNCTION'; empty: all of them were
-        compiled before.
-
     Raises:
         OutputError: A process that compiles ended before it was done.
-
-    Example:
-        >>> from grasp3d._kernels.ahead import warmup
-        >>> names = warmup()
-        >>> warmup()
-        ()
     """
-    names = [name_of(one) for one in SIGNATURES if not is_compiled(one, SIGNATURES[one])]
+    names = [name for name, (one, ways) in kernels().items() if not is_compiled(one, ways)]
     if names:
-        announce(counted(len(names), "kernels"))
-        compiled.extend(names)
+        announce()
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     count = min(available_processors(), MOST_PROCESSES, len(names))
     children = []
     try:
-        for start in range(count):  # those that take longest come first: they are dealt to and fro
-            dealt = names[start :: 2 * count] + names[2 * count - 1 - start :: 2 * count]
-            words = [sys.executable, "-c", _CHILD, json.dumps(sys.path), *dealt]
-            children.append(subprocess.Popen(words))  # noqa: S603, this interpreter
+        for start in range(count):
+            own = names[start::count]
+            # Then what others have left, from its end.
+            dealt = own + [name for name in reversed(names) if name not in own]
+            words = [sys.executable, "-m", "grasp3d._kernels.ahead", *dealt]
+            children.append(subprocess.Popen(words, env=environment))  # noqa: S603, Python
         for child in children:
             if child.wait():
-                raise OutputError(
-                    f"kernels were not compiled: a process ended with code {child.returncode}; see "
-                    "its lines above"
-                )
+                raise OutputError("the kernels were not compiled: see the lines above")
     finally:  # after an interruption or a failure; else all have ended
         for child in children:
             child.kill()
             child.wait()
-    return tuple(names)
 
 
 def compile_named(names: Sequence[str]) -> None:
-    """Compile the kernels of such names, without a word."""
-    compilations.setLevel(logging.ERROR)
-    for one in SIGNATURES:
-        if name_of(one) in names:
-            for signature in SIGNATURES[one]:
-                one.compile(signature)
+    """Compile the kernels of such names that are not compiled meanwhile, without a word."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that began this one ends it
+    _kernels.compilations.setLevel(logging.ERROR)
+    for one, ways in map(kernels().__getitem__, names):
+        if not is_compiled(one, ways):
+            for way in ways:
+                one.compile(way)
+
+
+@cache
+def kernels() -> dict[str, tuple[Any, list[tuple[types.Type, ...]]]]:
+    """Kernels that Python calls, with the types of the arguments in every way that it does."""
+    names: dict[str, Any] = {}
+    for module in pkgutil.walk_packages(_kernels.__path__, f"{_kernels.__name__}."):
+        names |= vars(import_module(module.name))
+    return {
+        name_of(one): (one, list(product(*map(_numba_types, eval(f"({text},)", names)))))  # noqa: S307
+        for one, text in SIGNATURES.items()
+        if text
+    }
+
+
+def _numba_types(annotation: Any) -> list[Any]:
+    """Types of an argument in every way that it is annotated."""
+    union = get_origin(annotation) in (Union, UnionType)
+    return list(map(_numba_type, get_args(annotation) if union else [annotation]))
+
+
+def _numba_type(annotation: Any) -> Any:
+    if get_origin(annotation) is Annotated:  # an array
+        return annotation.__metadata__[0]
+    if hasattr(annotation, "_fields"):
+        hints = get_type_hints(annotation, include_extras=True).values()
+        return types.BaseTuple.from_types(list(map(_numba_type, hints)), annotation)
+    if get_origin(annotation) is tuple:
+        return types.BaseTuple.from_types(list(map(_numba_type, get_args(annotation))))
+    return as_numba_type(annotation)
+
+
+def is_compiled(one: Any, ways: Sequence[tuple[types.Type, ...]]) -> bool:
+    """Whether one of the folders has machine code of a kernel for all types of arguments."""
+    one.targetctx.refresh()
+    files, codegen = vars(one)["_cache"].files, one.targetctx.codegen()
+    return all(any(file.exists() for file in files(way, codegen)) for way in ways)
 
 
 if __name__ == "__main__":
-    warmup()
-    print(code_folders()[0])  # noqa: T201
+    if sys.argv[1:]:
+        compile_named(sys.argv[1:])
+    else:
+        warmup()
+        print(code_folders()[0])  # noqa: T201

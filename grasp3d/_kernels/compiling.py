@@ -12,7 +12,7 @@ import pickle
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache, cached_property
 from pathlib import Path
@@ -21,26 +21,24 @@ from typing import Any
 import numba
 from numba.core import types
 from numba.core.caching import NullCache
-from numba.core.compiler import CompileResult
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler, CompileResult
 from numba.core.dispatcher import Dispatcher
+from numba.core.registry import CPUDispatcher
 from numba.core.serialize import dumps
 
 from grasp3d._kernels import compilations
 from grasp3d.errors import OutputError
-from grasp3d.system.files import atomic_write, check_writable
+from grasp3d.system.files import atomic_write
 
-compiled: list[str] = []
-"""Kernels that were compiled by this process, or for it; the first one is announced."""
+SIGNATURES: dict[Any, str] = {}
+"""Kernels, and the types of their arguments as they are declared; empty: only kernels call it."""
 
 _config: Any = numba.config
 _HERE = Path(__file__).parent
 
 MAX_AGE = 30 * 24 * 3600.0
 """Age at which the machine code of other versions of the sources is removed [s]."""
-
-PARTS_TESTED = numba.version_info.short < (0, 69)
-"""Whether parts are compiled into their callers only, which later versions of Numba may not allow:
-there they are compiled like kernels, and the first run takes longer."""
 
 _FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 """Kernels run without the GIL and with IEEE semantics, so that a NaN reaches the caller. None is
@@ -55,10 +53,10 @@ def code_folders() -> tuple[Path, ...]:
     """Folders for machine code of these sources, in the order in which they are read and written.
 
     The package's own comes first, to which an installation brings machine code; then that which
-    NUMBA_CACHE_DIR names, and the user's cache.
+    NUMBA_CACHE_DIR names, and the user's cache. What only compiles ahead is not among the sources.
     """
     digest = hashlib.sha256()
-    for source in sorted(_HERE.rglob("*.py")):
+    for source in sorted({*_HERE.rglob("*.py")} - {_HERE / "ahead.py"}):
         digest.update(source.relative_to(_HERE).as_posix().encode() + b"\0" + source.read_bytes())
     name = f"grasp3d-kernels-{digest.hexdigest()[:16]}"
     return tuple(root / name for root in _possible_roots())
@@ -115,9 +113,7 @@ class KernelCache(NullCache):
             with suppress(Exception):
                 parts = pickle.loads(file.read_bytes())  # noqa: S301, of this program
                 return CompileResult._rebuild(target_context, *parts)  # noqa: SLF001
-        if not compiled:
-            announce(f"{name_of(self._function)} and what else is needed")
-        compiled.append(name_of(self._function))
+        announce()
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -129,33 +125,21 @@ class KernelCache(NullCache):
                 with atomic_write(file) as written:
                     written.write_bytes(content)
                 return
+        _report_unsaved()
 
 
-def announce(kernels: str) -> None:
-    """Say that kernels are going to be compiled, and whether once or each time."""
-    often = "once for this processor and version of Numba"
-    if not _can_be_stored():
-        often = "in every process: no folder can be written for them (set NUMBA_CACHE_DIR)"
-    compilations.warning("grasp3d: compiling %s, %s", kernels, often)
+@cache
+def _report_unsaved() -> None:
+    """Say once that each process compiles again."""
+    compilations.warning(
+        "grasp3d: compiled for this process only: no folder can be written (set NUMBA_CACHE_DIR)"
+    )
 
 
-def _can_be_stored() -> bool:
-    for folder in code_folders():
-        with suppress(OSError, OutputError):
-            make_folder(folder)
-            check_writable(folder / "code")
-            return True
-    return False
-
-
-def is_compiled(one: Any, signatures: Iterable[Any]) -> bool:
-    """Whether one of the folders has machine code of a kernel for all signatures."""
-    if not isinstance(one, Dispatcher):  # compilation is switched off
-        return True
-    target: Any = one.targetctx
-    target.refresh()
-    cache, codegen = vars(one)["_cache"], target.codegen()
-    return all(any(file.exists() for file in cache.files(each, codegen)) for each in signatures)
+@cache
+def announce() -> None:
+    """Say once that kernels are going to be compiled."""
+    compilations.warning("grasp3d: compiling, once for this processor and version of Numba")
 
 
 def name_of(function: Any) -> str:
@@ -163,26 +147,32 @@ def name_of(function: Any) -> str:
     return f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
 
 
-def kernel(function: Callable[..., object], **flags: Any) -> Any:
-    """Compile with Numba and cache the machine code, unless that depends on another function's."""
-    compiling = inlined(function, inline="never", **flags)
-    if isinstance(compiling, Dispatcher) and function.__closure__ is None:
-        vars(compiling)["_cache"] = KernelCache(function)
-    return compiling
+def kernel(signature: str = "", **flags: Any) -> Callable[[Callable[..., object]], Any]:
+    """Compile with Numba and cache the machine code, unless that depends on another function's.
+
+    Args:
+        signature: Types of the arguments with which Python calls the kernel, in a row, as they
+            would annotate them; with them it is compiled ahead. Empty: only kernels call it.
+        flags: Options of `numba.njit`.
+    """
+
+    def decorate(function: Callable[..., object]) -> Any:
+        compiling = _without_literals(numba.njit(**{**_FLAGS, **flags})(function))
+        if isinstance(compiling, Dispatcher) and function.__closure__ is None:
+            vars(compiling)["_cache"] = KernelCache(function)
+            SIGNATURES[compiling] = signature
+        return compiling
+
+    return decorate
 
 
-def scratch_kernel(function: Callable[..., object]) -> Any:
+def scratch_kernel(signature: str = "") -> Callable[[Callable[..., object]], Any]:
     """Compile a kernel that works in the arrays it is given and allocates nothing.
 
     Reference counting would cost more time than a small support function itself. It returns
     numbers: an array that it returned to a kernel would be released there.
     """
-    return kernel(function, **_SCRATCH)
-
-
-def inlined(function: Callable[..., object], **flags: Any) -> Any:
-    """Inline a kernel into its callers: passing many arrays costs more than the work itself."""
-    return _without_literals(numba.njit(**_FLAGS, **{"inline": "always", **flags})(function))
+    return kernel(signature, **_SCRATCH)
 
 
 def part(function: Callable[..., object], **flags: Any) -> Any:
@@ -194,8 +184,6 @@ def part_for_constants(function: Callable[..., object], **flags: Any) -> Any:
     """As `part`, compiled again for each constant in a call, where that pays in the run time."""
     if _config.DISABLE_JIT:
         return function
-    if not PARTS_TESTED:
-        return kernel(function, **_SCRATCH, **flags)
     return Part(function, {**_FLAGS, **_SCRATCH, **flags})
 
 
@@ -221,54 +209,51 @@ def _without_literals(compiling: Any) -> Any:
     return compiling
 
 
-if PARTS_TESTED:
-    from numba.core.codegen import JITCodeLibrary
-    from numba.core.compiler import Compiler
-    from numba.core.registry import CPUDispatcher
+class _PartLibrary(JITCodeLibrary):
+    """Code of a part for LLVM, to be linked into that of its callers."""
 
-    class _PartLibrary(JITCodeLibrary):
-        """Code of a part for LLVM, to be linked into that of its callers."""
+    def _optimize_final_module(self) -> None:
+        """Leave it to the callers."""
 
-        def _optimize_final_module(self) -> None:
-            """Leave it to the callers."""
+    def _finalize_final_module(self) -> None:
+        """Generate no machine code."""
+        self._finalize_dynamic_globals()
+        self._finalized = True
 
-        def _finalize_final_module(self) -> None:
-            """Generate no machine code."""
-            self._finalize_dynamic_globals()
-            self._finalized = True
+    def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002, Numba's interface
+        """Address of the wrapper for Python, which does not exist."""
+        self._ensure_finalized()
+        return 0
 
-        def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002, Numba's interface
-            """Address of the wrapper for Python, which does not exist."""
-            self._ensure_finalized()
-            return 0
+    @property
+    def codegen(self) -> "_PartLibrary":
+        """Where Numba sets the addresses of Python objects that machine code uses."""
+        return self
 
-        @property
-        def codegen(self) -> "_PartLibrary":
-            """Where Numba sets the addresses of Python objects that machine code uses."""
-            return self
+    def set_env(self, env_name: str, env: object) -> None:
+        """Set no address: parts use no Python objects."""
 
-        def set_env(self, env_name: str, env: object) -> None:
-            """Set no address: parts use no Python objects."""
 
-    class _PartCompiler(Compiler):
-        """Numba's compiler, but for its library."""
+class _PartCompiler(Compiler):
+    """Numba's compiler, but for its library."""
 
-        def compile_extra(self, func: Callable[..., object]) -> Any:
-            self.state.library = _PartLibrary(self.state.targetctx.codegen(), func.__qualname__)
-            compile_extra: Callable[..., Any] = super().compile_extra
-            return compile_extra(func)
+    def compile_extra(self, func: Callable[..., object]) -> Any:
+        self.state.library = _PartLibrary(self.state.targetctx.codegen(), func.__qualname__)
+        compile_extra: Callable[..., Any] = super().compile_extra
+        return compile_extra(func)
 
-    class Part(CPUDispatcher):
-        """A function that kernels call; where Python calls it, as in tests, a kernel itself."""
 
-        def __init__(self, function: Callable[..., object], flags: dict[str, Any]) -> None:
-            options = {"nopython": True, "boundscheck": None, "no_cpython_wrapper": True, **flags}
-            super().__init__(function, targetoptions=options, pipeline_class=_PartCompiler)
+class Part(CPUDispatcher):
+    """A function that kernels call; where Python calls it, as in tests, a kernel itself."""
 
-        @cached_property
-        def kernel(self) -> Any:
-            """The same function with machine code of its own."""
-            return scratch_kernel(self.py_func)
+    def __init__(self, function: Callable[..., object], flags: dict[str, Any]) -> None:
+        options = {"nopython": True, "boundscheck": None, "no_cpython_wrapper": True, **flags}
+        super().__init__(function, targetoptions=options, pipeline_class=_PartCompiler)
 
-        def __call__(self, *args: Any, **kwargs: Any) -> Any:
-            return self.kernel(*args, **kwargs)
+    @cached_property
+    def kernel(self) -> Any:
+        """The same function with machine code of its own."""
+        return scratch_kernel()(self.py_func)
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        return self.kernel(*args, **kwargs)

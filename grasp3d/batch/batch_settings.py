@@ -7,7 +7,7 @@ from typing import Annotated
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.quality.loads import Load
-from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling, given_sampling
+from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
 from grasp3d.settings.checks import check_range
 from grasp3d.settings.parsing import Main, Settings
 from grasp3d.settings.regions import Mask
@@ -23,15 +23,14 @@ class BatchSettings:
     Each may also be a dict of fields, and the load a mass, '0.5kg'.
 
     Attributes:
-        sampling: How grasps are searched for; settings that state nothing but a search angle or a
-            tolerance are for any number of fingers.
+        sampling: How grasps are searched for.
         reach: The gripper that must reach each grasp, and the table.
         load: What each grasp must hold, and with which force; None: nothing.
         best: Number of best distinct grasps that the summary keeps of each mesh; 0: none.
     """
 
     model: GraspModel = field(default_factory=GraspModel)
-    sampling: AnySampling = field(default_factory=Sampling)
+    sampling: Sampling = field(default_factory=Sampling)
     mesh: MeshOptions = field(default_factory=MeshOptions)
     best: int = 5
     reach: ReachSettings = field(default_factory=ReachSettings)
@@ -39,19 +38,18 @@ class BatchSettings:
 
     def __post_init__(self) -> None:
         kinds: dict[str, type[Settings]] = {
-            "model": GraspModel, "mesh": MeshOptions, "reach": ReachSettings, "load": Load
+            "model": GraspModel, "sampling": Sampling, "mesh": MeshOptions,
+            "reach": ReachSettings, "load": Load,
         }  # fmt: skip
         for name, kind in kinds.items():
             given = kind.given(name, getattr(self, name))
             object.__setattr__(self, name, given if name == "load" else given or kind())
-        sampling = given_sampling(self.model, self.sampling) or Sampling()
-        object.__setattr__(self, "sampling", sampling)
         check_range("the number of best grasps", self.best, 0)
         if self.reach.pose_error and not self.best:
             raise SettingError("a pose error tries wrong poses of the best grasps; ask for one")
         if isinstance(self.mesh.region, Mask):
             raise SettingError(f"{self.mesh.region} is of one mesh; a library takes a box")
-        object.__setattr__(self, "sampling", self.sampling.fitted(self.model.fingers))
+        check_search_settings(self.model, self.sampling)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from typing import Any
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.errors import MeshError
 from grasp3d.reading.gltf import side_names
-from grasp3d.settings import MultifingerSampling, Sampling
 from grasp3d.settings.parsing import plain_values
 from grasp3d.system.documents import problem_of_file
 from grasp3d.system.names import printable
@@ -57,9 +56,6 @@ def settings_key(settings: BatchSettings) -> str:
 def settings_text(settings: BatchSettings) -> str:
     """Settings as canonical JSON: sorted, whole numbers without a decimal point, inf as null."""
     values = plain_values(settings)
-    # All fields of a search, whatever the number of fingers.
-    every = plain_values(Sampling()) | plain_values(MultifingerSampling())
-    values["sampling"] = every | values["sampling"]
     values["reach"]["gripper"] = values["reach"].pop("hand")  # the name that it has in files
     return json.dumps(_canonical(values), sort_keys=True, separators=(",", ":"), allow_nan=False)
 

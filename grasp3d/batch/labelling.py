@@ -122,7 +122,7 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
     if allowed is not None and cost.memory > allowed:
         raise NeedsMemory(cost.memory)
     labels = task.labels()
-    for name in ("epsilon_range", "holding"):
+    for name in ("epsilon_range", "load_result"):
         labels.compute(name)
     labelling = next(clock)
     best = _best_of(labels, settings.best)
@@ -212,11 +212,11 @@ def _verdict_values(labels: "SurfaceLabels") -> dict[str, Any]:
     from grasp3d.grasps.verdict import verdict_of
 
     verdict, load = verdict_of(labels), {}
-    if (holding := verdict.holding) is not None:
+    if (load_result := verdict.load_result) is not None:
         load = {
-            "holds": holding.holds,
-            "grip_force_needed": holding.needed,
-            "payload_best": _finite_or_none(holding.payload),
+            "holds": load_result.holds,
+            "grip_force_needed": load_result.needed,
+            "payload_best": _finite_or_none(load_result.payload),
         }
     return {
         "verdict": verdict.word,
@@ -233,14 +233,14 @@ def _load_values(labels: "SurfaceLabels") -> dict[str, Any]:
     from grasp3d.quality.loads import load_settings
     from grasp3d.surface.area_statistics import held_fractions, payload_quantiles
 
-    holding = labels.holding
-    if holding is None:
+    load_result = labels.load_result
+    if load_result is None:
         return {}
     fractions, payloads = held_fractions(labels), payload_quantiles(labels, DECILES)
     return {
         "task": load_settings(labels.load)["task"],
-        "mass": holding.mass,
-        "grip_force_at_hand": holding.available,
+        "mass": load_result.mass,
+        "grip_force_at_hand": load_result.available,
         "held": None if fractions is None else fractions["S"],
         **({} if payloads is None else _quantiles("payload", DECILES, payloads)),
     }
@@ -259,7 +259,7 @@ def _quantiles(name: str, levels: Iterable[float], values: Iterable[float]) -> d
 
 
 def _angles_of(labels: "SurfaceLabels") -> AngleDistribution:
-    """Distribution of located angles, to be compared with the thresholds of a model.
+    """Distribution of the bounds of critical angles, to be compared with the thresholds of a model.
 
     They depend on the model's location error.
     """
@@ -267,7 +267,7 @@ def _angles_of(labels: "SurfaceLabels") -> AngleDistribution:
 
     weights = vertex_weights(labels.mesh, "area")
     counted = weights > 0.0
-    worst, best = labels.located_angles
+    worst, best = labels.critical_angle_bounds
     return SampledAngles(worst[counted], best[counted], weights[counted], limit=labels.search.cone)
 
 

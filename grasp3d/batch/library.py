@@ -172,8 +172,6 @@ def label_library(
     """
     settings, folder = settings or BatchSettings(), Folder(str(output))
     cluster = cluster or ClusterSettings()
-    if settings.load is not None:  # other machines need no files, and changed files other labels
-        settings = replace(settings, load=settings.load.with_files_read())
     if settings.reach.hand is not None:
         settings.reach.hand.check_fingers(settings.model.fingers)
     if not str(output):

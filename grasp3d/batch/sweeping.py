@@ -9,7 +9,6 @@ from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.planar import Circle, Square
 from grasp3d.settings import (
-    AnySampling,
     GraspModel,
     MeshOptions,
     Sampling,
@@ -37,13 +36,13 @@ class SweepSettings:
     Attributes:
         friction: Coulomb coefficients.
         sensor_resolution: Resolutions alpha [rad].
-        sampling: How grasps are searched for, see `SearchSettings.fitted`. Its search angle, if
-            given, must cover all frictions and resolutions.
+        sampling: How grasps are searched for. Its search angle, if given, must cover all frictions
+            and resolutions.
     """
 
     friction: tuple[float, ...]
     sensor_resolution: tuple[float, ...]
-    sampling: AnySampling = field(default_factory=Sampling)
+    sampling: Sampling = field(default_factory=Sampling)
     mesh: MeshOptions = field(default_factory=MeshOptions)
     fingers: int = 2
     reach: ReachSettings = field(default_factory=ReachSettings)
@@ -55,7 +54,6 @@ class SweepSettings:
             GraspModel(friction=friction)
         for resolution in self.sensor_resolution:
             GraspModel(sensor_resolution=resolution)
-        object.__setattr__(self, "sampling", self.sampling.fitted(self.fingers))
         check_search_settings(self.model, self.sampling)
         check_search_angle(self.sampling, search_cone(self.model))
 

@@ -40,7 +40,7 @@ from grasp3d.settings import (
     Sampling,
 )
 from grasp3d.settings.parsing import Group, Main
-from grasp3d.settings.units import parse_position
+from grasp3d.settings.units import parse_lengths
 from grasp3d.validating.validation_settings import ValidationSettings
 from grasp3d.viewer.view_settings import ViewSettings
 
@@ -208,7 +208,7 @@ class Label(Labelling):
                     f"{name} is for poses of a gripper of two fingers; give one with --hand"
                 )
         for text in self.at:
-            parse_position("at", text)
+            parse_lengths("at", text)
 
     @property
     def posed_hand(self) -> Hand | None:

@@ -50,7 +50,7 @@ def run(command: Evaluate) -> int:
         )
     poses = holds_poses(command.contacts)
     _check_options(command, poses=poses)
-    inputs = [command.file, command.contacts, *command.load.task_files]
+    inputs = [command.file, command.contacts, *command.load.task.files]
     check_output(output, SUFFIXES, "table", overwrite=command.overwrite, inputs=inputs)
     if command.picture is not None:
         _check_picture(command)

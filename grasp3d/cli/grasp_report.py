@@ -63,9 +63,9 @@ def print_grasps(grasps: Grasps, *outputs: Path) -> None:
     )
     report.lines(_remarks(grasps))
     if isinstance(grasps, EvaluatedHandGrasps):
-        if grasps.motor_holding is not None:
+        if grasps.hand_load_result is not None:
             report.line(f"[bold]{escaped(str(grasps.verdict))}[/]")
-            report.line(escaped(grasps.motor_holding.link_weights))
+            report.line(escaped(grasps.hand_load_result.link_weights))
     else:
         report.line(f"[bold]{escaped(str(verdict_of(grasps)))}[/]")
         if grasps.load_case is not None:

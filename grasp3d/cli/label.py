@@ -33,9 +33,9 @@ from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.jaws import AXES
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh.surface_points import nearest_vertex
-from grasp3d.settings import AnySampling
+from grasp3d.settings import Sampling
 from grasp3d.settings.parsing import plain_values
-from grasp3d.settings.units import Unit, parse_position
+from grasp3d.settings.units import Unit, parse_lengths
 from grasp3d.stability.label import Label as Letter
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.fields import CRITICAL_ANGLE, EPSILONS, MAX_RESOLUTION
@@ -89,7 +89,7 @@ def _files(command: Label) -> tuple[Path, Path]:
         if command.posed_hand is not None:
             check_external(command.sampling)
     for path in (output, *grasp_files):
-        inputs = [command.file, *command.load.task_files]
+        inputs = [command.file, *command.load.task.files]
         check_output(path, overwrite=command.overwrite, inputs=inputs)
     return output, grasp_file
 
@@ -111,17 +111,17 @@ def _check_grasp_file(command: Label, path: Path) -> None:
 def _labels(command: Label) -> tuple[SurfaceLabels, list[int]]:
     """Read and label the mesh; returns the labels, and the vertices that are asked for."""
     model, load, quiet = command.reach.touching(command.model), command.load.chosen, command.quiet
-    sampling = command.sampling.fitted(model.fingers)
+    sampling = command.sampling
     task = Labelling.read(
         command.file, model, sampling, command.reach, load, command.mesh, force=command.force
     )
-    points = (parse_position("at", text) for text in command.at)
+    points = (parse_lengths("at", text) for text in command.at)
     vertices = [nearest_vertex(task.mesh, "at", point) for point in points]
     with progress_bars.progress(f"labelling {command.file.name}", quiet=quiet):
         labels = task.labels()
     progress_bars.measure(lambda: labels.epsilon_range, "measuring epsilon", quiet=quiet)
     if load is not None:
-        progress_bars.measure(lambda: labels.holding, "measuring grip forces", quiet=quiet)
+        progress_bars.measure(lambda: labels.load_result, "measuring grip forces", quiet=quiet)
     return labels, vertices
 
 
@@ -189,7 +189,7 @@ def print_labels(labels: SurfaceLabels) -> None:
         report.line(f"[bold]{escaped(str(verdict_of(labels)))}[/]")
     if labels.scene is None:
         if labels.sampling is not None and (causes := causes_text(labels)):
-            decided = labels.holding is not None and labels.holding.label is not None
+            decided = labels.load_result is not None and labels.load_result.label is not None
             forced = "U with the force at hand" if decided else "U"
             report.line(f"{forced}, of the area: {escaped(causes)}")
         shown = (CRITICAL_ANGLE, MAX_RESOLUTION, *EPSILONS[:2])
@@ -199,7 +199,7 @@ def print_labels(labels: SurfaceLabels) -> None:
             for field, one in zip(shown, values, strict=True)
         ]
         report.line(f"{PERCENTS} of the area: {'; '.join(texts)}")
-        print_load(report, labels.holding, areas)
+        print_load(report, labels.load_result, areas)
     if lone := int(np.sum(~mesh.on_surface)):
         report.line(f"{counted(lone, 'vertices')} in no face: their label is U, their area 0")
     report.lines(map(str, mesh.report.repairs), "repaired:")
@@ -247,7 +247,7 @@ def _direction(vector: Floats) -> str:
     return name or f"({', '.join(f'{number + 0.0:.3g}' for number in vector)})"
 
 
-def _differences(sampling: AnySampling, unit: Unit | None) -> Iterator[str]:
+def _differences(sampling: Sampling, unit: Unit | None) -> Iterator[str]:
     """The settings of the search that differ from their defaults."""
     defaults, lengths = plain_values(type(sampling)()), sampling.lengths()
     for name, value in plain_values(sampling).items():

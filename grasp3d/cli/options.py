@@ -29,7 +29,7 @@ from grasp3d.settings.friction import Friction as FrictionField
 from grasp3d.settings.parsing import IN_PYTHON, Group, Main
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
 from grasp3d.settings.regions import Region
-from grasp3d.settings.units import Length, Metres, Position, Quantity, parse_angle, parse_length
+from grasp3d.settings.units import Length, Lengths, Metres, Quantity, parse_angle, parse_length
 
 NONE = "none"
 SMALL = math.radians(1.0)
@@ -278,13 +278,6 @@ def _millimetres(length: float) -> str:
     return f"{length:g}" if length in {0.0, math.inf} else f"{1000.0 * length:g}mm"
 
 
-def _task(_option: str, word: str) -> TaskText:
-    """Check a task and its files; it keeps their names, which outputs must not have."""
-    task = TaskText.of(word)
-    task.with_files_read()
-    return task
-
-
 def _hand(_option: str, word: str) -> Hand:
     """Return the gripper of a preset or a file."""
     from grasp3d.hand.hand_files import read_hand
@@ -324,9 +317,9 @@ _PARSERS: dict[Any, Parser] = {
     Quantity: Parser("NUMBER"),
     FrictionField: Parser("NUMBER|LOW..HIGH"),
     PoseErrorField: Parser("LENGTH,DEGREES", lambda _, word: PoseError.of(word)),
-    Position: Parser("X,Y,Z", optional=True),
+    Lengths: Parser("X,Y,Z", optional=True),
     Region: Parser("BOX|FILE", optional=True),
-    TaskField: Parser("TASK", _task),
+    TaskField: Parser("TASK", lambda _, word: TaskText.of(word)),
 }
 """Parsers by the kind of a field; texts that stay texts are parsed by the settings themselves."""
 

@@ -16,8 +16,8 @@ from grasp3d.settings.units import Unit, small_length
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 from grasp3d.surface.area_statistics import quantiles
 from grasp3d.surface.fields import LENGTH, LETTERS, RADIANS, Array, Field
-from grasp3d.surface.holding import Holding
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.load_result import LoadResult
 from grasp3d.system.counts import counted, short_number
 from grasp3d.system.names import printable
 
@@ -266,27 +266,27 @@ def load_line(case: LoadCase) -> str:
     return f"[bold]load[/]: {mass}, {text}; force at hand: {per_finger}"
 
 
-def print_load(report: Report, holding: Holding | None, areas: "Floats") -> None:
+def print_load(report: Report, found: LoadResult | None, areas: "Floats") -> None:
     """Print a load, which part of a surface holds it, and the forces and payloads there.
 
     Args:
         report: Where to print.
-        holding: What is held; None: there is no load, and nothing is printed.
+        found: What holds it; None: there is no load, and nothing is printed.
         areas: Area fraction of each vertex, shape (k,).
     """
-    if holding is None:
+    if found is None:
         return
-    report.line(load_line(holding.case))
-    if holding.remedy and np.isfinite(holding.grip_force_largest).any():  # else the verdict says it
-        report.line(f"  most grasps hold nothing: {escaped(holding.remedy)}")
-    if holding.label is not None:
-        sums = (f"{one} {percent_text(areas[holding.label == Label[one]].sum())}" for one in "SMU")
+    report.line(load_line(found.case))
+    if found.remedy and np.isfinite(found.grip_force_largest).any():  # else the verdict says it
+        report.line(f"  most grasps hold nothing: {escaped(found.remedy)}")
+    if found.label is not None:
+        sums = (f"{one} {percent_text(areas[found.label == Label[one]].sum())}" for one in "SMU")
         report.line(f"  with that force, of the area: {', '.join(sums)}")
-    per = "" if holding.case.decided else " per kg"
-    bound = ", a safe bound" if holding.how == "bound" else ""
-    forces = {f"force{per} at the worst normals{bound}, in N": holding.grip_force_largest}
-    if holding.has_payload:
-        forces["payload there, in kg"] = np.where(holding.payload > 0.0, holding.payload, math.inf)
+    per = "" if found.case.decided else " per kg"
+    bound = ", a safe bound" if found.how == "bound" else ""
+    forces = {f"force{per} at the worst normals{bound}, in N": found.grip_force_largest}
+    if found.has_payload:
+        forces["payload there, in kg"] = np.where(found.payload > 0.0, found.payload, math.inf)
     for name, values in forces.items():
         known = np.isfinite(values)
         if not areas[known].sum() > 0.0:

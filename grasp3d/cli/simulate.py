@@ -123,10 +123,10 @@ def print_simulation(simulation: Simulation, output: Path) -> None:
     report = Report()
     for line in _head(simulation):
         report.line(line)
-    holding, rates = simulation.rates(held=True), simulation.rates()
+    held, rates = simulation.rates(held=True), simulation.rates()
     columns = _columns({one: rates[one.name] for one in Label}, "grasps", "grasp held")
-    held = {"object held": lambda label: _percent(holding[label.name])}
-    report.letters("scan", columns | held)
+    columns["object held"] = lambda label: _percent(held[label.name])
+    report.letters("scan", columns)
     margins = [(f"{one.name}°", *_cells(one)) for one in simulation.rates_by_margin() if one.count]
     report.table(("margin", "grasps", "grasp held", "95 %"), margins)
     _print_fates(report, simulation.fates)

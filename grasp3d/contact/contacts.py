@@ -239,7 +239,7 @@ def centred(points: Floats) -> tuple[Floats, Floats, Floats]:
     return offsets / size, mean, size
 
 
-def clearly_placed(points: Floats) -> Bools:
+def not_nearly_degenerate(points: Floats) -> Bools:
     """Whether contacts that are close together coincide, and those near a line are on it.
 
     Then the grasp is as degenerate as it looks. Otherwise its wrenches depend on distances so small

@@ -26,10 +26,10 @@ from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.reading.sources import Source, find_source
 from grasp3d.settings.units import Unit, with_lengths_scaled
 from grasp3d.surface.fields import AREA, LENGTH, Array
-from grasp3d.surface.holding import Holding
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.vertex_fields import LOCATED, VERTICES, unpacked_bits
+from grasp3d.surface.load_result import LoadResult
+from grasp3d.surface.vertex_fields import ANGLE_BOUNDS, VERTICES, unpacked_bits
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.documents import parse_json
 from grasp3d.system.limited_reading import read_file
@@ -123,12 +123,12 @@ def _labels(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Surface
     values: dict[str, Any] = {
         **{name: _value(stored, name) for name in PLAIN},
         "epsilon_range": EpsilonRange(*(_floats(stored, f"epsilon{end}") for end in _ENDS)),
-        "located_angles": None
+        "critical_angle_bounds": None
         if settings.model.location_error == 0.0
-        else tuple(_floats(stored, field.name) for field in LOCATED),
+        else tuple(_floats(stored, field.name) for field in ANGLE_BOUNDS),
         "partner_points": _partner_points(stored),
         **_reach(stored, settings),
-        "holding": _holding(stored, settings, mesh),
+        "load_result": _load_result(stored, settings, mesh),
     }
     return SurfaceLabels.of_values(
         mesh, settings.model, sampling=settings.sampling, mode=settings.mode,
@@ -184,7 +184,7 @@ def _reach(stored: Stored, settings: FileSettings) -> dict[str, Any]:
     return {"reach": reach}
 
 
-def _holding(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Holding | None:
+def _load_result(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> LoadResult | None:
     """Forces and payloads under the load; None: the file has none. Raises GraspError."""
     load, scene = settings.load, settings.scene
     if load is None or "force_bounds" not in stored.settings:
@@ -198,7 +198,7 @@ def _holding(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Holdin
     if case.available is not None and case.task.mass is not None:
         payload = stored.field("payload")
     resistance = stored.values.get("resistance")
-    return Holding(
+    return LoadResult(
         case=case,
         grip_force=_floats(stored, "grip_force"),
         grip_force_least=_floats(stored, "grip_force_least"),

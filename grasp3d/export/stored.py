@@ -25,10 +25,9 @@ from grasp3d.quality.loads import Load, load_from
 from grasp3d.reading.sources import Source, check_finite
 from grasp3d.settings import (
     MAX_SEARCHED_FINGERS,
-    AnySampling,
     GraspModel,
     MeshOptions,
-    sampling_kind,
+    Sampling,
 )
 from grasp3d.settings.parsing import settings_of_texts
 from grasp3d.settings.pose_error import PoseError
@@ -37,7 +36,7 @@ from grasp3d.stability.label import Mode
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.fields import FLOAT, MARGIN, Array, Arrays, Field
 from grasp3d.surface.label_settings import GIVEN_ANGLE, SETTING
-from grasp3d.surface.vertex_fields import LOCATED, SURFACE, VERTICES
+from grasp3d.surface.vertex_fields import ANGLE_BOUNDS, SURFACE, VERTICES
 from grasp3d.surface.vertex_grasps import Reason, SearchReport
 from grasp3d.system.documents import parse_json, problem_of_file
 from grasp3d.system.limited_reading import read_file
@@ -56,7 +55,7 @@ class FileSettings:
     """Settings that a file was labelled with."""
 
     model: GraspModel
-    sampling: AnySampling | None
+    sampling: Sampling | None
     """None: a scan."""
     options: MeshOptions
     mode: Mode
@@ -88,12 +87,11 @@ def settings_from(texts: Mapping[str, str]) -> FileSettings:
     try:
         options = settings_of_texts(MeshOptions, values)
         model = settings_of_texts(GraspModel, values)
-        kind = sampling_kind(model.fingers)
         search, angle = _search(values)
         sampled = {**values, "search_angle": angle}
         return FileSettings(
             model=model,
-            sampling=None if mode == "scan" else settings_of_texts(kind, sampled),
+            sampling=None if mode == "scan" else settings_of_texts(Sampling, sampled),
             options=options,
             mode="scan" if mode == "scan" else "label",
             search=search,
@@ -383,13 +381,13 @@ def _check_surface(stored: Stored) -> None:
 def _check_labels(stored: Stored, model: GraspModel) -> None:
     """Compare angles, margins and labels.
 
-    Located angles have no order of their own: each is compared with another threshold.
+    Bounds of angles have no order of their own: each is compared with another threshold.
     """
     worst, best = (stored.field(f"critical_angle{end}") for end in ("", "_best"))
     if not (best <= worst + ROUNDING).all():
         stored.reject("its critical_angle_best is above its critical_angle")
     if model.location_error != 0.0:
-        worst, best = (stored.field(field.name) for field in LOCATED)
+        worst, best = (stored.field(field.name) for field in ANGLE_BOUNDS)
     expected, label = model.sure_angle - worst, stored.field("label")
     margin = stored.values.get(MARGIN.name, expected)
     with np.errstate(invalid="ignore"):  # inf - inf

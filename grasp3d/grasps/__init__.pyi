@@ -12,7 +12,7 @@ from .hand_grasps import EvaluatedHandGrasps as EvaluatedHandGrasps
 from .pose_files.frames import read_object_pose as read_object_pose
 from .poses import GraspPoses as GraspPoses
 from .ranking import ranked_rows as ranked_rows
-from .verdict import HoldingVerdict as HoldingVerdict
+from .verdict import LoadVerdict as LoadVerdict
 from .verdict import Remedy as Remedy
 from .verdict import Verdict as Verdict
 from .verdict import verdict_of as verdict_of

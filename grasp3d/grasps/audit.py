@@ -196,9 +196,9 @@ def _audited(
     count = read.count
 
     def fitting(readings: list[PoseReading], rows: Ints) -> Ints:
-        placed = np.concatenate([one.of(read.poses[rows]) for one in readings])
+        in_object = np.concatenate([one.of(read.poses[rows]) for one in readings])
         posture = np.tile(read.posture[rows], (len(readings), 1))
-        fits = _fits(mesh, hand, table, placed, posture)
+        fits = _fits(mesh, hand, table, in_object, posture)
         return np.asarray(fits.reshape(len(readings), -1).sum(axis=1))
 
     as_stated = PoseReading(given=read, hand=hand, frame=read.gripper_frame)
@@ -244,16 +244,16 @@ def _others(stated: PoseReading, mesh: ObjectMesh) -> Iterator[PoseReading]:
     """All other readings that differ at these poses, those of the stated frame first."""
     poses, seen = stated.given.poses, {_key(stated.of(stated.given.poses), stated.hand)}
 
-    def is_plausible(placed: Floats) -> bool:
-        spread = float(np.linalg.norm(np.ptp(placed[:, :3, 3], axis=0)))
+    def is_plausible(in_object: Floats) -> bool:
+        spread = float(np.linalg.norm(np.ptp(in_object[:, :3, 3], axis=0)))
         return SPREAD[0] <= spread / mesh.size <= SPREAD[1]
 
     units = () if is_plausible(poses) else UNITS
     for factor, rotation in product((1.0, *units), ROTATIONS):
         for frame in (stated.frame, *frames_of(stated.hand)):
             one = replace(stated, frame=frame, rotation=rotation, factor=factor)
-            key = _key(placed := one.of(poses), stated.hand)
-            if key not in seen and (factor == 1.0 or is_plausible(placed)):
+            key = _key(in_object := one.of(poses), stated.hand)
+            if key not in seen and (factor == 1.0 or is_plausible(in_object)):
                 seen.add(key)
                 yield one
 

@@ -15,7 +15,7 @@ from grasp3d.grasps.distinct import (
 )
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.ranking import ranked_rows
-from grasp3d.settings import AnySampling, Sampling
+from grasp3d.settings import Sampling
 from grasp3d.settings.checks import check_range
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_table import GraspTable
@@ -87,7 +87,7 @@ def are_named(labels: SurfaceLabels) -> bool:
     return scene is None or scene.jaws is None or not _internal(labels.sampling)
 
 
-def check_external(sampling: AnySampling | None) -> None:
+def check_external(sampling: Sampling | None) -> None:
     """Refuse the best internal grasps of a gripper, whose jaws would have to move apart.
 
     Args:
@@ -103,8 +103,8 @@ def check_external(sampling: AnySampling | None) -> None:
         )
 
 
-def _internal(sampling: AnySampling | None) -> bool:
-    return isinstance(sampling, Sampling) and sampling.grip == "expand"
+def _internal(sampling: Sampling | None) -> bool:
+    return sampling is not None and sampling.grip == "expand"
 
 
 _POOLS: WeakKeyDictionary[SurfaceLabels, EvaluatedPoses] = WeakKeyDictionary()

@@ -23,7 +23,7 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.quality.loads import Load
-from grasp3d.settings import GraspModel, Sampling, with_fingers
+from grasp3d.settings import GraspModel, with_fingers
 from grasp3d.settings.pose_error import PoseError, poses_of
 from grasp3d.stability.label import Label
 from grasp3d.surface.labels import SurfaceLabels
@@ -62,7 +62,7 @@ class PoseSearch:
         assert labels.scene is not None
         model = with_fingers(labels.model, labels.scene.hand.fingers[-1])
         limits, sampling = (0.0, math.inf), labels.sampling
-        if isinstance(sampling, Sampling):
+        if sampling is not None and labels.model.fingers == 2:
             limits = sampling.min_opening, sampling.max_opening
         return cls(labels.mesh, model, labels.scene, labels.load, limits)
 
@@ -93,10 +93,10 @@ class PoseSearch:
             pool = pool.take(self._distinct(pool, max(count, MOST_TRIED), least))
             pool = self.evaluated(pool.poses)
         chosen = self._refined(pool.take(self._distinct(pool, count, least)))
-        chosen = self.evaluated(as_read_again(self._at_rest(chosen)))
+        chosen = self.evaluated(as_read_again(self._closed_upon(chosen)))
         return self.evaluated(chosen.poses[ranked_rows(chosen)])
 
-    def _at_rest(self, chosen: EvaluatedPoses) -> Floats:
+    def _closed_upon(self, chosen: EvaluatedPoses) -> Floats:
         """Poses (k, 4, 4) at which the closing jaws leave the object where it is, if as good."""
         poses, rest = chosen.poses.copy(), chosen.jaws.poses
         rows = np.flatnonzero(self._free(rest))

@@ -97,7 +97,7 @@ def cause_fractions(labels: SurfaceLabels) -> dict[Cause, float]:
     """
     masks, has_grasp = cause_masks(labels), labels.reason == Reason.FOUND
     unstable = has_grasp & (labels.label == Label.U)
-    if labels.holding is not None and (codes := labels.holding.label) is not None:
+    if labels.load_result is not None and (codes := labels.load_result.label) is not None:
         masks[Cause.FORCE] = has_grasp & (codes == Label.U) & ~unstable
         unstable &= codes == Label.U
     masks[Cause.UNSTABLE] = unstable

@@ -37,7 +37,7 @@ from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.robustness import Robustness, robustness_of
 from grasp3d.surface.rows import NO_ROW, rows_where
 from grasp3d.surface.scores import written_scores
-from grasp3d.surface.vertex_grasps import SpreadGrasps
+from grasp3d.surface.vertex_grasps import IndexedGrasps
 
 STALE = frozenset({*metric_names(), *(field.name for field in (*FORCES, *ROBUST, *HAND_GRASPS))})
 """Columns of given poses that may be of other settings."""
@@ -186,7 +186,7 @@ NOWHERE = np.zeros((1, 3))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class EvaluatedPoses(GivenGrasps, SpreadGrasps):
+class EvaluatedPoses(GivenGrasps, IndexedGrasps):
     """Poses of a gripper with the grasps that its jaws make there, a row for each.
 
     Numbers are nan, and the label is U, where the jaws do not close on the object.
@@ -211,7 +211,7 @@ class EvaluatedPoses(GivenGrasps, SpreadGrasps):
     collision, and from an allowed direction, shape (k,)."""
 
     no_angle = math.nan
-    holding = None
+    load_result = None
     """What the patches hold is in `payload` and `grip_force`."""
 
     __repr__ = short_repr

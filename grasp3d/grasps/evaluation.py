@@ -151,10 +151,10 @@ def evaluate_grasps(
             does not move.
         max_distance: Largest distance of a contact from the surface, in metres or with a
             unit; None: 1/100 of the object's size.
-        load: What each grasp must hold, and with which force: `holding` then has the grip force and
-            payload of each, at poses with the greatest force of the gripper at hand unless the load
-            states another one; of hands with joints `motor_holding` has what the motors hold. The
-            mass is held by the fingers alone, not by the table. None: nothing.
+        load: What each grasp must hold, and with which force: `load_result` then has the grip force
+            and payload of each, at poses with the greatest force of the gripper at hand unless the
+            load states another one; of hands with joints `hand_load_result` has what the motors
+            hold. The mass is held by the fingers alone, not by the table. None: nothing.
 
     Returns:
         The grasps in their order, with `label`, `critical_angle` [rad] and `epsilon`, shape (b,)
@@ -192,8 +192,8 @@ def evaluate_grasps(
         >>> soft = grasp3d.GraspModel(torsion_radius="3mm")
         >>> load = grasp3d.Load(mass=0.5, task="weight within 0 of -z")
         >>> sides = [[0.0, 0.025, 0.0], [0.0, -0.025, 0.0]]
-        >>> holding = grasp3d.evaluate_grasps(mesh, sides, soft, load=load).holding
-        >>> print(f"{holding.grip_force[0]:.2f} N")
+        >>> load_result = grasp3d.evaluate_grasps(mesh, sides, soft, load=load).load_result
+        >>> print(f"{load_result.grip_force[0]:.2f} N")
         4.90 N
 
         A gripper from above, and beside the part:

@@ -44,7 +44,7 @@ class Case:
     """Label, or `UNSEARCHED`."""
     worst: float
     """Critical friction angle over the worst normals [rad]; inf: no grasp. With uncertain contact
-    locations or different fingers the located angle."""
+    locations or different fingers its upper bound."""
     best: float
     """The same over the best normals [rad]."""
     cone: float
@@ -136,7 +136,7 @@ def _cause(case: Case, limit: float) -> str:
     return f"the {finger} finger's normal is {angle} off the line through the contacts"
 
 
-def _located(case: Case, text: str) -> str:
+def _with_locations(case: Case, text: str) -> str:
     """What uncertain contact locations make of a critical angle."""
     if case.perceived is None:
         return ""
@@ -181,7 +181,7 @@ def _stable(case: Case) -> str:
         cause = f"{_crease(case)}; for the worst of these normals β* is {angle}"
     elif " off the line " in cause:
         cause = f"no contact normal is more than {angle} off the line through the contacts"
-    cause += _located(case, f"β* is {angle_text(case.worst, case.model.sure_angle)}")
+    cause += _with_locations(case, f"β* is {angle_text(case.worst, case.model.sure_angle)}")
     return f"{cause}, below {_stable_limit(case)}: the grasp is stable for {_all_true(case.model)}"
 
 
@@ -223,13 +223,15 @@ def _ambiguous(case: Case) -> str:
             f"β* is from {angle_text(case.best, case.model.possible_angle)} to "
             f"{_bounded(case.worst, case.model.sure_angle)}"
         )
-        return f"{_cause(case, nearer)}{_located(case, between)}: {sure}, {unstable}"
+        return f"{_cause(case, nearer)}{_with_locations(case, between)}: {sure}, {unstable}"
     worst, best = case.angles
     lowest = angle_text(case.best, case.model.possible_angle)
-    located = _located(case, f"from {lowest} to {_bounded(case.worst, case.model.sure_angle)}")
+    locations = _with_locations(
+        case, f"from {lowest} to {_bounded(case.worst, case.model.sure_angle)}"
+    )
     return (
         f"{_crease(case)}: β* is {_bounded(worst, case.model.sure_angle)} for the worst and "
-        f"{angle_text(best, case.model.possible_angle)} for the best of these normals{located}; "
+        f"{angle_text(best, case.model.possible_angle)} for the best of these normals{locations}; "
         f"{sure}, {unstable}"
     )
 

@@ -296,7 +296,7 @@ def write_grasps(
     are null as well. JSON and Parquet contain the settings.
 
     With a load also `grip_force`, `grip_force_least`, `grip_force_largest` [N], `payload` [kg] if a
-    force is at hand; see `Holding`. `label` is that of everything stated, and `score` the one
+    force is at hand; see `LoadResult`. `label` is that of everything stated, and `score` the one
     number by which grasps are sorted.
 
     Poses are written with all that is known of them, also in formats of robots and

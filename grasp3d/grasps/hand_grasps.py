@@ -12,8 +12,8 @@ import numpy.typing as npt
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import GivenGrasps
+from grasp3d.grasps.hand_load_result import HandLoadResult, stated_torques
 from grasp3d.grasps.hand_reasons import HandReasons
-from grasp3d.grasps.motor_holding import MotorHolding, stated_torques
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.postures import ORDER, matched
 from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
@@ -73,7 +73,7 @@ class EvaluatedHandGrasps(GivenGrasps):
     """What each grasp must hold; None: nothing is stated."""
 
     load = None
-    holding = None
+    load_result = None
 
     __repr__ = short_repr
 
@@ -138,13 +138,13 @@ class EvaluatedHandGrasps(GivenGrasps):
         return None if loads is None else loads @ self.contacts.poses[:, :3, :3].swapaxes(1, 2)
 
     @cached_property
-    def motor_holding(self) -> MotorHolding | None:
+    def hand_load_result(self) -> HandLoadResult | None:
         """What the motors hold at each pose; None: no load is stated."""
         if self.to_hold is None:
             return None
         names = np.array(self.hand.link_names)
         low, high = self.model.friction_interval
-        return MotorHolding(
+        return HandLoadResult(
             load=self.to_hold, hand=self.hand, torques=stated_torques(self.hand, self.to_hold),
             friction=(low, self.model.nominal_friction, high), sets=self.sets,
             links=names[self._link], jacobians=self.jacobians,
@@ -158,8 +158,8 @@ class EvaluatedHandGrasps(GivenGrasps):
 
         With a load whose mass is known S is what the motors surely hold.
         """
-        holding, codes = self.motor_holding, self._labels.label
-        return codes if holding is None else holding.label(codes)
+        load_result, codes = self.hand_load_result, self._labels.label
+        return codes if load_result is None else load_result.label(codes)
 
     @property
     def letter(self) -> Bytes:
@@ -169,7 +169,7 @@ class EvaluatedHandGrasps(GivenGrasps):
     @cached_property
     def quality(self) -> Floats:
         """How far each grasp is from failing, shape (k,); see `quality_of_contacts`."""
-        held, of = self.epsilon, self.motor_holding
+        held, of = self.epsilon, self.hand_load_result
         if of is not None and of.load.decided:
             held = 1.0 + of.spare
         return locked(quality_of_contacts(np.nan_to_num(self.margin, nan=-math.inf), held))
@@ -185,7 +185,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         return self._labels.critical_angle
 
     @property
-    def located_angles(self) -> WorstAndBest:
+    def critical_angle_bounds(self) -> WorstAndBest:
         """The same, as other grasps have them."""
         return self.critical_angle, self.critical_angle
 
@@ -286,7 +286,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         reasons.add_impossible(self.given.posture, self.scene)
         reasons.add_contacts(self._touching)
         reasons.add("touches outside --region", self.outside)
-        if (of := self.motor_holding) is not None:
+        if (of := self.hand_load_result) is not None:
             short = (self.label < self._labels.label) | (of.load_fraction > 1.0)
             texts = [of.shortfall(row) for row in np.flatnonzero(short).tolist()]
             reasons.add("the motors do not surely hold it", short, texts)
@@ -300,8 +300,8 @@ class EvaluatedHandGrasps(GivenGrasps):
     @property
     def verdict(self) -> str | None:
         """What the motors hold at the best pose, in one sentence; None: no load is stated."""
-        holding = self.motor_holding
-        return None if holding is None else holding.verdict(self.reachable)
+        load_result = self.hand_load_result
+        return None if load_result is None else load_result.verdict(self.reachable)
 
     def _warnings(self) -> Iterable[str | None]:
         if order := self.given.settings.get(ORDER):
@@ -311,8 +311,8 @@ class EvaluatedHandGrasps(GivenGrasps):
             asked = asked if beyond > FEW_BEYOND * self.size else ""
             yield f"the order of the joints is {order}{asked}"
         yield from implausible(self.hand)
-        if self.motor_holding is not None:
-            yield from self.motor_holding.doubts
+        if self.hand_load_result is not None:
+            yield from self.hand_load_result.doubts
 
     def metrics(self, names: str) -> NoReturn:
         """Refuse: measures are for grasps of equal numbers of contacts. Raises SettingError."""
@@ -373,7 +373,9 @@ class EvaluatedHandGrasps(GivenGrasps):
             "contact_distance": self.contact_distance,
             **load_settings(None if self.to_hold is None else self.to_hold.load),
             "verdict": self.verdict,
-            "link_weights": None if self.motor_holding is None else self.motor_holding.link_weights,
+            "link_weights": None
+            if self.hand_load_result is None
+            else self.hand_load_result.link_weights,
             "sensor_resolutions": felt,
         }
 
@@ -422,8 +424,8 @@ def evaluate_hand(
     refuse_warnings(result.warnings)
     with within(TOUCHED, 1.0):
         result.compute("label")
-        if result.motor_holding is not None:
-            result.motor_holding.compute()
+        if result.hand_load_result is not None:
+            result.hand_load_result.compute()
         report_progress(1.0)
     return result
 

@@ -23,12 +23,11 @@ from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.scene import Scene
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.loads import Load
-from grasp3d.settings import Sampling
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.surface.holding import HARD_FINGERS, Holding
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.load_result import HARD_FINGERS, LoadResult
 from grasp3d.surface.robustness import PAYLOAD_RTOL
 from grasp3d.system.context import unreported
 from grasp3d.system.counts import short_number
@@ -90,7 +89,7 @@ class Remedy:
 
 
 @dataclass(frozen=True)
-class HoldingVerdict:
+class LoadVerdict:
     """What a load takes of grasps, at the worst normals that may be true."""
 
     holds: bool | None
@@ -111,7 +110,7 @@ class HoldingVerdict:
     """Why no force surely holds the load, as far as that is known; empty where one does."""
 
     @classmethod
-    def of(cls, grasps: GraspTable | EvaluatedPoses) -> "HoldingVerdict | None":
+    def of(cls, grasps: GraspTable | EvaluatedPoses) -> "LoadVerdict | None":
         """What a load takes; None: there is no load.
 
         Args:
@@ -136,7 +135,7 @@ class HoldingVerdict:
             needed=needed,
             payload=payload,
             what=f"resist {task}" if pure else f"hold {kilograms} {around}",
-            reason="" if math.isfinite(needed) else _why_none(grasps.holding),
+            reason="" if math.isfinite(needed) else _why_none(grasps.load_result),
         )
 
     @property
@@ -191,7 +190,7 @@ class Verdict:
     """Why there is no grasp, with fractions of the area; empty where there is one."""
     remedies: tuple[Remedy, ...] = ()
     """What would make it sure, each by itself."""
-    holding: HoldingVerdict | None = None
+    load_result: LoadVerdict | None = None
     """What the load takes; None: there is no load."""
     wrong: str = ""
     """What is the matter with most of the best poses where they are wrong, as they may be; empty
@@ -213,17 +212,17 @@ class Verdict:
             *first, last = map(str, self.remedies)
             parts.append(f"Surely {', '.join(first)}{', or ' if first else ''}{last}.")
         elif self.word == "perhaps" and self.of is None:
-            load = "" if self.holding is None else self.holding.reason
+            load = "" if self.load_result is None else self.load_result.reason
             none = "no change of sensor, friction, force or mass alone makes it sure"
             text = load or none
             parts.append(f"{text[0].upper()}{text[1:]}.")
-        if self.holding is not None:
-            parts.append(self.holding.numbers)
+        if self.load_result is not None:
+            parts.append(self.load_result.numbers)
         return " ".join(filter(None, parts))
 
     def _why(self) -> str:
         """What the word rests on."""
-        load, lost = self.holding, "once the jaws close, " if self.lost else ""
+        load, lost = self.load_result, "once the jaws close, " if self.lost else ""
         if self.word == "surely":
             return self._sure()
         if self.causes:
@@ -238,7 +237,7 @@ class Verdict:
         resolution = f"{_degrees(self.resolution):.4g}°"
         return f"{lost}no grasp is surely stable at a sensor resolution of {resolution}"
 
-    def _load_unheld(self, load: HoldingVerdict) -> str:
+    def _load_unheld(self, load: LoadVerdict) -> str:
         """That the force at hand does not surely hold the load."""
         known = None if load.holds is None else load.available
         force = "any force" if known is None else f"{short_number(known)} N"
@@ -258,7 +257,7 @@ class Verdict:
             grasps = "1 distinct grasp"
         elif self.count == MOST_DISTINCT:
             grasps += " or more"
-        load = self.holding
+        load = self.load_result
         if load is not None and load.holds is not None and load.available is not None:
             force = f"{short_number(self.grip_force)} N of {short_number(load.available)} N"
             parts.append(f"needs {force} to {load.what}")
@@ -284,13 +283,13 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
     tried, named, count = _judged(grasps)
     code = max([*tried.letter, *named.letter], default=Label.U)
     reachable = getattr(tried, "reachable", np.ones(tried.size, dtype=bool))
-    load = HoldingVerdict.of(tried.take(np.flatnonzero(reachable)))
+    load = LoadVerdict.of(tried.take(np.flatnonzero(reachable)))
     verdict = Verdict(
         _WORDS[code],
         by=finger_words(grasps.model.fingers) if grasps.scene is None else grasps.scene.hand.name,
         of=None if isinstance(grasps, SurfaceLabels) else grasps.size,
         resolution=grasps.model.sensor_resolution,
-        holding=load,
+        load_result=load,
         wrong=_wrong(tried),
         lost=labels is not None and bool((labels.grasps.letter > code).any()),
     )
@@ -340,14 +339,14 @@ def _judged(
     return pool, named, max(count, count_sure(grasps))
 
 
-def _why_none(holding: Holding | None) -> str:
+def _why_none(load_result: LoadResult | None) -> str:
     """Why no force surely holds a load, as far as that is known."""
-    if holding is None:
+    if load_result is None:
         return ""
-    turned = holding.resistance == Resistance.NO_SUCH_WRENCH  # none: False
-    if holding.case.hard and bool((np.isinf(holding.grip_force) & turned).any()):
+    turned = load_result.resistance == Resistance.NO_SUCH_WRENCH  # none: False
+    if load_result.case.hard and bool((np.isinf(load_result.grip_force) & turned).any()):
         return HARD_FINGERS
-    if not np.isfinite(holding.grip_force_least).any():
+    if not np.isfinite(load_result.grip_force_least).any():
         return "no contact forces add up to the load"
     return ""
 
@@ -360,13 +359,11 @@ def needed_force(grasps: GraspTable | EvaluatedPoses) -> Floats | None:
     """
     if grasps.load is None:
         return None
-    holding = grasps.holding
-    return grasps.grip_force if holding is None else holding.grip_force_largest
+    load_result = grasps.load_result
+    return grasps.grip_force if load_result is None else load_result.grip_force_largest
 
 
-def _remedies(
-    grasps: GraspTable | EvaluatedPoses, load: HoldingVerdict | None
-) -> tuple[Remedy, ...]:
+def _remedies(grasps: GraspTable | EvaluatedPoses, load: LoadVerdict | None) -> tuple[Remedy, ...]:
     """What would make some of the grasps S, none of which is; each is tested."""
     model, remedies, few = grasps.model, [], grasps.take(_candidates(grasps))
     alpha = math.floor(round(math.degrees(model.sensor_resolution) / ALPHA, 6))
@@ -399,7 +396,7 @@ def _remedies(
 def _candidates(grasps: GraspTable | EvaluatedPoses) -> Ints:
     """A few grasps, of which one is the first to become S: those that need least."""
     rows = np.flatnonzero(grasps.letter == grasps.letter.max())
-    values = [-grasps.score, -grasps.max_resolution, grasps.located_angles[0]]
+    values = [-grasps.score, -grasps.max_resolution, grasps.critical_angle_bounds[0]]
     needed = needed_force(grasps)
     if needed is not None:
         values += [needed, np.where(grasps.margin > 0.0, needed, math.inf)]
@@ -455,7 +452,7 @@ def _degrees(angle: float) -> float:
 
 def _other_remedies(labels: SurfaceLabels, cause: Cause | None) -> tuple[Remedy, ...]:
     """Wider jaws or more friction, where nothing is a grasp: what a search with them yields."""
-    if not isinstance(labels.sampling, Sampling):
+    if labels.sampling is None or labels.model.fingers > 2:
         return ()
     with unreported():
         try:

@@ -169,7 +169,7 @@ def closed_jaws(
 
 
 def centres_of_pressure(points: Floats, low: Floats, high: Floats, poses: Floats) -> Floats:
-    """Where the jaws press on an object that is free, and at rest between them.
+    """Where the jaws press on an object that is free, and in equilibrium between them.
 
     The forces of both jaws are opposite and on one line. Somewhere in each patch is the centre of
     its pressure, and the patch's centroid only stands for it: where the patches overlap, seen along

@@ -113,7 +113,7 @@ def close_jaws(
     A free object gives way before that: squeezed by the jaws it turns about y and z and shifts
     along them until friction holds it, without friction until no small motion closes the jaws at a
     finite rate: one that is held exactly by its longest axis stays. The motion is quasi-static,
-    without inertia and weight. At rest the forces of both jaws are on one
+    without inertia and weight. In equilibrium the forces of both jaws are on one
     line, so that the contacts are the centres of pressure (`centres_of_pressure`). Normals are then
     means over what is opposite the pad within a third of its smaller side: that slope decides where
     the object goes when it rolls or slips a little.

@@ -31,13 +31,11 @@ from grasp3d.mesh.repair.solids import manifold_status
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.work_bounds import WorkBoundError
 from grasp3d.settings import (
-    AnySampling,
     GivenModel,
     GivenSampling,
     GraspModel,
     MeshOptions,
     Sampling,
-    given_sampling,
 )
 from grasp3d.settings.costs import Cost, labelling_cost
 from grasp3d.settings.units import Unit
@@ -199,14 +197,14 @@ def check_mesh(
     own = source.options if isinstance(source, ObjectMesh) else None
     settings = MeshOptions.of(options or own, fields)
     model = GraspModel.given("model", model) or GraspModel()
-    sampling = given_sampling(model, sampling) or Sampling().fitted(model.fingers)
+    sampling = Sampling.given("sampling", sampling) or Sampling()
     return diagnose(source, model, sampling, settings)
 
 
 def diagnose(
     source: MeshSource,
     model: GraspModel,
-    sampling: AnySampling,
+    sampling: Sampling,
     options: MeshOptions,
     *,
     force: bool = False,

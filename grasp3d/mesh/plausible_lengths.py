@@ -118,7 +118,6 @@ PART = PlausibleRange(0.0, 0.01, 1.0, usual=0.05, example="5mm")
 RANGES = {
     "min_opening": PART,
     "max_opening": LIMIT,
-    "min_separation": PART,
     "torsion_radius": PART,
     "location_error": PlausibleRange(0.0, 0.0, 1.0, usual=0.02, example="2mm"),
     "max_distance": PlausibleRange(0.0, 0.0, 1.0, usual=0.02, example="2mm"),

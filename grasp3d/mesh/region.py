@@ -15,7 +15,6 @@ from grasp3d.reading.polygon_files import read_elements, read_ply_header, scalar
 from grasp3d.reading.sources import find_source
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.regions import Box, Mask
-from grasp3d.settings.units import one_line
 from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import printable
 
@@ -84,7 +83,8 @@ def _extent(mesh: ObjectMesh) -> str:
     """Where an object lies, for messages."""
     points = mesh.vertices[mesh.faces].reshape(-1, 3)
     low, high = (
-        one_line(tuple(map(float, end(points, axis=0).round(6) + 0.0))) for end in (np.min, np.max)
+        ",".join(map(str, (end(points, axis=0).round(6) + 0.0).tolist()))
+        for end in (np.min, np.max)
     )
     return f"the object lies from {low} to {high}{f' {mesh.unit}' if mesh.unit else ''}"
 

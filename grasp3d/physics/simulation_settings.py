@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from grasp3d.settings import DEGREE, Radians, check_choice
-from grasp3d.settings.checks import check_length, check_range, check_seed
+from grasp3d.settings.checks import LARGEST_SEED, check_length, check_range
 from grasp3d.settings.parsing import Main
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
 from grasp3d.settings.units import FORCES, MASSES, STIFFNESSES, Length, LengthSettings, Quantity
@@ -95,7 +95,7 @@ class SimulationSettings(LengthSettings):
         for name in ("tip_radius", "max_slip", "max_shift"):
             check_length(name, getattr(self, name), above=True)
         self._check_numbers()
-        check_seed("simulation seed", self.seed)
+        check_range("simulation seed", self.seed, 0, LARGEST_SEED)
 
     def _check_numbers(self) -> None:
         """Refuse numbers and angles that are outside their range."""

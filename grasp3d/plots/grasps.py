@@ -91,10 +91,10 @@ def _lines(grasps: GraspTable | GivenGrasps, row: int) -> list[str]:
         turn = float(grasps.approach_margin[row])
         lines += [f"approach ±{math.degrees(turn):.0f}°"] if math.isfinite(turn) else []
     if isinstance(grasps, EvaluatedHandGrasps):
-        margin, held = float(grasps.margin[row]), grasps.motor_holding
+        margin, held = float(grasps.margin[row]), grasps.hand_load_result
         lines += [f"margin {_degrees(margin, '+')}"] if math.isfinite(margin) else []
         if held is not None and not math.isnan(held.payload[row]):
-            sure = f"{short_number(held.payload_sure[row])} surely"
+            sure = f"{short_number(held.payload_min[row])} surely"
             lines.append(f"holds {short_number(held.payload[row])}{held.unit}, {sure}")
     if isinstance(grasps, GivenGrasps):
         lines += wrap(str(grasps.reason[row]), REASON)[:2]

@@ -8,15 +8,15 @@ Wrench spaces may be over all normals that a sensor cannot distinguish from the 
 normal of each contact lies anywhere within the tilt a = alpha/2 of the perceived one (Wan & Howe
 2018, Sec. III), each independently. Two convex sets of contact forces bound what that means:
 
-* 'sure': forces that a contact can apply whichever its normal is. Some force of them suffices at
-  every tilt. Of hard fingers it is the cone of half-angle beta - a; where lengths of forces are
+* 'worst_case': forces that a contact can apply whichever its normal is. Some force of them suffices
+  at every tilt. Of hard fingers it is the cone of half-angle beta - a; where lengths of forces are
   bounded the force that it needs is exactly the largest over all tilts: a tilt by a turns the
   normal away from any direction, so that the smallest support function over the tilts is that of
-  the smaller cone. Of two soft fingers see `_kernels.forces.sure_forces`; more of them are taken as
-  hard.
-* 'possible': forces that it can apply at some of the normals, and of a soft finger the moments that
-  it can, each by itself. No tilt needs less. It holds the convex hull of the tilted cones and limit
-  surfaces.
+  the smaller cone. Of two soft fingers see `_kernels.forces.worst_case_forces`; more of them are
+  taken as hard.
+* 'best_case': forces that it can apply at some of the normals, and of a soft finger the moments
+  that it can, each by itself. No tilt needs less. It holds the convex hull of the tilted cones and
+  limit surfaces.
 """
 
 import math
@@ -29,12 +29,12 @@ from scipy.spatial import ConvexHull
 
 from grasp3d._kernels.forces import grip_force as kernels
 from grasp3d._kernels.forces.grip_force import ForceResults
-from grasp3d._kernels.forces.sure_forces import write_sure_forces
 from grasp3d._kernels.forces.tasks import POINTS, SIZE, TERM
+from grasp3d._kernels.forces.worst_case_forces import write_worst_case_forces
 from grasp3d._kernels.hull.growing_hull import CONVERGED
 from grasp3d._kernels.hull.polytope import SCRATCH_ROWS
 from grasp3d._kernels.hull.support_functions import ELLIPTIC, LINEAR, NO_TORSION, PER_FINGER
-from grasp3d._kernels.hull.tilted_forces import COLUMNS, MODES, POSSIBLE, SURE
+from grasp3d._kernels.hull.tilted_forces import BEST_CASE, COLUMNS, MODES, WORST_CASE
 from grasp3d._kernels.hull.wrench_problem import Workspace
 from grasp3d.arrays import ArrayLike, Floats, Ints
 from grasp3d.contact.contacts import Contacts, per_contact
@@ -46,17 +46,17 @@ from grasp3d.quality.wrenches import EpsilonOptions, check_rtol, read_only, wren
 from grasp3d.settings import check_choice
 from grasp3d.system.context import in_threads
 
-Side = Literal["sure", "possible"]
+Side = Literal["worst_case", "best_case"]
 """Which of the two sets of forces."""
 
-SURFACES = {"sure": SURE, "possible": POSSIBLE}
+SURFACES = {"worst_case": WORST_CASE, "best_case": BEST_CASE}
 """Limit surfaces of the kernels."""
 
 LEVELS = 5
-"""Largest torsional moments of two soft fingers for which their sure forces are computed."""
+"""Largest torsional moments of two soft fingers for which their worst-case forces are computed."""
 
 CHUNK = 256
-"""Grasps whose sure forces one thread computes at a time."""
+"""Grasps whose worst-case forces one thread computes at a time."""
 
 SENSES = np.array([[1.0, 1.0, 1.0, 1.0], [-1.0, 1.0, 1.0, 1.0]])
 """Factors of the axes of moments about a normal, for either sense."""
@@ -73,13 +73,13 @@ def problem_over_tilts(
         side: Which forces.
         spherical: Whether lengths of forces are bounded by 1, instead of normal components.
         each: Whether the force of each contact is bounded, instead of all together: then torsion
-            counts for sure forces.
+            counts for worst-case forces.
     """
     points, normals, torsion = contacts.points, contacts.normals, contacts.torsion_radius
     any_soft = bool((torsion > 0.0).any())
     angles = contacts.friction_angle
     tilts = np.array(tilts, order="C")  # one that kernels are compiled for
-    if side == "sure":
+    if side == "worst_case":
         modes = LEVELS * MODES if any_soft and each and contacts.count == 2 else 1
         cones, moments = np.empty((*tilts.shape, modes * COLUMNS)), np.empty(points.shape)
         given = [read_only(one, one.shape) for one in (points, normals, torsion)]
@@ -87,7 +87,7 @@ def problem_over_tilts(
 
         def write(rows: slice, scratch: Any) -> None:
             parts = (array[rows] for array in arrays)
-            write_sure_forces(spherical, *parts, *scratch, cones[rows], moments[rows])
+            write_worst_case_forces(spherical, *parts, *scratch, cones[rows], moments[rows])
 
         in_threads(write, len(tilts), CHUNK, lambda: np.zeros((2, 2)))
         tangential = cones[..., COLUMNS - 1] > 0.0
@@ -216,7 +216,7 @@ class ForceProblem:
         bound: ForceBound,
         group: int = 1,
     ) -> "ForceProblem":
-        """The problem of the forces that contacts surely, or possibly, apply.
+        """The problem of the forces that contacts apply in the worst or the best case.
 
         Args:
             contacts: The contacts.

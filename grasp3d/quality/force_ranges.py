@@ -102,11 +102,11 @@ def force_range(
         nominal = part.bounds(ForceProblem.of_contacts(grasps, bound=bound))
         least, largest = nominal.lower, np.array(nominal.upper)
         if tilts[rows].any():
-            possible = ForceProblem.over_tilts(grasps, tilts[rows], "possible", bound=bound)
-            least = part.bounds(possible).lower
+            best = ForceProblem.over_tilts(grasps, tilts[rows], "best_case", bound=bound)
+            least = part.bounds(best).lower
             held = np.flatnonzero(np.isfinite(largest))
-            sure = largest_force(grasps.take(held), tilts[rows][held], part.take(held))
-            largest[held] = np.maximum(sure, largest[held])
+            worst = largest_force(grasps.take(held), tilts[rows][held], part.take(held))
+            largest[held] = np.maximum(worst, largest[held])
         values[:, rows] = nominal.upper, np.minimum(least, nominal.upper), largest
         resistance[rows] = nominal.reason
         report_progress(min(1.0, (first + CHUNK) / len(tilts)))
@@ -125,8 +125,8 @@ def largest_force(contacts: Contacts, tilts: Floats, options: ForceOptions) -> F
     bound, group = options.bound, options.group
     if not tilts.any() and group == 1:
         return options.bounds(ForceProblem.of_contacts(contacts, bound=bound)).upper
-    sure = ForceProblem.over_tilts(contacts, tilts, "sure", bound=bound, group=group)
-    largest = options.bounds(sure).upper
+    worst = ForceProblem.over_tilts(contacts, tilts, "worst_case", bound=bound, group=group)
+    largest = options.bounds(worst).upper
     if bound == "total" and (contacts.torsion_radius > 0.0).any():
         # The torsion of soft fingers is known where each finger's force is bounded.
         each = replace(options, bound="normal")
@@ -155,8 +155,8 @@ def force_within_tilt(
     if at == "worst":
         needed = largest_force(flat, tilts, options)
     else:
-        possible = ForceProblem.over_tilts(flat, tilts, "possible", bound=bound, group=group)
-        needed = options.bounds(possible).lower
+        best = ForceProblem.over_tilts(flat, tilts, "best_case", bound=bound, group=group)
+        needed = options.bounds(best).lower
     return locked(needed.reshape(contacts.batch))[()]
 
 

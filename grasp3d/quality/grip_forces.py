@@ -80,7 +80,7 @@ class OpposedForces:
         spin = np.sign(torsion[:, :1])
         scale = radius**2 / np.abs(torsion)  # of the velocities, for a spin of 1
         sliding = (scale / contacts.friction**2)[..., None] * self.tangential
-        pressing = scale * normal  # support functions of the contacts at rest along the line
+        pressing = scale * normal  # support functions of the contacts that stay, along the line
         if bound == "total":
             along = 0.5 * (pressing[:, 1] - pressing[:, 0])
         else:

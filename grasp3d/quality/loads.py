@@ -1,8 +1,7 @@
 """Load: what each grasp must hold, and with which force."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from pathlib import Path
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeAlias
 
 from grasp3d.errors import SettingError
@@ -62,35 +61,16 @@ class Load(Settings):
 
     @property
     def chosen(self) -> "Load | None":
-        """The load as the options of the command line choose it; None: all have their defaults.
-
-        The task holds the wrenches of its files, as in `with_files_read`.
-        """
+        """The load as the options of the command line choose it; None: all have their defaults."""
         values = {one.name: getattr(self, one.name) for one in fields(self)}
         defaults = {one.name: one.default for one in fields(self)}
-        return None if values == defaults else Load(**values).with_files_read()
-
-    @property
-    def task_files(self) -> tuple[Path, ...]:
-        """Files that the task's text names."""
-        return self.task.files
-
-    def with_files_read(self) -> "Load":
-        """The same load, with the wrenches of files in the task's text: it needs no files.
-
-        Raises:
-            SettingError: A file is missing or damaged.
-        """
-        return replace(self, task=self.task.with_files_read()) if self.task_files else self
+        return None if values == defaults else Load(**values)
 
     def task_for(self, mass: float | None) -> "Task":
         """The task for a mass.
 
         Args:
             mass: Mass [kg]; None: 1 kg.
-
-        Raises:
-            SettingError: A file is missing or damaged.
         """
         return self.task.task(mass=1.0 if mass is None else mass)
 

@@ -17,7 +17,7 @@ from grasp3d._kernels.hull.pair_epsilon import make_pair_scratch, pair_epsilons
 from grasp3d._kernels.hull.polytope import SCRATCH_ROWS, Polytope, make_polytope
 from grasp3d._kernels.hull.support_functions import LINEAR, NO_TORSION, PER_FINGER, ROWS, SIX, TOTAL
 from grasp3d._kernels.hull.wrench_problem import (
-    AT_REST,
+    NEAR_DEGENERATE,
     SIGN,
     Results,
     Workspace,
@@ -26,7 +26,7 @@ from grasp3d._kernels.hull.wrench_problem import (
 )
 from grasp3d._kernels.hull.wrenches import RANK_TOLERANCE
 from grasp3d.arrays import ArrayLike, Bools, Floats, Ints
-from grasp3d.contact.contacts import Contacts, clearly_placed, per_contact
+from grasp3d.contact.contacts import Contacts, not_nearly_degenerate, per_contact
 from grasp3d.contact.friction_cones import edge_angles
 from grasp3d.errors import SettingError
 from grasp3d.quality.wrenches import Bounded, EpsilonOptions, Goal, cone_parts, wrench_axes
@@ -204,10 +204,10 @@ class WrenchProblem:
         # Where tilts exceed friction, closure without friction, which seven contacts can have, may
         # be lost by the rest of the tilt. Closure within rounding errors has no equilibrium forces.
         undecided = results.closed & self.tilts_exceed_friction | unproven
-        at_rest = np.flatnonzero(results.status == AT_REST)
-        if len(at_rest):
-            results.status[at_rest] = CONVERGED
-            undecided[at_rest] = ~self._clearly_placed(at_rest)
+        near = np.flatnonzero(results.status == NEAR_DEGENERATE)
+        if len(near):
+            results.status[near] = CONVERGED
+            undecided[near] = ~self._not_nearly_degenerate(near)
         thin = np.flatnonzero(results.closed & (results.rank < 6) & ~undecided)
         undecided[thin] = ~self._closed_at_any_rank(thin, results)
         results.lower[undecided], results.closed[undecided] = 0.0, False
@@ -313,11 +313,11 @@ class WrenchProblem:
         thin = self.kind != ROWS and self.count == 2 and not self.soft
         self.in_chunks(evaluate)
 
-    def _clearly_placed(self, grasps: Ints) -> Bools:
+    def _not_nearly_degenerate(self, grasps: Ints) -> Bools:
         """Whether contacts of chosen grasps are at one point, or on one line, exactly or not."""
         if self.points is None:
             return np.ones(len(grasps), dtype=np.bool_)
-        return clearly_placed(self.points[grasps])
+        return not_nearly_degenerate(self.points[grasps])
 
     def _closed_at_any_rank(self, grasps: Ints, results: Results) -> Bools:
         """Whether force closure in fewer than six dimensions does not depend on rounding, (g,).
@@ -327,7 +327,7 @@ class WrenchProblem:
         """
         if self.soft or not grasps.size:
             return np.ones(len(grasps), dtype=np.bool_)
-        closed = self._clearly_placed(grasps)
+        closed = self._not_nearly_degenerate(grasps)
         doubtful = np.flatnonzero(~closed)
         if doubtful.size:
             problem = replace(self.take(grasps[doubtful]), points=None, rank_tolerance=NO_TOLERANCE)

@@ -17,13 +17,9 @@ from grasp3d.settings.grasp_model import GraspModel as GraspModel
 from grasp3d.settings.grasp_model import with_fingers as with_fingers
 from grasp3d.settings.mesh_options import MeshOptions as MeshOptions
 from grasp3d.settings.sampling import ANGLE_ROUNDING as ANGLE_ROUNDING
-from grasp3d.settings.sampling import AnySampling as AnySampling
 from grasp3d.settings.sampling import GivenSampling as GivenSampling
-from grasp3d.settings.sampling import MultifingerSampling as MultifingerSampling
 from grasp3d.settings.sampling import Sampling as Sampling
 from grasp3d.settings.sampling import check_search_settings as check_search_settings
-from grasp3d.settings.sampling import given_sampling as given_sampling
-from grasp3d.settings.sampling import sampling_kind as sampling_kind
 from grasp3d.settings.sampling import search_cone as search_cone
 from grasp3d.settings.units import DEGREE as DEGREE
 from grasp3d.settings.units import Radians as Radians

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 from grasp3d.errors import SettingError
 from grasp3d.settings.units import describe_length
 
-SEED_LIMIT = 2**63
+LARGEST_SEED = 2**63 - 1
 
 
 def check_choice(what: str, value: object, choices: object) -> None:
@@ -87,21 +87,8 @@ def check_range(
         text = f"from {low} to {high}"
     elif most < math.inf:
         text += f" and below {high}" if ends[1] == ")" else f" and at most {high}"
-    raise SettingError(f"{name} must be {text}{unit}; got {got}{unit}")
-
-
-def check_seed(name: str, seed: object) -> None:
-    """Refuse what is no seed of random numbers.
-
-    Args:
-        name: Name of the setting, for the error message.
-        seed: The seed.
-
-    Raises:
-        SettingError: It is no whole number from 0 to below 2^63.
-    """
-    if whole_number(name, seed, 0) >= SEED_LIMIT:
-        raise SettingError(f"{name} must be below 2^63; got {seed}")
+    hint = " (in Python angles are radians)" * degrees
+    raise SettingError(f"{name} must be {text}{unit}; got {got}{unit}{hint}")
 
 
 def check_length(name: str, length: float, *, above: bool = False) -> None:
@@ -118,12 +105,3 @@ def check_length(name: str, length: float, *, above: bool = False) -> None:
     if not 0.0 <= length < math.inf or (above and not length):
         least = "above 0" if above else "of at least 0"
         raise SettingError(f"{name} must be a finite length {least}; got {describe_length(length)}")
-
-
-def check_resolution(resolution: float) -> None:
-    """Raise SettingError unless a sensor resolution is from 0 to below pi [rad]."""
-    if not 0.0 <= resolution < math.pi:
-        raise SettingError(
-            "sensor resolution must be at least 0 and below 180 degrees (pi radians); "
-            f"got {math.degrees(resolution):g} degrees (in Python angles are radians)"
-        )

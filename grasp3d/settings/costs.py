@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from grasp3d.errors import MeshError
-from grasp3d.settings import AnySampling, GraspModel, MultifingerSampling, Sampling
+from grasp3d.settings import GraspModel, Sampling
 
 BASE = 0.3
 """Memory of a process that labels a very small mesh [GB]."""
@@ -29,7 +29,7 @@ class Cost:
 
 
 def labelling_cost(
-    vertices: int, model: GraspModel, sampling: AnySampling, *, threads: int = 1
+    vertices: int, model: GraspModel, sampling: Sampling, *, threads: int = 1
 ) -> Cost:
     """Estimate the cost of the labels and epsilon of a surface.
 
@@ -40,8 +40,8 @@ def labelling_cost(
         threads: Number of processors that are used.
     """
     fingers = min(model.fingers, max(SECONDS))
-    if isinstance(sampling, MultifingerSampling):
-        effort = sampling.candidates / MultifingerSampling.candidates
+    if fingers > 2:
+        effort = sampling.candidates / Sampling.candidates
     else:  # the time of branch and bound, which fingers that squeeze have, is not that of the rays
         effort = 1.0 if sampling.grip == "squeeze" else sampling.rays / Sampling.rays
     two_fingers, per_finger = PER_VERTEX

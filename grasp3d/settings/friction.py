@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.parsing import ParsedField, TextValue
+from grasp3d.settings.parsing import ParsedField
 
 LARGEST_TYPED = 10.0
 """Largest coefficient in a text, in which one of 50 is rather a percentage than meant."""
@@ -51,16 +51,7 @@ def friction_interval(value: object) -> tuple[float, float]:
     return ends[0], ends[1]
 
 
-class FrictionInterval(tuple[float, float], TextValue):
-    """Smallest and largest coefficient of friction, of which the text is '0.4..0.6'."""
-
-    __slots__ = ()
-
-    def __str__(self) -> str:
-        return _BETWEEN.join(map(repr, self))
-
-
-class Friction(ParsedField[float | FrictionInterval, float | tuple[float, float] | str]):
+class Friction(ParsedField[float | tuple[float, float], float | tuple[float, float] | str]):
     """A field of settings that holds a coefficient of friction, or an interval of it.
 
     It takes a number, or two of them, the smallest first, or a text: '0.5' or '0.4..0.6'.
@@ -68,7 +59,9 @@ class Friction(ParsedField[float | FrictionInterval, float | tuple[float, float]
 
     def parse(self, _name: str, value: Any) -> Any:
         """See `ParsedField.parse`."""
-        if isinstance(value, FrictionInterval):
-            return value
         smallest, largest = friction_interval(value)
-        return smallest if smallest == largest else FrictionInterval((smallest, largest))
+        return smallest if smallest == largest else (smallest, largest)
+
+    def plain(self, value: Any) -> Any:
+        """See `ParsedField.plain`."""
+        return _BETWEEN.join(map(repr, value)) if isinstance(value, tuple) else value

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, TypeAlias
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.checks import check_choice, check_length, check_range, check_resolution
+from grasp3d.settings.checks import check_choice, check_length, check_range
 from grasp3d.settings.friction import Friction, friction_interval
 from grasp3d.settings.parsing import IN_PYTHON, Group, Main
 from grasp3d.settings.units import DEGREE, Length, LengthSettings, Radians
@@ -72,25 +72,18 @@ class GraspModel(LengthSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_resolution(self.sensor_resolution)
+        resolution = self.sensor_resolution
+        check_range("sensor resolution", resolution, 0.0, math.pi, ends="[)", degrees=True)
         check_length("location error", self.location_error)
-        if not (isinstance(self.fingers, int) and 1 <= self.fingers <= MAX_FINGERS):
-            raise SettingError(
-                f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {self.fingers}"
-            )
+        check_range("fingers", self.fingers, 1, MAX_FINGERS)
         check_choice("method", self.method, Method)
         if self.method == "extremes" and self.location_error != 0.0:
             raise SettingError(
                 "method extremes tests normals only; location_error needs the method exact"
             )
         check_range("extreme normals", self.extreme_normals, MIN_EXTREMES, MAX_EXTREMES)
-        if self.edges is not None and not (
-            isinstance(self.edges, int) and MIN_EDGES <= self.edges <= MAX_EDGES
-        ):
-            raise SettingError(
-                f"edges must be from {MIN_EDGES} to {MAX_EDGES}, or none for circular cones; "
-                f"got {self.edges}"
-            )
+        if self.edges is not None:
+            check_range("edges", self.edges, MIN_EDGES, MAX_EDGES)
         check_choice("actuation", self.actuation, Actuation)
         check_length("torsion radius", self.torsion_radius)
 

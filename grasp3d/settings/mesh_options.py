@@ -2,22 +2,13 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from grasp3d.errors import SettingError
 from grasp3d.settings.checks import check_choice, check_range
 from grasp3d.settings.parsing import Main
 from grasp3d.settings.regions import Region
-from grasp3d.settings.units import (
-    DEGREE,
-    Length,
-    LengthSettings,
-    Position,
-    Radians,
-    Unit,
-    describe_length,
-)
+from grasp3d.settings.units import DEGREE, Length, Lengths, LengthSettings, Radians, Unit
 
 Repair = Literal["none", "safe", "full"]
 MIN_MEMORY = 0.5
@@ -64,7 +55,7 @@ class MeshOptions(LengthSettings):
     max_edge: Length[float | None] = Length(None)
     crease_angle: Radians = 30.0 * DEGREE
     repair: Repair = "safe"
-    center_of_mass: Position = Position(None)
+    center_of_mass: Lengths = Lengths(3)
     region: Region = Region()
     max_memory: float = 2.0
 
@@ -72,8 +63,8 @@ class MeshOptions(LengthSettings):
         super().__post_init__()
         if self.unit is not None:
             check_choice("unit", self.unit, Unit)
-        if self.max_edge is not None and not self.max_edge > 0.0:
-            raise SettingError(f"max_edge must be above 0; got {describe_length(self.max_edge)}")
+        if self.max_edge is not None:
+            check_range("max_edge", self.max_edge, 0.0, ends="(]")
         check_range("crease angle", self.crease_angle, 0.0, math.pi, degrees=True)
         check_choice("repair", self.repair, Repair)
         check_range("max memory", self.max_memory, MIN_MEMORY, unit="GB")
@@ -92,9 +83,4 @@ class MeshOptions(LengthSettings):
             SettingError: No field has such a name, or a value is outside its range.
         """
         own = cls.given("options", options) or cls()
-        names = [field.name for field in fields(cls)]
-        unknown = [name for name in fields_ if name not in names]
-        if unknown:
-            choices = ", ".join(names)
-            raise SettingError(f"no mesh option is called {unknown[0]!r}; known: {choices}")
-        return replace(own, **fields_)
+        return cls.given("mesh options", {**vars(own), **fields_}) or own

@@ -28,19 +28,8 @@ class Group(str):
     __slots__ = ()
 
 
-class _InPython:
-    """Marks the type of a field that commands have no option for: Python alone sets it."""
-
-    __slots__ = ()
-
-
-IN_PYTHON = _InPython()
-
-
-class TextValue:
-    """A value that stands in files and reports as its `str`, from which it is made again."""
-
-    __slots__ = ()
+IN_PYTHON = object()
+"""Marks the type of a field that commands have no option for: Python alone sets it."""
 
 
 class ParsedField(ABC, Generic[ValueT, GivenT]):
@@ -71,6 +60,10 @@ class ParsedField(ABC, Generic[ValueT, GivenT]):
         Raises:
             SettingError: It is none.
         """
+
+    def plain(self, value: Any) -> Any:
+        """The value in files: a number, none, or a text of which `parse` makes it again."""
+        return value if value is None else float(value) if isinstance(value, float) else str(value)
 
 
 class Settings:
@@ -132,7 +125,7 @@ def plain_values(settings: Any) -> dict[str, Any]:
         settings: A dataclass.
 
     Returns:
-        Intervals of friction and tasks as texts; settings within settings as such a dictionary.
+        Intervals, points and tasks as texts; settings within settings as such a dictionary.
         `settings_of_texts` reads them.
 
     Example:
@@ -142,7 +135,12 @@ def plain_values(settings: Any) -> dict[str, Any]:
         >>> values["torsion_radius"], values["friction"]
         (0.005, '0.4..0.6')
     """
-    return {one.name: _plain(getattr(settings, one.name)) for one in fields(settings)}
+    kinds = getattr(settings, "parsed_fields", {})
+    values = {one.name: getattr(settings, one.name) for one in fields(settings)}
+    return {
+        name: kinds[name].plain(value) if name in kinds else _plain(value)
+        for name, value in values.items()
+    }
 
 
 def settings_of_texts(kind: type[SettingsT], texts: Mapping[str, str]) -> SettingsT:
@@ -172,10 +170,6 @@ def settings_of_texts(kind: type[SettingsT], texts: Mapping[str, str]) -> Settin
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, float):  # also where it was stated with a unit
-        return float(value)
-    if isinstance(value, TextValue):
-        return str(value)
     if isinstance(value, tuple | list):
         return type(value)(_plain(one) for one in value)
     return plain_values(value) if is_dataclass(value) else value

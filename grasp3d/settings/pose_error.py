@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import SettingError
 from grasp3d.settings.checks import check_length, check_range
-from grasp3d.settings.parsing import ParsedField, TextValue
+from grasp3d.settings.parsing import ParsedField
 from grasp3d.settings.units import (
+    ANGLE_UNITS,
     Length,
     LengthSettings,
     Metres,
@@ -34,17 +35,8 @@ LARGEST_ANGLE = math.pi / 2.0
 """Largest turn [rad]."""
 
 
-class PoseOffsets(NamedTuple):
-    """Poses that an error allows, in the frame of the stated one."""
-
-    poses: "Floats"
-    """The stated one, the identity, first, shape (k, 4, 4)."""
-    position: float
-    """Radius of the ball in which the origin lies [m]."""
-
-
 @dataclass(frozen=True)
-class PoseError(LengthSettings, TextValue):
+class PoseError(LengthSettings):
     """How far the true pose of a hand may be from the stated one, as robots reach it.
 
     The origin of its frame (the TCP) lies in a ball around the stated one, and its axes are turned
@@ -62,7 +54,7 @@ class PoseError(LengthSettings, TextValue):
         >>> error = PoseError.of("5mm,3deg")
         >>> error.position, round(error.angle, 4), str(error)
         (0.005, 0.0524, '5 mm,3 deg')
-        >>> error.offsets().poses.shape
+        >>> error.offsets().shape
         (3, 4, 4)
     """
 
@@ -85,24 +77,19 @@ class PoseError(LengthSettings, TextValue):
             return value
         if not isinstance(value, str):
             return cls(*value)
-        first, *others = (part.strip() for part in value.split(","))
+        length, both, angle = value.strip().partition(",")
+        if not both and length.lower().endswith(ANGLE_UNITS):
+            length, both, angle = "0", ",", length
         try:
-            position, angle = parse_length("position", first), "0"
+            position, turn = parse_length("position", length), parse_angle("angle", angle or "0")
+            # A lone number may be meant as either.
+            unclear = not both and position and not isinstance(position, Metres)
         except SettingError:
-            position, angle = 0.0, first
-        if others and angle == "0":
-            angle = others.pop(0)
-        try:
-            turn = parse_angle("angle", angle)
-        except SettingError:
-            turn = math.nan
-        # A lone number may be meant as either.
-        unclear = len(value.split(",")) == 1 and position and not isinstance(position, Metres)
-        if others or math.isnan(turn) or unclear:
+            unclear = True
+        if unclear:
             raise SettingError(
                 "a pose error must be a length with its unit ('5mm'), an angle ('3deg'), or both "
-                f"('5mm,3deg'); got "
-                f"{value!r}"
+                f"('5mm,3deg'); got {value!r}"
             )
         return cls(position, turn)
 
@@ -117,8 +104,8 @@ class PoseError(LengthSettings, TextValue):
         """Whether any pose but the stated one is possible."""
         return bool(self.position or self.angle)
 
-    def offsets(self) -> "PoseOffsets":
-        """Poses that are tried, in the frame of the stated one, which is the first of k.
+    def offsets(self) -> "Floats":
+        """Poses that are tried, in the frame of the stated one, which is the first, (k, 4, 4).
 
         Two opposite ones, which are as wrong as can be: shifted along the pads, and turned. Each
         takes as long as the stated pose, so there are no more.
@@ -128,7 +115,7 @@ class PoseError(LengthSettings, TextValue):
         signs = np.array([[1.0], [-1.0]]) if self else np.zeros((0, 1))
         shifts = signs * self.position * np.array(TOWARD)
         turns = signs * self.angle * np.array(ABOUT)
-        return PoseOffsets(poses_of(shifts, turns), self.position)
+        return poses_of(shifts, turns)
 
     def draw(self, count: int, random: "np.random.Generator") -> "Floats":
         """Normally distributed errors, as poses in the frame of the stated one, (count, 4, 4).

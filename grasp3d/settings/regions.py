@@ -1,12 +1,11 @@
 """The part of a surface where contacts may be, in settings: a box, or a painted mask."""
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.parsing import ParsedField, TextValue
+from grasp3d.settings.parsing import ParsedField
 from grasp3d.settings.units import Lengths, LengthSettings, describe_length
 
 FORMS = "box:X0,Y0,Z0,X1,Y1,Z1, or a PLY painted at its vertices (mask.ply, or mask.ply:PROPERTY)"
@@ -14,27 +13,28 @@ FORMS = "box:X0,Y0,Z0,X1,Y1,Z1, or a PLY painted at its vertices (mask.ply, or m
 
 
 @dataclass(frozen=True)
-class Box(LengthSettings, TextValue):
+class Box(LengthSettings):
     """A box along the axes of the mesh's frame."""
 
-    corners: Lengths = Lengths(())
+    corners: Lengths = Lengths(6)
     """Its lowest corner, and its highest one: six lengths."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        assert self.corners is not None
         for axis, low, high in zip("xyz", self.corners[:3], self.corners[3:], strict=True):
-            if not -math.inf < low <= high < math.inf:
+            if not low <= high:
                 raise SettingError(
                     f"a box goes from its lowest corner to its highest one; along {axis} it is "
                     f"from {describe_length(low)} to {describe_length(high)}"
                 )
 
     def __str__(self) -> str:
-        return "box:" + ",".join(map(str, self.corners))
+        return "box:" + ",".join(map(str, self.corners or ()))
 
 
 @dataclass(frozen=True)
-class Mask(TextValue):
+class Mask:
     """A PLY of the object, or of part of it, whose painted vertices are the part."""
 
     path: Path
@@ -64,10 +64,8 @@ class Region(ParsedField[Part | None, Part | str | None]):
         if value is None or isinstance(value, Part):
             return value
         text = str(value).strip()
-        kind, _, rest = text.partition(":")
-        corners = tuple(one.strip() for one in rest.split(","))
-        if (kind, len(corners)) == ("box", 6):
-            return Box(corners)
+        if text.startswith("box:") and text.count(",") == 5:
+            return Box(text.removeprefix("box:"))
         if text.lower().endswith(".ply"):
             return Mask(Path(text))
         file, _, painted = text.rpartition(":")

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Annotated, Any, Generic, Literal, TypeVar
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.parsing import ParsedField, Settings, TextValue
+from grasp3d.settings.parsing import ParsedField, Settings
 
 Unit = Literal["m", "cm", "mm", "in"]
 METRES: dict[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
@@ -46,15 +46,12 @@ _NUMBER_AND_UNIT = re.compile(
 )
 _ANGLE = re.compile(rf"(\S+?)\s*({'|'.join(ANGLE_UNITS)})?", re.IGNORECASE)
 
-LengthT = TypeVar("LengthT", bound="float | None")
-QuantityT = TypeVar("QuantityT", bound="float | None")
+NumberT = TypeVar("NumberT", bound="float | None")
 ValueT = TypeVar("ValueT")
 
 
-class Metres(float, TextValue):
+class Metres(float):
     """A length [m] that was stated with a unit: of a mesh without one it says nothing."""
-
-    __slots__ = ()
 
     def __str__(self) -> str:
         """The text that settings take for it."""
@@ -65,7 +62,7 @@ GivenLength = float | str
 """A length as settings take it: a number, or a text such as '80mm'."""
 
 
-class Length(ParsedField[LengthT, LengthT | str], Generic[LengthT]):
+class Length(ParsedField[NumberT, NumberT | str], Generic[NumberT]):
     """A field of settings that holds a length in metres.
 
     It takes a number, or a text with a unit (m, cm, mm or in), such as '80mm' or '0.08 m'. Where
@@ -79,33 +76,33 @@ class Length(ParsedField[LengthT, LengthT | str], Generic[LengthT]):
         return parse_length(name, value)
 
 
-class Lengths(ParsedField[tuple[float, ...], Sequence[GivenLength]]):
-    """A field of settings that holds any number of lengths, as those of `Length`."""
+class Lengths(ParsedField[tuple[float, ...] | None, Sequence[GivenLength] | str | None]):
+    """A field of settings that holds so many lengths, as those of `Length`, or none.
 
-    def parse(self, name: str, value: Any) -> Any:
-        """See `ParsedField.parse`."""
-        return tuple(parse_length(name, one) for one in value)
-
-
-class Position(ParsedField[tuple[float, float, float] | None, Sequence[GivenLength] | str | None]):
-    """A field of settings that holds a point: three lengths, as those of `Length`, or none.
-
-    It takes three of them, or a text with commas, such as '10mm,0,-2.5mm'.
+    It takes them, or a text with commas, such as '10mm,0,-2.5mm'.
     """
 
+    def __init__(self, count: int) -> None:
+        super().__init__(None)
+        self._count = count
+
     def parse(self, name: str, value: Any) -> Any:
         """See `ParsedField.parse`."""
-        return parse_position(name, value)
+        return parse_lengths(name, value, self._count)
+
+    def plain(self, value: Any) -> Any:
+        """See `ParsedField.plain`."""
+        return None if value is None else ",".join(map(repr, value))
 
 
-class Quantity(ParsedField[QuantityT, QuantityT | str], Generic[QuantityT]):
+class Quantity(ParsedField[NumberT, NumberT | str], Generic[NumberT]):
     """A field of settings that holds a positive number with a physical unit, or none.
 
     It takes a number in the SI unit, or a text with a unit, such as '500 g' or '40N', and holds the
     number in the SI unit.
     """
 
-    def __init__(self, default: QuantityT, units: Mapping[str, float]) -> None:
+    def __init__(self, default: NumberT, units: Mapping[str, float]) -> None:
         super().__init__(default)
         self._units = units
 
@@ -115,7 +112,7 @@ class Quantity(ParsedField[QuantityT, QuantityT | str], Generic[QuantityT]):
 
 
 class LengthSettings(Settings):
-    """Settings, frozen dataclasses, with fields of type `Length` or `Position`."""
+    """Settings, frozen dataclasses, with fields of type `Length` or `Lengths`."""
 
     def lengths(self) -> dict[str, Any]:
         """The lengths by name; none where there is none."""
@@ -124,7 +121,7 @@ class LengthSettings(Settings):
 
 
 def with_lengths_scaled(value: ValueT, factor: float) -> ValueT:
-    """Settings, or a value of one, with all lengths multiplied by a factor.
+    """Settings, or lengths of them, with all lengths multiplied by a factor.
 
     Example:
         >>> import grasp3d
@@ -134,25 +131,21 @@ def with_lengths_scaled(value: ValueT, factor: float) -> ValueT:
     """
     scaled: Any = value
     if isinstance(value, LengthSettings):
-        kinds = (Length, Lengths, Position)
-        lengths = {
-            name: _scaled(getattr(value, name), factor)
-            for name, field in value.parsed_fields.items()
-            if isinstance(field, kinds)
+        kinds, values = (
+            value.parsed_fields,
+            {one: getattr(value, one) for one in value.parsed_fields},
+        )
+        changed = {
+            name: with_lengths_scaled(one, factor)
+            for name, one in values.items()
+            if isinstance(kinds[name], Length | Lengths) or isinstance(one, LengthSettings)
         }
-        inner = {
-            name: with_lengths_scaled(getattr(value, name), factor)
-            for name in value.parsed_fields
-            if isinstance(getattr(value, name), LengthSettings)
-        }
-        scaled = replace(value, **lengths, **inner)  # type: ignore[type-var]
+        scaled = replace(value, **changed)  # type: ignore[type-var]
+    elif isinstance(value, tuple):
+        scaled = tuple(with_lengths_scaled(one, factor) for one in value)
+    elif isinstance(value, float):
+        scaled = _converted(value, factor)
     return scaled  # type: ignore[no-any-return]
-
-
-def _scaled(length: Any, factor: float) -> Any:
-    if isinstance(length, tuple):
-        return tuple(_scaled(one, factor) for one in length)
-    return None if length is None else _converted(length, factor)
 
 
 def _converted(number: float, factor: float) -> float:
@@ -180,8 +173,7 @@ def parse_length(name: str, value: Any) -> Any:
         value: A number, a text, or none.
 
     Returns:
-        Numbers, and none, as they are; texts without a unit, and zero, as numbers; texts with a
-        unit as `Metres`.
+        None as it is; texts with a unit, but for zero, as `Metres`; else a number.
 
     Raises:
         SettingError: It is neither a number nor a number with a known unit.
@@ -191,52 +183,43 @@ def parse_length(name: str, value: Any) -> Any:
         >>> parse_length("opening", "80mm"), str(parse_length("opening", "3in"))
         (0.08, '76.2 mm')
     """
-    if not isinstance(value, str):
-        if value is None or isinstance(value, float) or is_number(value):
-            return value
+    if value is None or isinstance(value, float):
+        return value
+    number, unit = _number(value, METRES)
+    if number is None:
         raise _no_length(name, value)
-    text = value.strip()
-    if text.lower() in {"inf", "nan"}:
-        return float(text)
-    match = _NUMBER_AND_UNIT.fullmatch(text)
-    unit: Any = match[2].lower() if match else "none"
-    if match is None or unit not in {"", *METRES}:
-        raise _no_length(name, value)
-    number = float(match[1])
-    if not (unit and number and math.isfinite(number)):
-        return number
-    return Metres(_converted(number, METRES[unit]))
+    return Metres(number) if unit and number and math.isfinite(number) else number
 
 
-def parse_position(name: str, value: Any) -> Any:
-    """A point from three lengths; see `parse_length`.
+def parse_lengths(name: str, value: Any, count: int = 3) -> Any:
+    """Several lengths, such as those of a point; see `parse_length`.
 
     Args:
         name: Name of the setting, for the error.
-        value: Three lengths, a text of three with commas, or none.
+        value: The lengths, a text of them with commas, or none.
+        count: How many they must be.
 
     Raises:
-        SettingError: It is no such point, or not finite.
+        SettingError: They are not so many finite lengths.
 
     Example:
-        >>> from grasp3d.settings.units import parse_position
-        >>> parse_position("center_of_mass", "10mm,0,-2.5mm")
+        >>> from grasp3d.settings.units import parse_lengths
+        >>> parse_lengths("center_of_mass", "10mm,0,-2.5mm")
         (0.01, 0.0, -0.0025)
     """
     if value is None:
         return None
-    parts = value.split(",") if isinstance(value, str) else value
     try:
-        found = [parse_length(name, one) for one in parts]
-        lengths = tuple(one if isinstance(one, Metres) else float(one) for one in found)
+        parts = value.split(",") if isinstance(value, str) else value
+        lengths = tuple(parse_length(name, one) for one in parts)
+        if len(lengths) == count and all(map(math.isfinite, lengths)):
+            return lengths
     except (TypeError, SettingError):
-        lengths = ()
-    if len(lengths) != 3 or not all(map(math.isfinite, lengths)):
-        raise SettingError(
-            f"{name} must be three finite lengths, x,y,z, with or without a unit "
-            f"({', '.join(METRES)}); got {value!r}"
-        )
-    return lengths
+        pass
+    raise SettingError(
+        f"{name} must be {count} finite lengths with commas, with or without a unit "
+        f"({', '.join(METRES)}); got {value!r}"
+    )
 
 
 def parse_angle(name: str, text: str) -> float:
@@ -279,7 +262,7 @@ def parse_quantity(name: str, value: object, units: Mapping[str, float]) -> floa
         >>> parse_quantity("mass", "500 g", MASSES)
         0.5
     """
-    si, number = next(iter(units)), _number(value, units)
+    si, (number, _) = next(iter(units)), _number(value, units)
     if number is None:
         symbols = ", ".join(units)
         raise SettingError(
@@ -292,28 +275,20 @@ def parse_quantity(name: str, value: object, units: Mapping[str, float]) -> floa
     return number
 
 
-def _number(value: object, units: Mapping[str, float]) -> float | None:
-    """The number in the SI unit; None: it is no such quantity."""
+def _number(value: Any, units: Mapping[Any, float]) -> tuple[float | None, str]:
+    """The number in the SI unit, None for what is no such quantity; and the unit of a text."""
     if not isinstance(value, str):
-        return float(value) if is_number(value) else None  # type: ignore[arg-type]
+        return (float(value) if is_number(value) else None), ""
     text = value.strip()
     if text.lower().lstrip("+-") in {"inf", "nan"}:
-        return float(text)
+        return float(text), ""
     match = _NUMBER_AND_UNIT.fullmatch(text)
-    if match is None:
-        return None
-    number, unit = float(match[1]), match[2].lower().replace("^", "")
-    if not unit:
-        return number
-    for symbol, multiple in units.items():
-        if symbol.lower().replace("^", "") == unit:
-            return _converted(number, multiple)
-    return None
-
-
-def one_line(numbers: tuple[float, ...] | None) -> str | None:
-    """Numbers as a text with commas, which settings that hold several of them take."""
-    return None if numbers is None else ",".join(map(repr, numbers))
+    unit = match[2].lower().replace("^", "") if match else ""
+    multiples = {one.lower().replace("^", ""): size for one, size in units.items()}
+    if match is None or unit not in {"", *multiples}:
+        return None, unit
+    number = float(match[1])
+    return _converted(number, multiples[unit]) if unit else number, unit
 
 
 def describe_length(length: float | None) -> str:

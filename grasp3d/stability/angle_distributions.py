@@ -139,7 +139,7 @@ class AngleDistribution(ABC):
         largest = beta if largest_friction_angle is None else np.asarray(largest_friction_angle)
         widest = float(np.max(largest + a, initial=0.0))
         if min(widest, math.pi / 2.0) > self.limit + ANGLE_ROUNDING:
-            raise not_covered("atan(friction) + alpha/2", widest, self.limit, self.fingers)
+            raise not_covered("atan(friction) + alpha/2", widest, self.limit)
         stable = self.worst_below(beta - a)
         unstable = 1.0 - self.best_below(unstable_from(largest, a, self.fingers))
         stable, unstable = np.broadcast_arrays(stable, unstable)
@@ -164,7 +164,7 @@ class AngleDistribution(ABC):
         check_range("the fraction", fraction, 0.0, 1.0, ends="(]")
         beta, angle = math.atan(friction_interval(friction)[0]), self.worst_quantile(fraction)
         if angle > self.limit and min(beta, math.pi / 2.0) > self.limit + ANGLE_ROUNDING:
-            raise not_covered("atan(friction)", beta, self.limit, self.fingers)
+            raise not_covered("atan(friction)", beta, self.limit)
         return max(0.0, 2.0 * (beta - angle))
 
 

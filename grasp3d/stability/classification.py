@@ -26,7 +26,7 @@ from grasp3d.stability.exact import StabilityProblem, closing_normals, decide, m
 from grasp3d.stability.label import Label
 from grasp3d.stability.normal_sets import face_normals
 
-AT_REST = 1e-12
+STATIONARY = 1e-12
 """Velocity of a contact, relative to that of its turning about the centre of mass, which is 0."""
 
 
@@ -201,7 +201,7 @@ class Stability:
         velocities = u[..., :3] + turning
         # A contact about which the object turns does not move, whatever rounding leaves.
         length = np.linalg.norm(turning, axis=-1, keepdims=True)
-        velocities[(np.abs(velocities) <= AT_REST * length).all(axis=-1)] = 0.0
+        velocities[(np.abs(velocities) <= STATIONARY * length).all(axis=-1)] = 0.0
         return turned(contacts.normals, -velocities, problem.tilt), closing_normals(problem)
 
     def _shaped(self, values: ArrayLike) -> Floats:

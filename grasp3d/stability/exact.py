@@ -142,17 +142,17 @@ def _of_pairs(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
     worst, best = _spare_of_pairs(problem)
     stable, unstable = worst > 0.0, best <= 0.0
     together = np.flatnonzero(np.isneginf(worst))
-    located = problem.location[together].any(axis=1)
-    if problem.creases and not located.all():
+    uncertain = problem.location[together].any(axis=1)
+    if problem.creases and not uncertain.all():
         raise ContactError(
-            f"grasp {together[~located][0]} of the batch has both contacts at one point, and one "
+            f"grasp {together[~uncertain][0]} of the batch has both contacts at one point, and one "
             "on a crease; classify it without creases"
         )
     # Contacts at one point push along any line that lies in both cones; where their locations are
     # uncertain, any line may be the true one, and normals of a crease may be nearer.
     normals = problem.contacts.normals[together]
     between = angles_between(normals[:, 0], -normals[:, 1])
-    stable[together] = (between < narrowest[together].sum(axis=1)) & ~located
+    stable[together] = (between < narrowest[together].sum(axis=1)) & ~uncertain
     unstable[together] = between >= widest[together].sum(axis=1)
     if problem.creases:
         unstable[together] = False

@@ -39,8 +39,8 @@ def label_angles(worst: Floats, best: Floats, model: GraspModel) -> Bytes:
     """Label grasps by their critical friction angles.
 
     Args:
-        worst: Critical angle over the worst normals [rad], any shape; inf for no grasp. Located
-            ones where contact locations are uncertain, see
+        worst: Critical angle over the worst normals [rad], any shape; inf for no grasp. Its upper
+            bound where contact locations are uncertain, see
             `stability.locations`.
         best: Critical angle over the best normals [rad]; equal to `worst` except at creases, and
             where locations are uncertain.
@@ -87,7 +87,7 @@ def margins(worst: Floats, model: GraspModel) -> Floats:
 
 
 def margin_budget(
-    model: GraspModel, critical_angle: ArrayLike, located_angle: ArrayLike | None = None
+    model: GraspModel, critical_angle: ArrayLike, upper: ArrayLike | None = None
 ) -> dict[str, Floats]:
     """Parts of the friction angle of each grasp, whose last one, the margin, decides on the label.
 
@@ -97,13 +97,13 @@ def margin_budget(
         model: Friction, sensor resolution and errors.
         critical_angle: Critical friction angle over the worst normals [rad], shape (...); inf: no
             grasp.
-        located_angle: The same with uncertain locations, such as
-            `SurfaceLabels.located_angles[0]`; None: locations are exact.
+        upper: Its upper bound with uncertain locations, such as
+            `SurfaceLabels.critical_angle_bounds[0]`; None: locations are exact.
 
     Returns:
         The critical angle, what friction, sensor resolution and the location take, and the margin
         [rad], by name, shape (...) each. The margin is
-        `model.sure_angle` minus the located angle, and -inf where there is no grasp.
+        `model.sure_angle` minus the upper bound, and -inf where there is no grasp.
 
     Example:
         >>> import grasp3d
@@ -123,15 +123,15 @@ def margin_budget(
     parts: dict[str, Any] = {
         "friction": beta - math.atan(smallest),
         "sensor resolution": model.sensor_resolution / 2.0,
-        "location": _difference(critical, located_angle),
+        "location": _difference(critical, upper),
     }
     margin = beta - sum(parts.values()) - critical
     stack = {"critical angle": critical, **parts, "margin": margin}
     return {name: np.broadcast_to(angle, critical.shape)[()] for name, angle in stack.items()}
 
 
-def _difference(critical: Floats, located: ArrayLike | None) -> Floats:
-    if located is None:
+def _difference(critical: Floats, upper: ArrayLike | None) -> Floats:
+    if upper is None:
         return np.zeros(critical.shape)
     finite = np.isfinite(critical)
-    return np.where(finite, np.asarray(located) - np.where(finite, critical, 0.0), 0.0)
+    return np.where(finite, np.asarray(upper) - np.where(finite, critical, 0.0), 0.0)

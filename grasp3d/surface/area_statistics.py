@@ -10,7 +10,7 @@ from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import check_choice
 from grasp3d.stability.label import Label
-from grasp3d.surface.holding import Holding
+from grasp3d.surface.load_result import LoadResult
 from grasp3d.surface.vertex_grasps import VertexGrasps
 
 Weights = Literal["area", "vertex"]
@@ -85,7 +85,7 @@ def held_fractions(labels: VertexGrasps) -> dict[str, float] | None:
         >>> {name: round(part, 1) for name, part in held_fractions(labels).items()}
         {'S': 0.7, 'M': 0.3, 'U': 0.0}
     """
-    codes = _holding(labels).label
+    codes = _load_result(labels).label
     if codes is None:
         return None
     return label_fractions(codes, vertex_weights(labels.mesh, "area"))
@@ -104,14 +104,14 @@ def payload_quantiles(labels: VertexGrasps, levels: ArrayLike) -> Floats | None:
     Raises:
         SettingError: There is no load, or a level is outside its range.
     """
-    holding = _holding(labels)
-    if not holding.has_payload:
+    load_result = _load_result(labels)
+    if not load_result.has_payload:
         return None
-    payloads = np.nan_to_num(holding.payload, nan=0.0, posinf=math.inf)
+    payloads = np.nan_to_num(load_result.payload, nan=0.0, posinf=math.inf)
     return quantiles(payloads, levels, vertex_weights(labels.mesh, "area"))
 
 
-def _holding(labels: VertexGrasps) -> Holding:
-    if labels.holding is None:
+def _load_result(labels: VertexGrasps) -> LoadResult:
+    if labels.load_result is None:
         raise SettingError("the labels have no load; label the surface with load=Load(...)")
-    return labels.holding
+    return labels.load_result

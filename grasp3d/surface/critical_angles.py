@@ -12,7 +12,7 @@ import numpy as np
 
 from grasp3d._kernels.surface.surface_contacts import largest_angle, smallest_angle
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between, locked
-from grasp3d.contact.contacts import Contacts, centred, clearly_placed
+from grasp3d.contact.contacts import Contacts, centred, not_nearly_degenerate
 from grasp3d.errors import SettingError
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.stability.normal_sets import (
@@ -84,7 +84,7 @@ def critical_angles(contacts: GraspContacts, *, tolerance: float = 1e-4) -> Wors
         bounds[:, rows] = angles
         if 3 <= contacts.count <= MAX_EXAMINED:
             points, _, _ = centred(contacts.points[rows])
-            bounds[1, rows[~clearly_placed(points)]] = 0.0
+            bounds[1, rows[~not_nearly_degenerate(points)]] = 0.0
         done += len(rows)
         report_progress(done / contacts.size)
     return locked(bounds[0]), locked(bounds[1])

@@ -173,8 +173,8 @@ def names_of(codes: type[IntEnum]) -> tuple[str, ...]:
 
 
 def _payload(holder: Any) -> Array | None:
-    holding = holder.holding
-    return holding.payload if holding is not None and holding.has_payload else None
+    load_result = holder.load_result
+    return load_result.payload if load_result is not None and load_result.has_payload else None
 
 
 LABEL = Field("label", kind="u1", ply="u1", texts=LETTERS, heading="label")
@@ -205,17 +205,23 @@ DEPTH = Field(
     "depth", LENGTH, (), KNOWN_OR_NAN, of=of_part("reach", "depth"), when="gripper", ply=DOUBLE
 )
 GRIP_FORCE = Field(
-    "grip_force", NEWTONS, (), HELD, of=of_part("holding", "grip_force"), when="load", ply=DOUBLE
+    "grip_force",
+    NEWTONS,
+    (),
+    HELD,
+    of=of_part("load_result", "grip_force"),
+    when="load",
+    ply=DOUBLE,
 )
 FORCE = "grip force that holds the load at the worst normals"
 PAYLOAD = "mass that the force at hand holds there"
 HOLDING = (
     GRIP_FORCE,
-    replace(GRIP_FORCE, name="grip_force_least", of=of_part("holding", "grip_force_least")),
+    replace(GRIP_FORCE, name="grip_force_least", of=of_part("load_result", "grip_force_least")),
     replace(
         GRIP_FORCE,
         name="grip_force_largest",
-        of=of_part("holding", "grip_force_largest"),
+        of=of_part("load_result", "grip_force_largest"),
         heading="force",
         meaning=FORCE,
     ),
@@ -230,7 +236,7 @@ HOLDING = (
 )
 FORCES = (
     *HOLDING,
-    replace(LABEL, name="label_with_force", of=of_part("holding", "label"), when="load"),
+    replace(LABEL, name="label_with_force", of=of_part("load_result", "label"), when="load"),
 )
 """What a load adds to grasps."""
 
@@ -346,16 +352,16 @@ HAND_GRASPS = (
     Field("overlap", LENGTH, (), Allowed(0.0)),
     Field("below_table", LENGTH, (), POSITIVE_OR_NAN),
     *(
-        Field(name, unit, (), HELD, of=of_part("motor_holding", name), when="load",
+        Field(name, unit, (), HELD, of=of_part("hand_load_result", name), when="load",
               heading=heading, meaning=meaning)
         for name, unit, heading, meaning in (
             ("payload", KILOGRAMS, "holds", "what the motors hold at the perceived normals"),
-            ("payload_sure", KILOGRAMS, "surely", "at the worst normals"),
-            ("payload_possible", KILOGRAMS, "", ""),
+            ("payload_min", KILOGRAMS, "surely", "at the worst normals"),
+            ("payload_max", KILOGRAMS, "", ""),
             ("load_fraction", "", "load", "the mass over what is surely held"),
         )
     ),
-    Field("limit", kind="U", of=of_part("motor_holding", "limit"), when="load",
+    Field("limit", kind="U", of=of_part("hand_load_result", "limit"), when="load",
           heading="limit", meaning="what limits what is surely held"),
     Field("reachable", kind="?"),
     REASON,

@@ -1,4 +1,4 @@
-"""Numbers of grasps on a surface: located angles, epsilon, grip forces, quality measures.
+"""Numbers of grasps on a surface: bounds of angles, epsilon, grip forces, quality measures.
 
 With method extremes they come from an enumeration of extreme normals (Wan & Howe 2018).
 """
@@ -31,8 +31,8 @@ from grasp3d.stability.locations import line_turns, surely_closed_from
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.contacts import GraspContacts, JawContacts
 from grasp3d.surface.critical_angles import AMBIGUOUS
-from grasp3d.surface.holding import Holding, holding_of
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.load_result import LoadResult, load_result_of
 from grasp3d.system.context import report_progress
 
 BEFORE_ENUMERATION = 0.3
@@ -175,14 +175,14 @@ BOUND_RTOL = 3e-2
 """The same for the largest epsilon, itself only a bound; saves most time for symmetric grasps."""
 
 
-def located_angles_of(
+def angle_bounds_of(
     grasps: GraspContacts,
     angles: WorstAndBest,
     model: GraspModel,
     *,
     best_points: Floats | None = None,
 ) -> WorstAndBest:
-    """Critical angles of grasps on a surface with uncertain contact locations.
+    """Bounds of the critical angles of grasps on a surface, over all true contact points.
 
     Args:
         grasps: The grasps, shape (b, n).
@@ -283,7 +283,7 @@ def surface_metrics(
     return {name: locked(column) for name, column in values.items()}
 
 
-def surface_holding(grasps: GraspContacts, model: GraspModel, case: LoadCase) -> Holding:
+def surface_load_result(grasps: GraspContacts, model: GraspModel, case: LoadCase) -> LoadResult:
     """Grip forces and payloads of grasps under a load, about the mesh's centre of mass.
 
     Args:
@@ -297,23 +297,23 @@ def surface_holding(grasps: GraspContacts, model: GraspModel, case: LoadCase) ->
     """
     rows = grasps.with_normals
     if not len(rows):
-        return _unknown_normals(Holding.none(case, grasps.size))
+        return _unknown_normals(LoadResult.none(case, grasps.size))
     subset = grasps.take(rows)
-    holding = holding_of(
+    load_result = load_result_of(
         subset.contacts(model), subset.tilts(model), case, friction=model.friction_interval,
     )  # fmt: skip
     if len(rows) == grasps.size:
-        return holding
-    return _unknown_normals(holding.placed(rows, grasps.size))
+        return load_result
+    return _unknown_normals(load_result.at_rows(rows, grasps.size))
 
 
-def _unknown_normals(holding: Holding) -> Holding:
+def _unknown_normals(load_result: LoadResult) -> LoadResult:
     """The forces of rows without numbers, whose normals cancel out: anything may be true."""
-    unknown = np.isnan(holding.grip_force)
-    payload = np.where(unknown & holding.has_payload, 0.0, holding.payload)
+    unknown = np.isnan(load_result.grip_force)
+    payload = np.where(unknown & load_result.has_payload, 0.0, load_result.payload)
     return replace(
-        holding,
-        grip_force_least=locked(np.where(unknown, 0.0, holding.grip_force_least)),
-        grip_force_largest=locked(np.where(unknown, math.inf, holding.grip_force_largest)),
+        load_result,
+        grip_force_least=locked(np.where(unknown, 0.0, load_result.grip_force_least)),
+        grip_force_largest=locked(np.where(unknown, math.inf, load_result.grip_force_largest)),
         payload=locked(payload),
     )

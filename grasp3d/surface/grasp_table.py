@@ -24,7 +24,6 @@ from grasp3d.quality.measures import ALL
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
 from grasp3d.settings.parsing import plain_values
-from grasp3d.settings.units import one_line
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
@@ -33,15 +32,15 @@ from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.fields import CONTACTS, GRASPS, Field, columns_of, present
 from grasp3d.surface.grasp_numbers import (
     EPSILON_RTOL,
+    angle_bounds_of,
     hull_labels,
-    located_angles_of,
     surface_epsilons,
-    surface_holding,
+    surface_load_result,
     surface_metrics,
 )
-from grasp3d.surface.holding import Holding
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.load_result import LoadResult
 from grasp3d.surface.rows import rows_of
 from grasp3d.system.context import unreported
 from grasp3d.system.versions import package_version
@@ -147,7 +146,7 @@ class GraspTable(LabelledGrasps):
     reach: Reach | None = None
     """How the gripper reaches each grasp, with its pose; None: no gripper."""
     load: Load | None = None
-    """What each grasp must hold; None: `holding` is not computed."""
+    """What each grasp must hold; None: `load_result` is not computed."""
 
     __repr__ = short_repr
 
@@ -173,8 +172,8 @@ class GraspTable(LabelledGrasps):
         return LoadCase.of(self.load, self.mesh, self.model, hand)
 
     @Deferred
-    def located_angles(self) -> WorstAndBest:
-        """Critical angles (worst, best) with all that is not known about the contacts [rad].
+    def critical_angle_bounds(self) -> WorstAndBest:
+        """Bounds of the critical angles, over all that is not known about the contacts [rad].
 
         Uncertain contact locations turn the line between two contacts; see
         `stability.locations`. Without them they are `critical_angle` and
@@ -189,7 +188,7 @@ class GraspTable(LabelledGrasps):
         if other is not None:
             points = self.contacts.points.copy()
             points[other.rows] = other.contacts.points
-        return located_angles_of(self.contacts, angles, self.model, best_points=points)
+        return angle_bounds_of(self.contacts, angles, self.model, best_points=points)
 
     @Deferred
     def label(self) -> Bytes:
@@ -199,7 +198,7 @@ class GraspTable(LabelledGrasps):
         best normals, where they differ.
         """
         if self.model.method == "exact":
-            worst, best = self.located_angles
+            worst, best = self.critical_angle_bounds
             return locked(label_angles(worst, best, self.model))
         codes = np.full(self.size, Label.U, dtype=np.uint8)
         rows = np.flatnonzero(np.isfinite(self.critical_angle))
@@ -219,7 +218,7 @@ class GraspTable(LabelledGrasps):
         return surface_epsilons(self.contacts, self.model)
 
     @Deferred
-    def holding(self) -> Holding | None:
+    def load_result(self) -> LoadResult | None:
         """Grip force and payload of the grasps under the load; None: there is no load.
 
         Of the grasps over the worst normals; where another grasp is better over the best normals,
@@ -228,15 +227,17 @@ class GraspTable(LabelledGrasps):
         case, model, other = self.load_case, self.model, self.best_normals
         if case is None:
             return None
-        holding = surface_holding(self.contacts, model, case)
+        load_result = surface_load_result(self.contacts, model, case)
         outside = np.isinf(self.critical_angle_best)  # of the region
-        holding = holding.replaced(outside, Holding.failed(case, self.size))
+        load_result = load_result.replaced(outside, LoadResult.failed(case, self.size))
         if other is None:
-            return holding
+            return load_result
         with unreported():
-            better = surface_holding(other.contacts, model, case)
-        least = better.placed(other.rows, self.size).grip_force_least
-        return replace(holding, grip_force_least=locked(np.fmin(holding.grip_force_least, least)))
+            better = surface_load_result(other.contacts, model, case)
+        least = better.at_rows(other.rows, self.size).grip_force_least
+        return replace(
+            load_result, grip_force_least=locked(np.fmin(load_result.grip_force_least, least))
+        )
 
     @cached_property
     def rank(self) -> Ints:
@@ -357,8 +358,8 @@ class GraspTable(LabelledGrasps):
         """The same grasps with another model or load.
 
         Args:
-            changed: Fields by name. Located angles that stay the same are kept: other frictions and
-                resolutions have the same, which take many closure tests for three fingers.
+            changed: Fields by name. Bounds of angles that stay the same are kept: other frictions
+                and resolutions have the same, which take many closure tests for three fingers.
 
         Raises:
             SettingError: Another scene, but how the gripper reaches them is known for this one.
@@ -369,9 +370,9 @@ class GraspTable(LabelledGrasps):
                 "with the other one (in Python label_surface(..., scene=...))"
             )
         table = replace(self, **changed)
-        angles = self.computed("located_angles")
+        angles = self.computed("critical_angle_bounds")
         if angles is not None and table.model.location_error == self.model.location_error:
-            vars(table)["located_angles"] = angles
+            vars(table)["critical_angle_bounds"] = angles
         return table
 
     def columns(self, metrics: Mapping[str, Floats] | None = None) -> Columns:
@@ -409,8 +410,8 @@ class GraspTable(LabelledGrasps):
     def settings(self) -> dict[str, Any]:
         """Settings that the grasps were evaluated with, as files have them; angles in radians."""
         load = {}
-        if self.holding is not None:
-            load = {**load_settings(self.load), **self.holding.settings()}
+        if self.load_result is not None:
+            load = {**load_settings(self.load), **self.load_result.settings()}
         return {
             **settings_of(self.mesh, self.model, self.scene),
             "epsilon_min": self.model.tilts,
@@ -439,7 +440,7 @@ class GraspTable(LabelledGrasps):
         return import_module("grasp3d.viewer.show").show(self, **options)
 
 
-COMPUTED = frozenset({"located_angles", "label", "epsilon_range", "holding"})
+COMPUTED = frozenset({"critical_angle_bounds", "label", "epsilon_range", "load_result"})
 """What is computed when it is first read, a row for each grasp."""
 
 
@@ -465,7 +466,6 @@ def settings_of(mesh: ObjectMesh, model: GraspModel, scene: Scene | None) -> dic
         "source": mesh.report.source,
         **plain_values(model),
         **plain_values(mesh.options),
-        "center_of_mass": one_line(mesh.options.center_of_mass),
         "unit": mesh.unit or "unknown",
         "size": mesh.size,
         "center_mass": mesh.center_mass.tolist(),

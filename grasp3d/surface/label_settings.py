@@ -7,9 +7,8 @@ from typing import Any
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.loads import load_settings
-from grasp3d.settings import AnySampling, GraspModel
+from grasp3d.settings import GraspModel, Sampling
 from grasp3d.settings.parsing import plain_values
-from grasp3d.settings.units import one_line
 from grasp3d.stability.label import Label, Mode
 from grasp3d.surface.grasp_numbers import EPSILON_RTOL
 from grasp3d.surface.vertex_grasps import VertexGrasps
@@ -41,7 +40,7 @@ def settings_of(labels: VertexGrasps) -> Values:
         "epsilon_rtol": EPSILON_RTOL,
         "epsilon_min": labels.model.tilts,
         "epsilon_max": "sampled_tilts" if labels.model.method == "extremes" else "upper_bound",
-        **({} if labels.holding is None else labels.holding.settings()),
+        **({} if labels.load_result is None else labels.load_result.settings()),
         "label_codes": f"{Label.U:d}=U({u_means}) {Label.M:d}=M(cannot_tell) {Label.S:d}=S(stable)",
     }
 
@@ -67,7 +66,7 @@ def complete_settings(labels: VertexGrasps) -> Values:
 def chosen_settings(
     mesh: ObjectMesh,
     model: GraspModel,
-    sampling: AnySampling | None,
+    sampling: Sampling | None,
     mode: Mode,
     scene: Scene | None = None,
 ) -> Values:
@@ -81,7 +80,6 @@ def chosen_settings(
         **plain_values(model),
         **({} if sampling is None else plain_values(sampling)),
         **plain_values(mesh.options),
-        "center_of_mass": one_line(mesh.options.center_of_mass),
         "region": _ascii(str(mesh.options.region)),
         "unit": mesh.file_unit or "unknown",
         "lengths": mesh.unit or "unknown",

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from grasp3d.quality.tilting import EpsilonRange
     from grasp3d.settings import GraspModel
     from grasp3d.stability.normal_sets import WorstAndBest
-    from grasp3d.surface.holding import Holding
+    from grasp3d.surface.load_result import LoadResult
 
 
 class LabelledGrasps:
@@ -41,12 +41,12 @@ class LabelledGrasps:
         @property
         def critical_angle(self) -> Floats: ...  # noqa: D102
         @property
-        def located_angles(self) -> WorstAndBest: ...  # noqa: D102
+        def critical_angle_bounds(self) -> WorstAndBest: ...  # noqa: D102
         @property
         def epsilon_range(self) -> EpsilonRange: ...  # noqa: D102
         def to_table(self) -> Any: ...  # noqa: D102
         @property
-        def holding(self) -> Holding | None: ...  # noqa: D102
+        def load_result(self) -> LoadResult | None: ...  # noqa: D102
 
     def mask(self, letters: str) -> Bools:
         """Where the label is one of some letters, shape as `label`.
@@ -85,7 +85,7 @@ class LabelledGrasps:
         """Compute an attribute now that is otherwise computed when it is first read.
 
         Args:
-            name: `epsilon_range`, `holding` or another one.
+            name: `epsilon_range`, `load_result` or another one.
         """
         getattr(self, name)
 
@@ -107,21 +107,21 @@ class LabelledGrasps:
         known, a grasp that no force surely makes hold it is M at most, and U where none does at
         any normals; without a load it is `label`.
         """
-        holding = self.holding
-        if holding is None:
+        load_result = self.load_result
+        if load_result is None:
             return self.label
-        if holding.label is not None:
-            return holding.label
-        most = np.where(np.isfinite(holding.grip_force_largest), Label.S, Label.M)
-        most[~np.isfinite(holding.grip_force_least)] = Label.U
+        if load_result.label is not None:
+            return load_result.label
+        most = np.where(np.isfinite(load_result.grip_force_largest), Label.S, Label.M)
+        most[~np.isfinite(load_result.grip_force_least)] = Label.U
         return locked(np.minimum(self.label, most).astype(np.uint8))
 
     @cached_property
     def quality(self) -> Floats:
         """How far each grasp is from failing, from -1 to 1; see `quality_of_contacts`."""
-        holding, held = self.holding, self.epsilon
-        if holding is not None and holding.has_payload and holding.mass:
-            held = holding.payload / holding.mass
+        load_result, held = self.load_result, self.epsilon
+        if load_result is not None and load_result.has_payload and load_result.mass:
+            held = load_result.payload / load_result.mass
         return locked(quality_of_contacts(self.margin, held))
 
     @cached_property
@@ -139,7 +139,7 @@ class LabelledGrasps:
         S iff above 0 (with method exact); the angle by which friction may be smaller, or normals
         less certain, and the grasp is still surely stable. -inf where there is no grasp.
         """
-        return locked(margins(self.located_angles[0], self.model))
+        return locked(margins(self.critical_angle_bounds[0], self.model))
 
     @cached_property
     def max_resolution(self) -> Floats:
@@ -147,7 +147,7 @@ class LabelledGrasps:
 
         With the other uncertainties of the model as they are.
         """
-        return locked(max_resolution(self.located_angles[0], self.model))
+        return locked(max_resolution(self.critical_angle_bounds[0], self.model))
 
     @cached_property
     def epsilon(self) -> Floats:
@@ -184,17 +184,17 @@ class LabelledGrasps:
     def grip_force(self) -> Floats | None:
         """Force that each finger needs under the load [N]; None: there is no load.
 
-        See `Holding.grip_force`.
+        See `LoadResult.grip_force`.
         """
-        return None if self.holding is None else self.holding.grip_force
+        return None if self.load_result is None else self.load_result.grip_force
 
     @property
     def payload(self) -> Floats | None:
         """Mass that the force at hand holds [kg]; None: there is no load.
 
-        See `Holding.payload`.
+        See `LoadResult.payload`.
         """
-        return None if self.holding is None else self.holding.payload
+        return None if self.load_result is None else self.load_result.payload
 
     def to_dataframe(self) -> Any:
         """Return `to_table` as a `pandas.DataFrame`; labels and reasons are categories.

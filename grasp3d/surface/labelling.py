@@ -20,15 +20,12 @@ from grasp3d.mesh.preparing import check_unit, prepare
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.loads import GivenLoad, Load
 from grasp3d.settings import (
-    AnySampling,
     GivenModel,
     GivenSampling,
     GraspModel,
     MeshOptions,
-    MultifingerSampling,
     Sampling,
     check_search_settings,
-    given_sampling,
     search_cone,
 )
 from grasp3d.settings.costs import check_cost
@@ -99,7 +96,7 @@ class Labelling:
 
     mesh: ObjectMesh
     model: GraspModel
-    sampling: AnySampling
+    sampling: Sampling
     scene: Scene | None
     """The gripper that must reach each grasp; None: ideal points."""
     load: Load | None
@@ -110,7 +107,7 @@ class Labelling:
         cls,
         mesh: ObjectMesh,
         model: GraspModel,
-        sampling: AnySampling | None = None,
+        sampling: Sampling | None = None,
         scene: Scene | None = None,
         load: Load | None = None,
     ) -> "Labelling":
@@ -128,7 +125,7 @@ class Labelling:
             MeshError: Labels for so many fingers would need too much memory.
         """
         mesh.check_units(model, sampling)
-        limits = sampling or Sampling().fitted(model.fingers)
+        limits = sampling or Sampling()
         check_search_settings(model, limits)
         if scene is not None:
             mesh.needs_metres(IN_METRES)
@@ -147,7 +144,7 @@ class Labelling:
         cls,
         source: MeshSource,
         model: GraspModel,
-        sampling: AnySampling,
+        sampling: Sampling,
         reach: ReachSettings,
         load: Load | None,
         options: MeshOptions,
@@ -178,7 +175,7 @@ class Labelling:
         """Search for the best grasp through every vertex, and label it; see `label_surface`."""
         enumerated = self.model.method == "extremes"
         with within(0.0, BEFORE_ENUMERATION if enumerated else 1.0):
-            if isinstance(self.sampling, Sampling):
+            if self.model.fingers == 2:
                 labels = label_pairs(self.mesh, self.model, self.sampling, self.scene)
             else:
                 labels = label_multifinger(self.mesh, self.model, self.sampling, self.scene)
@@ -212,8 +209,7 @@ def label_surface(
             PyVista or Open3D, or a pair of arrays), which is then prepared with default options.
         model: Friction, sensor resolution [rad] and number of fingers, 2 to 5, or a dict of fields,
             {'friction': 0.4}; None: the defaults.
-        sampling: How grasps are searched for, `Sampling` for two fingers, `MultifingerSampling` for
-            more, or a dict of fields; None: the defaults.
+        sampling: How grasps are searched for, or a dict of fields; None: the defaults.
         hand: The gripper that must reach each grasp, also its name or file: the best grasp is that
             of the reachable ones, and openings are limited to its stroke; None: ideal point
             contacts. For three fingers and more only its round tips are tested.
@@ -225,7 +221,7 @@ def label_surface(
             tries wrong poses of the best ones. None: they are exact.
         scene: The gripper, the table, the approach and the pose error together, in place of those.
         load: What each grasp must hold, and with which force, or its mass, '0.5kg':
-            `labels.holding` then has the grip force and payload of each. A gripper brings its
+            `labels.load_result` then has the grip force and payload of each. A gripper brings its
             greatest force and the torsion radius of its pads. It changes neither grasps nor labels.
             None: nothing.
 
@@ -276,12 +272,12 @@ def label_surface(
         With a load, here the box of 0.5 kg, turned in any direction:
 
         >>> labels = grasp3d.label_surface(mesh, hand=hand, load=grasp3d.Load(mass=0.5))
-        >>> held = np.nanmax(labels.holding.payload)  # nan: not reached
-        >>> print(f"{labels.holding.available:g} N hold {held:.1f} kg")
+        >>> held = np.nanmax(labels.load_result.payload)  # nan: not reached
+        >>> print(f"{labels.load_result.available:g} N hold {held:.1f} kg")
         70 N hold 3.3 kg
     """
     model = GraspModel.given("model", model) or GraspModel()
-    sampling = given_sampling(model, sampling)
+    sampling = Sampling.given("sampling", sampling)
     load, hand = Load.given("load", load), given_hand(hand)
     surface = _read(mesh, None, model, sampling, hand=hand, load=load)
     scene = scene or Scene.given(surface, hand, table, approach, pose_error)
@@ -350,7 +346,7 @@ def label_pairs(
 
 
 def label_multifinger(
-    mesh: ObjectMesh, model: GraspModel, sampling: MultifingerSampling, scene: Scene | None
+    mesh: ObjectMesh, model: GraspModel, sampling: Sampling, scene: Scene | None
 ) -> SurfaceLabels:
     """Label a surface by the best grasps with three fingers or more.
 

@@ -108,8 +108,7 @@ class SurfaceLabels(VertexGrasps):
         self.mesh.check_units(model)
         needed = search_cone(model)
         if needed > max(self.search.cone, search_cone(self.model)) + ANGLE_ROUNDING:
-            fingers = model.fingers
-            raise not_covered("atan(friction) + alpha/2", needed, self.search.cone, fingers)
+            raise not_covered("atan(friction) + alpha/2", needed, self.search.cone)
         return self.using(model=model)
 
     def fractions(self, *, weights: Weights = "area") -> dict[str, float]:
@@ -132,7 +131,7 @@ class SurfaceLabels(VertexGrasps):
         """Distribution of critical angles: fractions S, M and U at any friction and resolution.
 
         They are those of method exact, whatever `model.method` is. Settings that need a wider cone
-        than was searched raise SearchCoverageError. The angles are the located ones.
+        than was searched raise SearchCoverageError. The angles are `critical_angle_bounds`.
 
         Args:
             weights: As in `fractions`.
@@ -149,7 +148,7 @@ class SurfaceLabels(VertexGrasps):
         """
         values = self._weights(weights)
         weighted = values > 0.0
-        worst, best = self.located_angles
+        worst, best = self.critical_angle_bounds
         return SampledAngles(
             worst=locked(worst[weighted]),
             best=locked(best[weighted]),

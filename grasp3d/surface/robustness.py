@@ -34,7 +34,7 @@ from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
 from grasp3d.stability.thresholds import label_angles, margins
 from grasp3d.surface.contacts import JawContacts
-from grasp3d.surface.grasp_numbers import hull_labels, located_angles_of
+from grasp3d.surface.grasp_numbers import angle_bounds_of, hull_labels
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.context import unreported
 
@@ -98,10 +98,10 @@ class ClosedNumbers:
         if contacts.size:
             allowed = allowed_contacts(mesh, contacts.points)
             angles = np.where(allowed, critical_friction_angle(found), math.inf)
-            located, _ = both = located_angles_of(contacts, (angles, angles), model)
+            upper, _ = both = angle_bounds_of(contacts, (angles, angles), model)
             exact = model.method == "exact"
             codes = label_angles(*both, model) if exact else hull_labels(contacts, model)
-            margin[closes] = margins(located, model)
+            margin[closes] = margins(upper, model)
             patches = _Patches.of(contacts, model, case)
             own = patches.numbers(angles)
             codes = patches.label(codes, own[2])
@@ -361,28 +361,28 @@ def robustness_of(
         case: What must be held, and with which force; None: nothing is stated.
         object_motion: As in `Hand.close`.
     """
-    offsets = scene.pose_error.offsets()
-    several = len(offsets.poses) > 1 and len(poses) > 0
+    offsets, position = scene.pose_error.offsets(), scene.pose_error.position
+    several = len(offsets) > 1 and len(poses) > 0
     stated = ClosedNumbers.of(mesh, jaws, model, case)
     every = stated.reshaped(-1, 1)
     if several:
         close = partial(
             scene.hand.close, mesh, object_motion=object_motion,
             friction=model.nominal_friction,
-            **({"give_way": offsets.position} if offsets.position else {}),
+            **({"give_way": position} if position else {}),
         )  # fmt: skip
         rows = np.flatnonzero(stated.closes & (stated.label > Label.U))
-        others = _tried(mesh, poses[rows], offsets.poses[1:], close, model, case)
+        others = _tried(mesh, poses[rows], offsets[1:], close, model, case)
         every = every.tried(rows, others)
     codes = every.label.min(axis=1)
     margin, stay = None, np.ones(len(poses))
     if (pads := scene.jaws) and not pads.round_tips:
         margin = _to_border(jaws, pads)
-        if offsets.position:
+        if position:
             # Two standard deviations are the error; a contact that leaves the pad is lost.
-            deviation = 0.5 * offsets.position
+            deviation = 0.5 * position
             stay = np.where(np.isnan(margin), 1.0, ndtr(margin / deviation))
-            stays = margin >= offsets.position
+            stays = margin >= position
             codes = np.where(stays, codes, np.minimum(codes, Label.M))
     pressure = None
     if case is not None and case.available is not None:
@@ -390,7 +390,7 @@ def robustness_of(
         pressure = locked(case.available / np.where(smaller > 0.0, smaller, math.nan))
     return Robustness(
         stated=stated,
-        tried=len(offsets.poses),
+        tried=len(offsets),
         pad_margin=None if margin is None else locked(margin),
         pressure=pressure,
         closing_share=locked(every.closes.mean(axis=1)),

@@ -11,7 +11,7 @@ NO_ROW = -1
 """Row of a place that has no grasp."""
 
 
-def spread(values: npt.NDArray[Any], row: Ints, missing: float) -> npt.NDArray[Any]:
+def gathered(values: npt.NDArray[Any], row: Ints, missing: float) -> npt.NDArray[Any]:
     """Values of the rows of a table at the places that have these rows.
 
     Args:
@@ -24,8 +24,8 @@ def spread(values: npt.NDArray[Any], row: Ints, missing: float) -> npt.NDArray[A
 
     Example:
         >>> import numpy as np
-        >>> from grasp3d.surface.rows import spread
-        >>> spread(np.array([0.5, 0.7]), np.array([1, 0, -1, 1]), 0.0).tolist()
+        >>> from grasp3d.surface.rows import gathered
+        >>> gathered(np.array([0.5, 0.7]), np.array([1, 0, -1, 1]), 0.0).tolist()
         [0.7, 0.5, 0.0, 0.7]
     """
     result = np.full((len(row), *values.shape[1:]), missing, dtype=values.dtype)

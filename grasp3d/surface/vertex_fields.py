@@ -57,10 +57,10 @@ def unpacked_bits(numbers: Array, count: int) -> Bools:
     return (bits & np.uint64(1)).astype(np.bool_)
 
 
-def _located(number: int) -> Callable[[VertexGrasps], Array | None]:
-    """Located angles; None where the labels follow from the critical angles."""
+def _angle_bound(number: int) -> Callable[[VertexGrasps], Array | None]:
+    """A bound of the critical angle; None where the labels follow from the critical angles."""
     return lambda labels: (
-        None if labels.model.location_error == 0.0 else labels.located_angles[number]
+        None if labels.model.location_error == 0.0 else labels.critical_angle_bounds[number]
     )
 
 
@@ -87,10 +87,10 @@ def _partner(name: str, number: int) -> Callable[[VertexGrasps], Array | None]:
 
 INDEX = Allowed(0)
 
-LOCATED = (
-    replace(CRITICAL_ANGLE, name="located_angle", of=_located(0), when="errors",
+ANGLE_BOUNDS = (
+    replace(CRITICAL_ANGLE, name="critical_angle_upper", of=_angle_bound(0), when="errors",
             allowed=Allowed(0.0, 2.0 * math.pi, math.inf)),
-    replace(CRITICAL_ANGLE, name="located_angle_best", of=_located(1), when="errors"),
+    replace(CRITICAL_ANGLE, name="critical_angle_lower", of=_angle_bound(1), when="errors"),
 )  # fmt: skip
 PARTNERS = (
     Field("partners", LENGTH, ("n-1", 3), KNOWN_OR_NAN, each="partner_{}", ply=DOUBLE),
@@ -128,7 +128,7 @@ RESTORING = (
     Field("reach_state", kind="u1", of=of_part("reach", "state"), when="gripper",
           texts=names_of(Reachability)),
     Field("free_angles", of=_free_angles, kind="u8", when="gripper"),
-    Field("resistance", of=of_part("holding", "resistance"), kind="u1", when="load",
+    Field("resistance", of=of_part("load_result", "resistance"), kind="u1", when="load",
           texts=names_of(Resistance)),
 )  # fmt: skip
 """What makes labels that are read again complete."""
@@ -147,7 +147,7 @@ VERTICES = (
     OPENING,
     Field("grip", "", (), NORMAL, kind="i1"),
     Field("reason", kind="u1", ply="u1", texts=names_of(Reason)),
-    *LOCATED,
+    *ANGLE_BOUNDS,
     *PARTNERS,
     *POSES,
     *FORCES,

@@ -19,18 +19,18 @@ from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.loads import Load
 from grasp3d.quality.measures import ALL
 from grasp3d.quality.tilting import EpsilonRange
-from grasp3d.settings import AnySampling, GraspModel
+from grasp3d.settings import GraspModel, Sampling
 from grasp3d.stability.label import Label, Mode
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.contacts import SurfaceContacts, with_vertices
 from grasp3d.surface.grasp_table import COMPUTED, BestNormalGrasps, GraspTable
-from grasp3d.surface.holding import Holding
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.rows import NO_ROW, rows_of, spread
+from grasp3d.surface.load_result import LoadResult
+from grasp3d.surface.rows import NO_ROW, gathered, rows_of
 
 
-class SpreadGrasps(LabelledGrasps):
+class IndexedGrasps(LabelledGrasps):
     """Places, such as vertices or poses, that have a grasp each, or none.
 
     The grasps are the rows of a table; arrays have a row for each of the k places.
@@ -58,7 +58,7 @@ class SpreadGrasps(LabelledGrasps):
 
     @property
     def load(self) -> Load | None:
-        """What each grasp must hold; None: `holding` is not computed."""
+        """What each grasp must hold; None: `load_result` is not computed."""
         return self.grasps.load
 
     @property
@@ -72,7 +72,7 @@ class SpreadGrasps(LabelledGrasps):
 
         inf at vertices without a grasp, nan at poses whose jaws do not close.
         """
-        return self._spread(self.grasps.critical_angle, self.no_angle)
+        return self._gathered(self.grasps.critical_angle, self.no_angle)
 
     @cached_property
     def critical_angle_best(self) -> Floats:
@@ -81,42 +81,42 @@ class SpreadGrasps(LabelledGrasps):
         Different at creases, and where locations are uncertain: there it is that of the best
         aligned grasp, which may have less margin than that of `critical_angle`.
         """
-        return self._spread(self.grasps.critical_angle_best, self.no_angle)
+        return self._gathered(self.grasps.critical_angle_best, self.no_angle)
 
     @cached_property
-    def located_angles(self) -> WorstAndBest:
+    def critical_angle_bounds(self) -> WorstAndBest:
         """Critical angles (worst, best) with all that is not known about the contacts [rad].
 
-        Shape (k,) each; see `GraspTable.located_angles`.
+        Shape (k,) each; see `GraspTable.critical_angle_bounds`.
         """
         if self.model.location_error == 0.0:
             return self.critical_angle, self.critical_angle_best
-        worst, best = self.grasps.located_angles
-        return self._spread(worst, self.no_angle), self._spread(best, self.no_angle)
+        worst, best = self.grasps.critical_angle_bounds
+        return self._gathered(worst, self.no_angle), self._gathered(best, self.no_angle)
 
     @cached_property
     def label(self) -> Bytes:
         """`Label` codes by `model.method`: 0 U, 1 M, 2 S; shape (k,)."""
-        return self._spread(self.grasps.label, Label.U)
+        return self._gathered(self.grasps.label, Label.U)
 
     @cached_property
     def epsilon_range(self) -> EpsilonRange:
         """`epsilon`, `epsilon_min` and `epsilon_max`, shape (k,); computed when first read."""
         epsilon = self.grasps.epsilon_range
         return EpsilonRange(
-            self._spread(epsilon.nominal, math.nan),
-            self._spread(epsilon.minimum, math.nan),
-            self._spread(epsilon.maximum, math.nan),
+            self._gathered(epsilon.nominal, math.nan),
+            self._gathered(epsilon.minimum, math.nan),
+            self._gathered(epsilon.maximum, math.nan),
         )
 
     @cached_property
-    def holding(self) -> Holding | None:
+    def load_result(self) -> LoadResult | None:
         """Grip force and payload under the load, rows (k,); None: there is no load.
 
-        Computed when first read; see `GraspTable.holding`.
+        Computed when first read; see `GraspTable.load_result`.
         """
-        holding = self.grasps.holding
-        return None if holding is None else holding.spread(self.row)
+        load_result = self.grasps.load_result
+        return None if load_result is None else load_result.gathered(self.row)
 
     def metrics(self, names: str | Sequence[str] = ALL) -> dict[str, Floats]:
         """Quality measures of each place's grasp, shape (k,) each; computed when called.
@@ -130,7 +130,7 @@ class SpreadGrasps(LabelledGrasps):
             SettingError: An unknown name.
         """
         values = self.grasps.metrics(names)
-        return {name: self._spread(column, math.nan) for name, column in values.items()}
+        return {name: self._gathered(column, math.nan) for name, column in values.items()}
 
     def computed(self, name: str) -> Any:
         """What has been computed already: `label`, `epsilon_range`, ...; None: it has not been.
@@ -141,9 +141,9 @@ class SpreadGrasps(LabelledGrasps):
         is_known = name in vars(self) or self.grasps.computed(name) is not None
         return getattr(self, name) if is_known else None
 
-    def _spread(self, values: npt.NDArray[Any], missing: float) -> npt.NDArray[Any]:
+    def _gathered(self, values: npt.NDArray[Any], missing: float) -> npt.NDArray[Any]:
         """Values of the table's rows at each place, shape (k, ...)."""
-        return spread(values, self.row, missing)
+        return gathered(values, self.row, missing)
 
 
 class Reason(IntEnum):
@@ -180,7 +180,7 @@ class SearchReport:
 
 
 @dataclass(frozen=True, eq=False)
-class VertexGrasps(SpreadGrasps):
+class VertexGrasps(IndexedGrasps):
     """The best grasp found at every vertex of a surface.
 
     Arrays have one row per vertex of `mesh`; positions are in its unit and frame.
@@ -193,7 +193,7 @@ class VertexGrasps(SpreadGrasps):
     """Row of each vertex's grasp in that table, -1: none, shape (V,)."""
     reason: Bytes
     """`Reason` codes, shape (V,)."""
-    sampling: AnySampling | None
+    sampling: Sampling | None
     """How grasps were searched for; None in a scan, where they are given."""
     mode: Mode
     search: SearchReport
@@ -216,7 +216,7 @@ class VertexGrasps(SpreadGrasps):
         grip: ArrayLike,
         reason: ArrayLike,
         reach: Reach | None = None,
-        sampling: AnySampling | None,
+        sampling: Sampling | None,
         mode: Mode,
         search: SearchReport,
         scene: Scene | None = None,
@@ -279,7 +279,7 @@ class VertexGrasps(SpreadGrasps):
             model: As in `of_vertices`.
             values: Attributes by name, with a row for each vertex: those of which `of_vertices`
                 has arguments, `critical_angle` and `critical_angle_best` [rad], and others such as
-                `label`, `located_angles`, `epsilon_range` or `holding`; None: unknown.
+                `label`, `critical_angle_bounds`, `epsilon_range` or `load_result`; None: unknown.
             **settings: As in `of_vertices`: sampling, mode, search, scene and load.
         """
         worst, best = values["critical_angle"], values["critical_angle_best"]
@@ -304,12 +304,12 @@ class VertexGrasps(SpreadGrasps):
     @cached_property
     def partners(self) -> Floats:
         """Opposing contacts of the vertex's best grasp, shape (V, n - 1, 3); nan: no grasp."""
-        return self._spread(self.grasps.positions[:, 1:], math.nan)
+        return self._gathered(self.grasps.positions[:, 1:], math.nan)
 
     @cached_property
     def partner_normals(self) -> Floats:
         """Inward unit normals there, the middle of the set on creases, shape (V, n - 1, 3)."""
-        return self._spread(self.grasps.contacts.normals[:, 1:], math.nan)
+        return self._gathered(self.grasps.contacts.normals[:, 1:], math.nan)
 
     @cached_property
     def partner_points(self) -> SurfacePoints:
@@ -324,12 +324,12 @@ class VertexGrasps(SpreadGrasps):
         if other is not None:
             faces[other.rows, 1] = other.contacts.surface_points.faces[:, 1:]
             weights[other.rows, 1] = other.contacts.surface_points.weights[:, 1:]
-        return SurfacePoints(self._spread(faces, -1), self._spread(weights, 0.0))
+        return SurfacePoints(self._gathered(faces, -1), self._gathered(weights, 0.0))
 
     @cached_property
     def opening(self) -> Floats:
         """Largest distance between any two contacts, shape (V,); nan: no grasp."""
-        return self._spread(self.grasps.opening, math.nan)
+        return self._gathered(self.grasps.opening, math.nan)
 
     @cached_property
     def grip(self) -> npt.NDArray[np.int8]:
@@ -338,7 +338,7 @@ class VertexGrasps(SpreadGrasps):
         0 where there is no grasp, and for three fingers and more.
         """
         assert self.grasps.grip is not None
-        return self._spread(self.grasps.grip, 0)
+        return self._gathered(self.grasps.grip, 0)
 
     @cached_property
     def reachable(self) -> Bools | None:

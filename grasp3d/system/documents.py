@@ -47,10 +47,12 @@ def problem_of_file(path: Path) -> str | None:
     return None
 
 
-def file_bytes(path: Path) -> bytes:
-    """Content of a regular file. Raises ValueError with the reason, OSError."""
+def file_bytes(path: Path, most: float = math.inf) -> bytes:
+    """Content of a regular file of so many bytes. Raises ValueError with the reason, OSError."""
     if problem := problem_of_file(path):
         raise ValueError(problem)
+    if path.stat().st_size > most:
+        raise ValueError(f"is too large: more than {most:,} bytes")
     return path.read_bytes()
 
 

@@ -246,8 +246,8 @@ def labels_at(
     """Label codes at another friction and resolution: thresholds, nothing is computed again.
 
     Args:
-        worst: Located angles over the worst normals and locations [rad], shape (n,); nan: the jaws
-            do not close.
+        worst: Upper bounds of the critical angles, over the worst normals and locations [rad],
+            shape (n,); nan: the jaws do not close.
         best: The same over the best normals and locations.
         model: All other uncertainties.
         friction: Coefficient of friction.

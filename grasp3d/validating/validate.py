@@ -1,4 +1,4 @@
-"""Holding labels and scores of grasps against their outcomes."""
+"""LoadResult labels and scores of grasps against their outcomes."""
 
 import math
 from collections import Counter
@@ -83,7 +83,7 @@ class Evaluation:
             for one in [closed, *(each.grasps for each, _ in parts)] if not low else ():
                 warnings |= dict.fromkeys(one.warnings)
             for evaluated, part in parts:
-                scores, (worst, best) = scores_of(evaluated), evaluated.located_angles
+                scores, (worst, best) = scores_of(evaluated), evaluated.critical_angle_bounds
                 self.disagreements.add(evaluated, scores, first + part)
                 own.append(
                     ScoredGrasps(
@@ -93,8 +93,8 @@ class Evaluation:
                         held=np.asarray(evaluated.outcome == 1.0),
                         state=evaluated.state,
                         label=evaluated.label,
-                        located_worst=worst,
-                        located_best=best,
+                        angle_upper=worst,
+                        angle_lower=best,
                         scores=scores,
                         columns={**results_of(evaluated), "mass": body.masses[part]},
                     )
@@ -152,7 +152,7 @@ class Evaluation:
             with within(start, start + 0.8 * (done - start)):
                 evaluated.compute("epsilon_range")
             with within(start + 0.8 * (done - start), done):
-                evaluated.compute("holding")
+                evaluated.compute("load_result")
             parts.append((evaluated, part))
         return closed, parts
 
@@ -313,7 +313,7 @@ def _compared(evaluation: Evaluation, settings: ValidationSettings) -> Validatio
         labels=tuple(
             label_success(
                 grasps.held,
-                labels_at(grasps.located_worst, grasps.located_best, model, friction, resolution),
+                labels_at(grasps.angle_upper, grasps.angle_lower, model, friction, resolution),
                 friction,
                 resolution,
             )

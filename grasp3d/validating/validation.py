@@ -1,4 +1,4 @@
-"""Result of holding labels and scores against outcomes, and its tables as CSV."""
+"""Result of comparing labels and scores with outcomes, and its tables as CSV."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -68,11 +68,11 @@ class ScoredGrasps:
     """`Closing` codes."""
     label: Bytes
     """`Label` codes at the model's friction and resolution."""
-    located_worst: Floats
-    """Critical friction angle with all that is not known about the contacts [rad], by which S is
-    decided; nan: the jaws do not close."""
-    located_best: Floats
-    """The same by which U is decided [rad]."""
+    angle_upper: Floats
+    """Upper bound of the critical friction angle, over all that is not known about the contacts
+    [rad], by which S is decided; nan: the jaws do not close."""
+    angle_lower: Floats
+    """Its lower bound, by which U is decided [rad]."""
     scores: Mapping[str, Floats]
     """By name of `SCORES`; nan: the jaws do not close."""
     columns: Mapping[str, npt.NDArray[Any]]

@@ -10,7 +10,7 @@ from importlib import import_module
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import GivenGrasps
 from grasp3d.mesh import MeshSource, load_mesh
-from grasp3d.settings import AnySampling, GraspModel
+from grasp3d.settings import GraspModel, Sampling
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.viewer.session.collection import (
@@ -42,7 +42,7 @@ def show(
     settings: ViewSettings | None = None,
     *,
     model: GraspModel | None = None,
-    sampling: AnySampling | None = None,
+    sampling: Sampling | None = None,
     height: int = 640,
     proxy: str | None = None,
 ) -> NotebookView | None:
@@ -87,7 +87,7 @@ def show(
 def _collection(
     shown: SurfaceLabels | GraspTable | GivenGrasps | MeshSource,
     model: GraspModel | None,
-    sampling: AnySampling | None,
+    sampling: Sampling | None,
 ) -> Collection:
     if not isinstance(shown, SurfaceLabels | GraspTable | GivenGrasps):
         return collection_of_mesh(load_mesh(shown), model, sampling)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grasp3d import GraspModel, MeshOptions, MultifingerSampling, Sampling, label_surface, load_mesh
+from grasp3d import GraspModel, MeshOptions, Sampling, label_surface, load_mesh
 from grasp3d.batch import identity
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import content_hash, mesh_key, settings_key, settings_text
@@ -28,7 +28,7 @@ def test_labels_are_those_of_this_version_of_the_method() -> None:
             GraspModel(friction=0.75),
             Sampling(max_opening=0.3),
         ),
-        "three": (shapes.sphere(1), GraspModel(fingers=3), MultifingerSampling(candidates=16)),
+        "three": (shapes.sphere(1), GraspModel(fingers=3), Sampling(candidates=16)),
     }
     for name, (surface, model, sampling) in surfaces.items():
         labels = label_surface(load_mesh(surface, max_edge=0.5), model, sampling=sampling)

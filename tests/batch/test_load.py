@@ -56,9 +56,9 @@ def row_under(load: Load | None, folder: Path, **options: Any) -> Row:
 def test_a_row_has_the_values_of_the_labels(tmp_path: Path) -> None:
     row = row_under(LOAD, tmp_path)
     assert row.outcome is Outcome.LABELLED, row.error
-    holding, fractions = labels().holding, held_fractions(labels())
+    load_result, fractions = labels().load_result, held_fractions(labels())
     payloads = payload_quantiles(labels(), [0.1, 0.5, 0.9])
-    assert holding is not None
+    assert load_result is not None
     assert fractions is not None
     assert payloads is not None
     assert (row.mass, row.grip_force_at_hand, row.task) == (0.5, 40.0, "weight")
@@ -66,13 +66,13 @@ def test_a_row_has_the_values_of_the_labels(tmp_path: Path) -> None:
     assert "N of 40 N to hold 0.5 kg in any orientation" in (row.verdict_text or "")
     assert row.held == pytest.approx(fractions["S"])
     # Positions in the file have 32 bits.
-    assert row.payload_best == pytest.approx(holding.payload.max(), rel=0.02)
-    assert row.grip_force_needed == pytest.approx(holding.grip_force_largest.min(), rel=0.02)
+    assert row.payload_best == pytest.approx(load_result.payload.max(), rel=0.02)
+    assert row.grip_force_needed == pytest.approx(load_result.grip_force_largest.min(), rel=0.02)
     quantiles = (row.payload_p10, row.payload_p50, row.payload_p90)
     assert quantiles == pytest.approx(payloads.tolist(), rel=0.02)
     assert row.grasps[0].payload == pytest.approx(40.0 * 0.5 / (row.grasps[0].grip_force or 0.0))
     fields = pq.read_table(tmp_path / "out" / row.fields)
-    np.testing.assert_allclose(fields["payload"].to_numpy(), holding.payload, rtol=0.05)
+    np.testing.assert_allclose(fields["payload"].to_numpy(), load_result.payload, rtol=0.05)
 
 
 def test_without_a_load_all_of_that_is_null(tmp_path: Path) -> None:

@@ -74,5 +74,5 @@ def test_the_wrenches_of_files_are_part_of_a_batch(folder: Path) -> None:
     file = str(folder / "own.csv")
     for number in (1, 2):
         Path(file).write_text(f"{number},0,0,0,0,0\n")
-        assert Load(task=file).with_files_read().task == TaskText.of(f"wrench {number},0,0,0,0,0")
+        assert Load(task=file).task == TaskText.of(f"wrench {number},0,0,0,0,0")
     Path(file).unlink()

@@ -93,7 +93,7 @@ SEARCHES = {
     "units": "guide/meshes.html",
     "sensor resolution": "guide/sensors.html",
     "batch": "commands/batch.html",
-    "center of mass": "guide/holding.html",
+    "center of mass": "guide/loads.html",
     "urdf": "tutorial.html",
     "formats": "formats.html",
 }

@@ -8,7 +8,7 @@ import polars as pl
 import pyarrow.parquet as pq
 import pytest
 
-from grasp3d import GraspModel, MultifingerSampling, label_surface, load_mesh
+from grasp3d import GraspModel, Sampling, label_surface, load_mesh
 from grasp3d.errors import OutputError
 from grasp3d.export import write_fields
 from grasp3d.export.writers import writer_for
@@ -63,7 +63,7 @@ def test_the_schema_has_small_codes_all_digits_and_the_settings(tmp_path: Path) 
 
 def test_every_other_finger_has_its_own_columns(tmp_path: Path) -> None:
     mesh = load_mesh(shapes.sphere(1), max_edge=0.5)
-    found = label_surface(mesh, GraspModel(fingers=3), sampling=MultifingerSampling(candidates=16))
+    found = label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(candidates=16))
     write_fields(tmp_path / "out.parquet", found)
     read = pd.read_parquet(tmp_path / "out.parquet")
     for finger in (2, 3):

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from grasp3d import (
     GraspModel,
     Load,
-    MultifingerSampling,
     ParallelGripper,
     Sampling,
     SurfaceLabels,
@@ -56,7 +55,7 @@ def cone() -> SurfaceLabels:
 
 def three_fingers() -> SurfaceLabels:
     mesh = load_mesh(shapes.sphere(1), max_edge=0.5)
-    return label_surface(mesh, GraspModel(fingers=3), sampling=MultifingerSampling(candidates=16))
+    return label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(candidates=16))
 
 
 def gripper() -> SurfaceLabels:
@@ -133,9 +132,12 @@ def test_files_have_every_field_bit_for_bit(tmp_path: Path, suffix: str, case: s
     )  # fmt: skip
     assert (found.search, found.load) == (labels.search, labels.load)
     assert scene_of(found) == scene_of(labels)
-    if labels.holding is not None:
-        assert found.holding is not None
-        assert (found.holding.how, found.holding.case) == (labels.holding.how, labels.load_case)
+    if labels.load_result is not None:
+        assert found.load_result is not None
+        assert (found.load_result.how, found.load_result.case) == (
+            labels.load_result.how,
+            labels.load_case,
+        )
     if labels.reach is not None:
         assert bits(vars(found.reach)) == bits(vars(labels.reach))
     assert found.fractions() == labels.fractions()

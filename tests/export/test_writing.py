@@ -260,8 +260,8 @@ def test_margins_decide_the_labels_of_every_file(tmp_path: Path, location_error:
     alpha = found.model.sensor_resolution
     coarsest = np.maximum(alpha + 2.0 * arrays["margin"], 0.0)
     assert np.allclose(arrays["max_resolution"], coarsest, atol=1e-12)
-    assert ("located_angle" in arrays) == (location_error > 0.0)
-    deciding = arrays.get("located_angle", arrays["critical_angle"])
+    assert ("critical_angle_upper" in arrays) == (location_error > 0.0)
+    deciding = arrays.get("critical_angle_upper", arrays["critical_angle"])
     assert np.allclose(arrays["margin"], found.model.sure_angle - deciding)
     assert (deciding >= arrays["critical_angle"]).all()
     assert str(arrays["setting_friction"]) == "0.65..0.75"

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from grasp3d import (
     GraspModel,
-    MultifingerSampling,
     Sampling,
     SurfaceLabels,
     label_surface,
@@ -33,7 +32,7 @@ def labels(fingers: int) -> SurfaceLabels:
     x, y, z = vertices.T
     blob = vertices * (1.0 + 0.25 * x * y + 0.15 * z**3)[:, None] * (1.0, 0.8, 1.3)
     mesh = load_mesh((blob, faces), unit="cm", max_edge=9.0)
-    sampling = Sampling(rays=16) if fingers == 2 else MultifingerSampling(candidates=8)
+    sampling = Sampling(rays=16) if fingers == 2 else Sampling(candidates=8)
     return label_surface(mesh, GraspModel(fingers=fingers), sampling=sampling)
 
 

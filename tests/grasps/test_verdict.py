@@ -28,10 +28,10 @@ from grasp3d import (
 )
 from grasp3d.grasps import EvaluatedPoses, verdict_of
 from grasp3d.grasps.causes import Cause, cause_fractions
-from grasp3d.grasps.verdict import HoldingVerdict, Remedy, Verdict
+from grasp3d.grasps.verdict import LoadVerdict, Remedy, Verdict
 from grasp3d.hand.table import Approach
 from grasp3d.stability.label import Label
-from grasp3d.surface.holding import HARD_FINGERS
+from grasp3d.surface.load_result import HARD_FINGERS
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND
 
@@ -48,13 +48,13 @@ def best(word: str, **fields: object) -> Verdict:
     return Verdict(word, **values)  # type: ignore[arg-type]
 
 
-def loaded(**fields: object) -> HoldingVerdict:
+def loaded(**fields: object) -> LoadVerdict:
     """What a load takes; 0.5 kg with 10 N at hand, which are enough."""
     values = {
         "holds": True, "mass": 0.5, "available": 10.0, "needed": 8.0, "payload": 0.6,
         "what": "hold 0.5 kg in any orientation",
     }  # fmt: skip
-    return HoldingVerdict(**{**values, **fields})  # type: ignore[arg-type]
+    return LoadVerdict(**{**values, **fields})  # type: ignore[arg-type]
 
 
 little = loaded(holds=False, needed=25.0, payload=0.19)
@@ -72,17 +72,17 @@ CASES = {
         "Surely held by franka: 3 of 12 grasps; the best has 5.7° of resolution to spare.",
     ),
     "sure, load": (
-        best("surely", count=5, holding=loaded(), grip_force=8.6),
+        best("surely", count=5, load_result=loaded(), grip_force=8.6),
         ("Surely held by franka: 5 distinct grasps; the best needs 8.6 N of 10 N to hold 0.5 kg in "
         "any orientation."),
     ),
     "sure, wrench": (
-        best("surely", count=5, holding=pushed, grip_force=7.0),
+        best("surely", count=5, load_result=pushed, grip_force=7.0),
         ("Surely held by franka: 5 distinct grasps; the best needs 7 N of 10 N to resist wrench "
         "0,0,-5,0,0,0."),
     ),
     "sure, no mass known": (
-        best("surely", count=5, holding=no_mass),
+        best("surely", count=5, load_result=no_mass),
         ("Surely held by franka: 5 distinct grasps; the best has 5.7° of resolution to spare. "
         "10 N hold 0.6 kg in any orientation."),
     ),
@@ -98,18 +98,18 @@ CASES = {
         "change of sensor, friction, force or mass alone makes it sure."),
     ),
     "perhaps, load": (
-        best("perhaps", holding=little, remedies=(FINER, FORCE, LESS)),
+        best("perhaps", load_result=little, remedies=(FINER, FORCE, LESS)),
         ("Perhaps held by franka: the sensor cannot tell whether 10 N can hold 0.5 kg in any "
         "orientation. Surely with a sensor of 12.4° or finer instead of 30°, with 25 N instead of "
         "10 N, or with 0.19 kg instead of 0.5 kg."),
     ),
     "not, load": (
-        best("not", holding=little, remedies=(FORCE, LESS)),
+        best("not", load_result=little, remedies=(FORCE, LESS)),
         ("Not held by franka: 10 N are too little to hold 0.5 kg in any orientation. Surely with "
         "25 N instead of 10 N, or with 0.19 kg instead of 0.5 kg."),
     ),
     "not, load, hard fingers": (
-        best("not", holding=replace(nothing, reason=HARD_FINGERS)),
+        best("not", load_result=replace(nothing, reason=HARD_FINGERS)),
         ("Not held by franka: no force suffices to hold 0.5 kg in any orientation: two hard "
         "fingers cannot resist a torque about the line through them: give a torsion radius "
         "(--torsion-radius) or a gripper with flat pads, which have one."),
@@ -119,7 +119,7 @@ CASES = {
         "Not held by franka: once the jaws close, there is no grasp that may be stable.",
     ),
     "perhaps, where the pose is wrong": (
-        best("perhaps", holding=loaded(), wrong="contacts may leave the pads"),
+        best("perhaps", load_result=loaded(), wrong="contacts may leave the pads"),
         ("Perhaps held by franka: contacts may leave the pads. No change of sensor, friction, "
         "force or mass alone makes it sure."),
     ),
@@ -174,29 +174,29 @@ def changed(labels: SurfaceLabels, remedy: Remedy) -> SurfaceLabels:
 
 def check(labels: SurfaceLabels) -> Verdict:
     """Check a verdict against the figures beside it, and that its remedies help."""
-    verdict, holding, best = verdict_of(labels), labels.holding, best_grasps(labels, 10)
-    decided = holding is not None and holding.label is not None
-    codes = holding.label if decided else labels.label
+    verdict, load_result, best = verdict_of(labels), labels.load_result, best_grasps(labels, 10)
+    decided = load_result is not None and load_result.label is not None
+    codes = load_result.label if decided else labels.label
     ideal = WORDS[int(codes[labels.mesh.on_surface].max())]
     posed = isinstance(best, EvaluatedPoses)
     if posed:
         assert verdict.word == WORDS[max(best.letter, default=0)]
         assert verdict.count >= (best.letter == Label.S).sum()
-        if holding is None or decided:
+        if load_result is None or decided:
             assert verdict.lost == (WORDS.index(verdict.word) < WORDS.index(ideal))
-    elif holding is None or decided or math.isfinite(verdict.holding.needed):
+    elif load_result is None or decided or math.isfinite(verdict.load_result.needed):
         assert verdict.word == ideal
     assert (verdict.count > 0) == (verdict.word == "surely")
     causes = cause_fractions(labels)
     sums = sum(labels.mesh.vertex_areas[codes == 0]) / labels.mesh.vertex_areas.sum()
     assert sum(causes.values()) == pytest.approx(sums, abs=1e-9)
-    if holding is None:
+    if load_result is None:
         assert sum(causes.values()) == pytest.approx(labels.fractions()["U"], abs=1e-9)
         if verdict.word == "surely" and labels.model.method == "exact":
             assert verdict.spare_resolution > 0.0
     elif verdict.word == "surely" and decided:
-        needed = best.grip_force if posed else best.holding.grip_force_largest
-        assert verdict.grip_force <= holding.available
+        needed = best.grip_force if posed else best.load_result.grip_force_largest
+        assert verdict.grip_force <= load_result.available
         assert verdict.grip_force == needed[0]
     text = str(verdict)
     assert not re.search(r"-\d|nan|\binf\b|None|±0°| 0\.0°", text)
@@ -280,15 +280,15 @@ def small_box() -> SurfaceLabels:
 def test_a_load_of_the_box(mass: float | None, force: float | None) -> None:
     labels = small_box().using(load=Load(mass=mass, grip_force=force))
     verdict = check(labels)
-    holding = verdict.holding
-    assert holding is not None
-    assert holding.needed == pytest.approx(np.nanmin(labels.holding.grip_force_largest))
+    load_result = verdict.load_result
+    assert load_result is not None
+    assert load_result.needed == pytest.approx(np.nanmin(labels.load_result.grip_force_largest))
     if mass is None or force is None:
-        assert (verdict.word, holding.holds) == ("surely", None)
-        number = holding.payload if force else holding.needed
+        assert (verdict.word, load_result.holds) == ("surely", None)
+        number = load_result.payload if force else load_result.needed
         assert f"{number:.3g} " in str(verdict).rsplit(". ", maxsplit=1)[1]
     else:
-        assert holding.holds == (force >= holding.needed) == (verdict.word == "surely")
+        assert load_result.holds == (force >= load_result.needed) == (verdict.word == "surely")
 
 
 @pytest.mark.slow

@@ -62,7 +62,7 @@ def test_friction_holds_a_wide_object_that_touches_within_its_cone(box: ObjectMe
     assert np.degrees(slips.turn[0]) == pytest.approx(5.0, abs=0.2)
 
 
-def test_objects_at_rest_do_not_move(box: ObjectMesh) -> None:
+def test_objects_in_equilibrium_do_not_move(box: ObjectMesh) -> None:
     ball = mesh_of(trimesh.creation.icosphere(4, 0.02))
     for mesh in (box, ball):
         for hand in (pads(), tips()):
@@ -166,7 +166,7 @@ def opening_after(
 
 
 @pytest.mark.slow
-def test_at_rest_no_small_motion_pays() -> None:
+def test_in_equilibrium_no_small_motion_pays() -> None:
     """Opening plus friction times slips, for random motions of up to 0.3 degrees and 0.1 mm."""
     vertices, faces = shapes.lopsided()
     mesh, friction = mesh_of((0.025 * vertices, faces)), 0.4

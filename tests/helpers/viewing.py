@@ -11,7 +11,6 @@ import numpy as np
 
 from grasp3d import (
     GraspModel,
-    MultifingerSampling,
     Sampling,
     SurfaceLabels,
     label_surface,
@@ -49,7 +48,7 @@ def box() -> SurfaceLabels:
 def three_fingers() -> SurfaceLabels:
     """Labels of a sphere for three fingers."""
     mesh = load_mesh(shapes.sphere(1), max_edge=9.0)
-    return label_surface(mesh, GraspModel(fingers=3), sampling=MultifingerSampling(candidates=8))
+    return label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(candidates=8))
 
 
 @cache

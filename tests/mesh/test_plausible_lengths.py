@@ -57,8 +57,8 @@ def test_a_length_that_cannot_be_meant_is_refused_with_the_likely_unit(name: str
     "lengths",
     [
         {"max_opening": 0.001}, {"max_opening": 5.0}, {"max_opening": math.inf},
-        {"torsion_radius": 1e-5}, {"min_separation": 1e-6}, {"min_opening": 0.0},
-        {"min_separation": None}, {"max_edge": 1e9},
+        {"torsion_radius": 1e-5}, {"min_opening": 1e-6}, {"min_opening": 0.0},
+        {"max_edge": 1e9},
         {"max_distance": 1e-9},
     ],
 )  # fmt: skip

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grasp3d import GraspModel, MeshOptions, MultifingerSampling, Sampling
+from grasp3d import GraspModel, MeshOptions, Sampling
 from grasp3d.errors import SettingError
 from grasp3d.settings import check_search_settings, search_cone
 from grasp3d.settings.checks import check_range
@@ -25,7 +25,7 @@ from grasp3d.settings.checks import check_range
         (
             GraspModel,
             {"edges": 2},
-            "edges must be from 3 to 360, or none for circular cones; got 2",
+            "edges must be from 3 to 360; got 2",
         ),
         (GraspModel, {"actuation": "both"}, "known: total, per_finger"),
         (
@@ -39,14 +39,10 @@ from grasp3d.settings.checks import check_range
         (Sampling, {"grip": "pinch"}, "known: squeeze, expand, both"),
         (Sampling, {"min_opening": 2.0, "max_opening": 1.0}, "min_opening <= max_opening"),
         (MeshOptions, {"unit": "km"}, "known: m, cm, mm, in"),
-        (MultifingerSampling, {"candidates": 7}, "candidates must be from 8 to 4096"),
-        (
-            MultifingerSampling,
-            {"min_separation": 2.0, "max_opening": 1.0},
-            "min_separation <= max_opening",
-        ),
-        (MultifingerSampling, {"seed": -1}, "seed must be a whole number of at least 0"),
-        (MultifingerSampling, {"search_angle": 2.0}, "at most 90 degrees"),
+        (Sampling, {"candidates": 7}, "candidates must be from 8 to 4096"),
+        (Sampling, {"candidate_points": "edges"}, "known: surface, vertices"),
+        (Sampling, {"seed": -1}, "seed must be from 0 to 9223372036854775807; got -1"),
+        (Sampling, {"search_angle": 2.0}, "at most 90 degrees"),
     ],
 )
 def test_errors_of_settings_name_valid_values(
@@ -84,36 +80,14 @@ def test_the_search_cone_is_the_angle_that_friction_and_resolution_need() -> Non
     assert search_cone(model, Sampling(search_angle=0.3)) == pytest.approx(0.3)
 
 
-def test_a_search_is_fitted_to_its_number_of_fingers() -> None:
-    common = {"search_angle": 0.8, "tolerance": 0.002}
-    pair, several = Sampling(**common), MultifingerSampling(**common)  # type: ignore[arg-type]
-    for fingers in (3, 5):
-        assert pair.fitted(fingers) == several
-        assert several.fitted(fingers) is several
-    assert several.fitted(2) == pair
-    assert pair.fitted(2) is pair
-    for given, fingers, message in (
-        (Sampling(rays=100), 3, "rays does not apply to 3 fingers; use one of candidates, min_"),
-        (Sampling(min_opening="5mm"), 4, "min_opening does not apply to 4 fingers"),
-        (MultifingerSampling(seed=1), 2, "seed does not apply to 2 fingers; use one of rays, "),
-    ):
-        with pytest.raises(SettingError, match=message):
-            given.fitted(fingers)
-        with pytest.raises(SettingError, match=f"sampling for {fingers} fingers must be"):
-            check_search_settings(GraspModel(fingers=fingers), given)
-
-
-def test_a_search_is_limited_to_a_distance_between_contacts() -> None:
-    assert Sampling(min_opening=2.0, rays=9).limited(1.0) == Sampling(
-        min_opening=1.0, max_opening=1.0, rays=9
-    )
-    assert MultifingerSampling().limited(5.0) == MultifingerSampling(max_opening=5.0)
-    for kind in (Sampling, MultifingerSampling):
-        assert kind().limited(3.0).max_opening == 3.0
-        common = {"search_angle": None, "tolerance": 0.01, "max_opening": math.inf}
-        assert kind(tolerance=0.01).common == common
-        assert {kind.least} == set(kind.own_names()) & set(kind().lengths())
-    assert Sampling(max_opening=3.0).fitted(4) == MultifingerSampling(max_opening=3.0)
+def test_a_search_is_for_a_number_of_fingers() -> None:
+    for fingers in (2, 3, 5):
+        check_search_settings(GraspModel(fingers=fingers), Sampling())
+    with pytest.raises(SettingError, match="fingers must be from 2 to 5; got 6"):
+        check_search_settings(GraspModel(fingers=6), Sampling())
+    check_search_settings(GraspModel(), Sampling(grip="expand"))
+    with pytest.raises(SettingError, match="grip expand is for two fingers; got 3"):
+        check_search_settings(GraspModel(fingers=3), Sampling(grip="expand"))
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from grasp3d import (
     GraspModel,
     MeshOptions,
-    MultifingerSampling,
     Sampling,
     evaluate_grasps,
     label_surface,
@@ -52,7 +51,7 @@ def test_a_text_with_a_unit_is_in_metres(text: str, metres: float) -> None:
 
 @pytest.mark.parametrize(
     ("given", "stored"),
-    [("0mm", 0.0), ("0.06", 0.06), ("inf", math.inf), (0.06, 0.06), (80, 80), (None, None)],
+    [("0mm", 0.0), ("0.06", 0.06), ("inf", math.inf), (0.06, 0.06), (80, 80.0), (None, None)],
 )
 def test_what_has_no_unit_is_a_number(given: Any, stored: Any) -> None:
     length = parse_length("it", given)
@@ -80,12 +79,11 @@ def test_what_is_no_length_is_refused_with_the_units(text: Any) -> None:
 
 
 def test_only_lengths_with_that_default_can_be_none() -> None:
-    assert MultifingerSampling(min_separation=None).min_separation is None
     assert MeshOptions(max_edge=None).max_edge is None
     empty: Any = None
     for call in (
         lambda: Sampling(min_opening=empty),
-        lambda: MultifingerSampling(max_opening=empty),
+        lambda: Sampling(max_opening=empty),
         lambda: GraspModel(torsion_radius=empty),
     ):
         with pytest.raises(SettingError, match=r"must be a length: .*; got None"):
@@ -100,10 +98,6 @@ def test_every_length_of_the_settings_takes_a_unit_and_is_in_metres() -> None:
             {"torsion_radius", "location_error"},
         ),
         (Sampling(min_opening="5mm", max_opening="5mm"), {"min_opening", "max_opening"}),
-        (
-            MultifingerSampling(min_separation="5mm", max_opening="5mm"),
-            {"min_separation", "max_opening"},
-        ),
         (MeshOptions(max_edge="5mm"), {"max_edge"}),
     ):
         assert settings.lengths() == dict.fromkeys(names, 0.005)

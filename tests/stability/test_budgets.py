@@ -7,12 +7,12 @@ import grasp3d
 from grasp3d.stability import margin_budget
 
 
-def test_the_margin_is_the_sure_angle_minus_the_located_angle() -> None:
+def test_the_margin_is_the_sure_angle_minus_the_upper_bound() -> None:
     model = grasp3d.GraspModel(friction=(0.4, 0.6), sensor_resolution=0.2, location_error=0.01)
     critical = np.array([0.0, 0.1, math.inf])
-    located = np.array([0.05, 0.3, math.inf])
-    budget = margin_budget(model, critical, located)
-    np.testing.assert_allclose(budget["margin"], model.sure_angle - located)
+    upper = np.array([0.05, 0.3, math.inf])
+    budget = margin_budget(model, critical, upper)
+    np.testing.assert_allclose(budget["margin"], model.sure_angle - upper)
     np.testing.assert_allclose(budget["location"], [0.05, 0.2, 0.0])
     assert budget["friction"][0] == pytest.approx(math.atan(0.5) - math.atan(0.4))
     assert budget["sensor resolution"][0] == 0.1

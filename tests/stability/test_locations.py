@@ -255,7 +255,7 @@ class TestMoreContacts:
             before = after
 
     def test_fingers_that_differ_are_exact_without_location_errors(self) -> None:
-        """Located angles decide as the closure tests of `classify` do."""
+        """Bounds of critical angles decide as the closure tests of `classify` do."""
         contacts, _ = self._random(200, 3, 21)
         tilt = np.array([0.02, 0.1, 0.2])
         expected = classify(contacts, 2.0 * tilt)

@@ -11,7 +11,6 @@ import pytest
 
 from grasp3d import (
     GraspModel,
-    MultifingerSampling,
     ObjectMesh,
     ParallelGripper,
     Sampling,
@@ -125,7 +124,7 @@ def test_a_gripper_of_no_size_changes_nothing(name: str, grip: Grip, hand: Paral
 
 @pytest.mark.slow
 def test_tips_of_no_size_change_nothing_for_three_fingers() -> None:
-    model, sampling = replace(MODEL, fingers=3), MultifingerSampling(candidates=8)
+    model, sampling = replace(MODEL, fingers=3), Sampling(candidates=8)
     vertices, faces = shapes.sphere(1)
     mesh = load_mesh((vertices * (20, 25, 30), faces), unit="mm", max_edge="100mm")
     ideal = label_surface(mesh, model, sampling=sampling)

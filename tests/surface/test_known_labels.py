@@ -1,4 +1,4 @@
-"""Labels whose values are known, as those of files, and values of rows spread over vertices."""
+"""Labels whose values are known, as those of files, and values of rows gathered over vertices."""
 
 import pickle
 from collections.abc import Mapping
@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from grasp3d import GraspModel, Load, MultifingerSampling, SurfaceLabels, label_surface, load_mesh
+from grasp3d import GraspModel, Load, Sampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d.errors import SettingError
 from grasp3d.hand.scene import Scene
-from grasp3d.surface import Holding
-from grasp3d.surface.rows import NO_ROW, spread
+from grasp3d.surface import LoadResult
+from grasp3d.surface.rows import NO_ROW, gathered
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM
 
@@ -42,7 +42,7 @@ def wedge(**model: Any) -> SurfaceLabels:
 @cache
 def tripod() -> SurfaceLabels:
     mesh = load_mesh(shapes.box((1.0, 1.4, 2.0)), max_edge=0.7)
-    return label_surface(mesh, GraspModel(fingers=3), sampling=MultifingerSampling(candidates=16))
+    return label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(candidates=16))
 
 
 LABELS = {
@@ -71,17 +71,24 @@ def known(labels: SurfaceLabels, values: Mapping[str, Any]) -> SurfaceLabels:
 
 
 def values_of(labels: SurfaceLabels) -> dict[str, Any]:
-    names = (*ARRAYS, "located_angles", "epsilon_range", "holding", "reach", "partner_points")
+    names = (
+        *ARRAYS,
+        "critical_angle_bounds",
+        "epsilon_range",
+        "load_result",
+        "reach",
+        "partner_points",
+    )
     return {name: getattr(labels, name) for name in names}
 
 
 def assert_equal(one: SurfaceLabels, other: SurfaceLabels) -> None:
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
-    assert (one.holding is None) == (other.holding is None)
-    if one.holding is not None and other.holding is not None:
-        for field in fields(Holding):
-            values = getattr(one.holding, field.name), getattr(other.holding, field.name)
+    assert (one.load_result is None) == (other.load_result is None)
+    if one.load_result is not None and other.load_result is not None:
+        for field in fields(LoadResult):
+            values = getattr(one.load_result, field.name), getattr(other.load_result, field.name)
             if isinstance(values[0], np.ndarray):
                 np.testing.assert_array_equal(*values, err_msg=field.name)
 
@@ -126,6 +133,6 @@ def test_known_labels_are_pickled() -> None:
 )
 def test_spread_values_are_those_of_the_rows(values: np.ndarray, places: list[int]) -> None:
     row = np.array([min(place, len(values) - 1) for place in places], dtype=np.int64)
-    found = spread(values, row, np.inf)
+    found = gathered(values, row, np.inf)
     np.testing.assert_array_equal(found, [values[one] if one >= 0 else np.inf for one in row])
     assert not found.flags.writeable

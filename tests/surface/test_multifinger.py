@@ -12,8 +12,8 @@ from grasp3d import (
     Contacts,
     GraspModel,
     Label,
-    MultifingerSampling,
     ObjectMesh,
+    Sampling,
     SurfaceLabels,
     classify,
     label_surface,
@@ -55,7 +55,7 @@ def labelled(shape: str, fingers: int, **sampling: Any) -> SurfaceLabels:
         "tapered": tapered,
         "box": lambda: box_mesh((2.0, 1.5, 1.0), max_edge=0.45),
     }[shape]()
-    settings = MultifingerSampling(**{"search_angle": SEARCH_ANGLE, "candidates": 32, **sampling})
+    settings = Sampling(**{"search_angle": SEARCH_ANGLE, "candidates": 32, **sampling})
     return label_surface(mesh, GraspModel(fingers=fingers), sampling=settings)
 
 
@@ -68,13 +68,13 @@ def contacts_of(labels: SurfaceLabels, vertices: np.ndarray) -> np.ndarray:
 @pytest.mark.slow
 def test_the_result_does_not_depend_on_threads_and_only_the_seed_changes_it() -> None:
     mesh = wedge()
-    sampling = MultifingerSampling(candidates=16)
+    sampling = Sampling(candidates=16)
     found = [running(threads=threads)(search)(mesh, 4, sampling, 0.7) for threads in (1, 2, 3)]
     for other in found[1:]:
         assert np.array_equal(found[0].partner_points.faces, other.partner_points.faces)
         assert np.array_equal(found[0].partner_points.weights, other.partner_points.weights)
         assert found[0].evaluated == other.evaluated
-    another = search(mesh, 4, MultifingerSampling(candidates=16, seed=7), 0.7)
+    another = search(mesh, 4, Sampling(candidates=16, seed=7), 0.7)
     assert not np.array_equal(found[0].partner_points.weights, another.partner_points.weights)
 
 
@@ -85,7 +85,7 @@ def test_the_unit_of_lengths_changes_no_letter(shape: str, factor: float) -> Non
     """On regular shapes many grasps are equally good, and rounding errors must not choose."""
     mesh = labelled(shape, 3).mesh
     both = [load_mesh((f * mesh.vertices, mesh.faces), max_edge=10.0 * f) for f in (1.0, factor)]
-    sampling = MultifingerSampling(search_angle=SEARCH_ANGLE, candidates=32)
+    sampling = Sampling(search_angle=SEARCH_ANGLE, candidates=32)
     for fingers in (3, 4):
         model = GraspModel(fingers=fingers)
         one, other = (label_surface(of, model, sampling=sampling) for of in both)
@@ -151,7 +151,7 @@ def test_labels_are_monotone_in_friction_and_antitone_in_resolution() -> None:
 @pytest.mark.slow
 def test_contacts_keep_the_limits_of_distances() -> None:
     low, high = 0.4, 1.5
-    labels = labelled("wedge", 4, min_separation=low, max_opening=high)
+    labels = labelled("wedge", 4, min_opening=low, max_opening=high)
     vertices = np.flatnonzero(np.isfinite(labels.critical_angle))
     assert len(vertices) > 100
     contacts = contacts_of(labels, vertices)
@@ -219,7 +219,7 @@ def _smooth_grasps(labels: SurfaceLabels) -> tuple[np.ndarray, np.ndarray, np.nd
 @pytest.mark.slow
 def test_idle_fingers_may_be_placed_on_corners() -> None:
     corners = load_mesh(shapes.box((2.0, 1.5, 1.0)), max_edge=1e3)
-    sampling = MultifingerSampling(candidate_points="vertices", search_angle=SEARCH_ANGLE)
+    sampling = Sampling(candidate_points="vertices", search_angle=SEARCH_ANGLE)
     angles = [
         label_surface(corners, GraspModel(fingers=n), sampling=sampling).critical_angle_best
         for n in (3, 4, 5)

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from grasp3d import GraspModel, MultifingerSampling, ObjectMesh, label_surface, load_mesh
+from grasp3d import GraspModel, ObjectMesh, Sampling, label_surface, load_mesh
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.settings.sampling import CandidatePoints
 from tests.helpers import coplanar, shapes
@@ -74,7 +74,7 @@ def truth(name: str) -> tuple[ObjectMesh, Ints, Floats]:
 
 def searched(mesh: ObjectMesh, candidate_points: CandidatePoints, seed: int = 0) -> Floats:
     """Critical angles that the search finds at every vertex."""
-    sampling = MultifingerSampling(candidate_points=candidate_points, search_angle=LIMIT, seed=seed)
+    sampling = Sampling(candidate_points=candidate_points, search_angle=LIMIT, seed=seed)
     labels = label_surface(mesh, GraspModel(fingers=3), sampling=sampling)
     return np.asarray(labels.critical_angle)
 

@@ -24,9 +24,9 @@ from grasp3d.grasps.poses import GraspPoses
 from grasp3d.quality.loads import Load
 from grasp3d.quality.tasks import STANDARD_GRAVITY
 from grasp3d.stability.label import Label
-from grasp3d.surface.grasp_numbers import surface_holding
-from grasp3d.surface.holding import FORCE_RTOL, Holding
+from grasp3d.surface.grasp_numbers import surface_load_result
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.load_result import FORCE_RTOL, LoadResult
 from tests.helpers import shapes
 from tests.helpers.closing_jaws import pads, pose
 
@@ -44,13 +44,13 @@ def block() -> ObjectMesh:
     return load_mesh(shapes.box((80.0, 50.0, 30.0)), unit="mm", max_edge="30mm")
 
 
-def held(load: Load = DOWN, *, tilt: float = 0.0, **changed: Any) -> Holding:
-    """Holding of two fingers opposite to each other, at `OFFSETS` from the centre of mass."""
+def held(load: Load = DOWN, *, tilt: float = 0.0, **changed: Any) -> LoadResult:
+    """LoadResult of two fingers opposite to each other, at `OFFSETS` from the centre of mass."""
     model = GraspModel(sensor_resolution=2.0 * tilt, **changed)
     points = [[[x, side, 0.0] for side in (0.025, -0.025)] for x in OFFSETS]
     contacts = evaluate_grasps(block(), points, model).contacts
     case = LoadCase.of(load, block(), model, FRANKA)
-    return surface_holding(contacts, model, case)
+    return surface_load_result(contacts, model, case)
 
 
 def forces_at(friction: float, torsion_friction: float | None = None) -> Floats:
@@ -117,7 +117,7 @@ def labels(friction: Any = NOMINAL) -> SurfaceLabels:
 
 @pytest.mark.slow
 def test_grasps_that_surely_hold_do_so_at_the_smallest_friction() -> None:
-    found, low = labels(INTERVAL).holding, labels(LOW).holding
+    found, low = labels(INTERVAL).load_result, labels(LOW).load_result
     assert found is not None
     assert low is not None
     assert found.label is not None

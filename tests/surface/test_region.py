@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from grasp3d import (
     GraspModel,
     Label,
-    MultifingerSampling,
     ObjectMesh,
     ParallelGripper,
     Sampling,
@@ -152,7 +151,7 @@ def test_contacts_of_searches_by_rays_are_allowed(
 @settings(max_examples=8, deadline=None)
 @given(regions(), st.sampled_from(["surface", "vertices"]))
 def test_contacts_of_three_fingers_are_allowed(mesh: ObjectMesh, points: str) -> None:
-    sampling = MultifingerSampling(candidates=16, candidate_points=points)  # type: ignore[arg-type]
+    sampling = Sampling(candidates=16, candidate_points=points)  # type: ignore[arg-type]
     try:
         labels = label_surface(mesh, GraspModel(fingers=3), sampling=sampling)
     except SettingError:

@@ -11,7 +11,7 @@ from grasp3d import (
     Contacts,
     GraspModel,
     Label,
-    MultifingerSampling,
+    Sampling,
     SurfaceLabels,
     classify,
     label_surface,
@@ -282,9 +282,7 @@ def test_labels_evaluate_the_grasps_that_were_found(monkeypatch: pytest.MonkeyPa
 
 @cache
 def searched(fingers: int) -> SurfaceLabels:
-    return label_surface(
-        ball(), GraspModel(fingers=fingers), sampling=MultifingerSampling(candidates=16)
-    )
+    return label_surface(ball(), GraspModel(fingers=fingers), sampling=Sampling(candidates=16))
 
 
 def test_a_ball_is_s_everywhere_for_three_fingers() -> None:

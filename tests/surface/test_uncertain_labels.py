@@ -13,7 +13,6 @@ from grasp3d import (
     Contacts,
     GraspModel,
     Label,
-    MultifingerSampling,
     Sampling,
     SurfaceLabels,
     classify,
@@ -48,7 +47,7 @@ def test_zero_errors_change_nothing(labels: SurfaceLabels) -> None:
     again = label_surface(labels.mesh, model, sampling=WIDE)
     assert again.label.tolist() == labels.label.tolist()
     assert again.critical_angle.tolist() == labels.critical_angle.tolist()
-    assert again.located_angles[0].tolist() == labels.critical_angle.tolist()
+    assert again.critical_angle_bounds[0].tolist() == labels.critical_angle.tolist()
     relabelled = labels.relabel(friction=(0.5, 0.5), location_error=0.0)
     assert relabelled.label.tolist() == labels.label.tolist()
 
@@ -185,7 +184,7 @@ def test_given_grasps_and_scans(labels: SurfaceLabels) -> None:
 @pytest.mark.slow
 def test_three_fingers_are_safe() -> None:
     mesh = load_mesh(shapes.sphere(2), max_edge=9.0)
-    known = label_surface(mesh, GraspModel(fingers=3), sampling=MultifingerSampling(candidates=8))
+    known = label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(candidates=8))
     unsure = known.relabel(location_error=0.02 * mesh.size)
     assert ((unsure.label == known.label) | (unsure.label == Label.M)).all()
     assert (unsure.label == Label.S).any()

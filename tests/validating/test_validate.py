@@ -100,7 +100,7 @@ def test_it_agrees_with_an_evaluation() -> None:
         one for one in found.labels
         if one.friction == 0.5 and one.sensor_resolution == pytest.approx(math.radians(22.6))
     )  # fmt: skip
-    low = labels_at(grasps.located_worst, grasps.located_best, GraspModel(), 0.5, 0.3944)
+    low = labels_at(grasps.angle_upper, grasps.angle_lower, GraspModel(), 0.5, 0.3944)
     assert default.counts == pytest.approx(np.bincount(low, minlength=3), abs=1)
     assert (grasps.label <= low).all()  # some are not reachable
     assert sum(default.held) == grasps.held.sum()

@@ -17,7 +17,6 @@ from grasp3d import (
     GraspModel,
     Load,
     MeshOptions,
-    MultifingerSampling,
     ParallelGripper,
     Sampling,
     SurfaceLabels,
@@ -127,10 +126,10 @@ def test_a_labelled_file_has_its_own_settings_unless_others_are_given(file: Path
     assert changed.model == replace(labels.model, friction=0.3)
     assert (changed.sampling.min_opening, changed.sampling.max_opening) == (0.001, 0.003)
     assert changed.sampling.search_angle is None
-    three = open_collection(file, GraspModel(fingers=3), MultifingerSampling(max_opening="2mm"))
-    assert (three.model.fingers, three.sampling) == (3, MultifingerSampling(max_opening="2mm"))
-    with pytest.raises(SettingError, match="does not apply to 3 fingers"):
-        open_collection(file, GraspModel(fingers=3), Sampling(min_opening="2mm"))
+    three = open_collection(file, GraspModel(fingers=3), Sampling(max_opening="2mm"))
+    assert (three.model.fingers, three.sampling) == (3, Sampling(max_opening="2mm"))
+    with pytest.raises(SettingError, match="grip expand is for two fingers"):
+        open_collection(file, GraspModel(fingers=3), Sampling(grip="expand"))
 
 
 def _held() -> SurfaceLabels:

@@ -91,7 +91,7 @@ def test_labels_are_those_of_relabel(resolution: float, location_error: float) -
         assert found[letter] == pytest.approx(fraction, abs=1e-12)
 
 
-def test_three_fingers_are_located_in_the_background() -> None:
+def test_bounds_of_three_fingers_are_computed_in_the_background() -> None:
     session = ready_session(viewing.three_fingers())
     session.change(location_error=0.01)
     assert session.stale
@@ -117,15 +117,15 @@ def test_fixed_fingers_have_errors_too(session: Session) -> None:
     after = session.inspection
     assert after is not None
     assert fractions(session)["S"] <= before
-    assert "located β*" in dict(after.numbers)
-    assert "located β*" not in dict(seen.numbers)
+    assert "β* bounds" in dict(after.numbers)
+    assert "β* bounds" not in dict(seen.numbers)
 
 
 def test_safe_labels_are_said_to_be_safe_once() -> None:
     note = "labels are safe: every S and U is correct, an M may be one of them"
     three = viewing.three_fingers()
-    located = three.using(model=replace(three.model, location_error=1e-4))
-    for labels, count in ((located, 1), (three, 0), (slab(), 0)):
+    uncertain = three.using(model=replace(three.model, location_error=1e-4))
+    for labels, count in ((uncertain, 1), (three, 0), (slab(), 0)):
         text = panel_text(ready_session(labels))
         assert text.notes.count(note) == count
     session = ready_session(slab().using(model=GraspModel(location_error=1e-4)))
@@ -138,7 +138,7 @@ def test_safe_labels_are_said_to_be_safe_once() -> None:
 def test_a_vertex_has_a_margin_and_its_budget() -> None:
     labels = slab().relabel(friction=(0.4, 0.6), location_error=1e-4)
     subject, model = subject_of(labels), labels.model
-    for vertex in np.flatnonzero(np.isfinite(labels.located_angles[0]))[::40]:
+    for vertex in np.flatnonzero(np.isfinite(labels.critical_angle_bounds[0]))[::40]:
         seen = inspect(subject, int(vertex), model)
         numbers = dict(seen.numbers)
         margin = math.degrees(labels.margin[vertex])
@@ -176,7 +176,7 @@ def test_explanations_name_the_errors() -> None:
     assert "location errors β* is from " in reason
     plain = inspect(subject_of(slab()), 0, slab().model)
     assert "errors" not in plain.reason
-    assert "located β*" not in dict(plain.numbers)
+    assert "β* bounds" not in dict(plain.numbers)
     assert plain.budget.startswith("β 26.6° = β* ")
 
 
@@ -198,7 +198,7 @@ def test_a_labelled_file_has_the_errors_and_labels_of_its_model(
     subject = read_subject(tmp_path / "slab.ply")
     assert subject.labels.model == model
     assert subject.locates(model)
-    for stored, computed in zip(subject.angles(model), labels.located_angles, strict=True):
+    for stored, computed in zip(subject.angles(model), labels.critical_angle_bounds, strict=True):
         assert np.allclose(stored, computed, atol=1e-6)
     session = ready_session(open_collection(tmp_path / "slab.ply"))
     assert session.subject is not None

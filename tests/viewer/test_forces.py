@@ -15,7 +15,7 @@ from grasp3d.errors import SettingError
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.loads import Load
 from grasp3d.surface import Reason
-from grasp3d.surface.holding import Holding
+from grasp3d.surface.load_result import LoadResult
 from grasp3d.viewer.session import planning
 from grasp3d.viewer.session.collection import collection_of, open_collection
 from grasp3d.viewer.session.controls import handle_key
@@ -52,8 +52,8 @@ def session() -> Session:
 
 def weakest(labels: SurfaceLabels) -> tuple[int, int]:
     """Vertices with the smallest grip force, and with an infinite one."""
-    assert labels.holding is not None
-    force = labels.holding.grip_force
+    assert labels.load_result is not None
+    force = labels.load_result.grip_force
     return int(np.nanargmin(force)), int(np.flatnonzero(np.isinf(force))[0])
 
 
@@ -64,15 +64,15 @@ def weakest(labels: SurfaceLabels) -> tuple[int, int]:
 def test_the_panel_lists_force_and_payload_of_the_clicked_vertex(session: Session) -> None:
     best, _ = weakest(held())
     session.click(best)
-    seen, holding = session.inspection, held().holding
+    seen, load_result = session.inspection, held().load_result
     assert seen is not None
-    assert holding is not None
+    assert load_result is not None
     numbers = dict(seen.numbers)
-    force, most = holding.grip_force[best], holding.grip_force_largest[best]
+    force, most = load_result.grip_force[best], load_result.grip_force_largest[best]
     assert most > force * 1.01
     assert numbers["grip force"] == f"{force:.3g} N"
     assert numbers["at worst normals"] == f"{most:.3g} N"
-    assert numbers["payload"] == f"{holding.payload[best]:.3g} kg with 20 N"
+    assert numbers["payload"] == f"{load_result.payload[best]:.3g} kg with 20 N"
     assert "With 20 N the load of 0.5 kg is held at all normals" in seen.reason
     assert panel_text(session).facts.endswith("; load 0.5 kg, 20 N at hand")
 
@@ -89,8 +89,8 @@ def test_the_panel_says_why_no_force_suffices(session: Session) -> None:
 def test_two_hard_fingers_have_their_own_reason() -> None:
     labels = held().using(model=GraspModel(), load=Load(mass=0.5))
     session = ready_session(labels)
-    assert labels.holding is not None
-    unresisted = labels.holding.resistance == Resistance.NO_SUCH_WRENCH
+    assert labels.load_result is not None
+    unresisted = labels.load_result.resistance == Resistance.NO_SUCH_WRENCH
     session.click(int(np.flatnonzero(unresisted & (labels.label == Label.S))[0]))
     seen = session.inspection
     assert seen is not None
@@ -117,15 +117,15 @@ def test_the_sentence_is_that_of_the_label_with_force(
     case = held().load_case
     assert case is not None
     forces = (np.array([force]) for force in (nominal, least, largest, 1.0))
-    holding = Holding(case, *forces, np.array([Resistance.NO_SUCH_WRENCH]), "exact")
-    found = HeldGrasp(holding, 0, 3)
+    load_result = LoadResult(case, *forces, np.array([Resistance.NO_SUCH_WRENCH]), "exact")
+    found = HeldGrasp(load_result, 0, 3)
     assert sentence in found.sentence()
     assert bool(found.sentence()) == bool(sentence)
     if math.isinf(nominal):
         assert found.numbers()[0] == ("grip force", "none suffices")
     unknown = HeldGrasp(
         replace(
-            holding,
+            load_result,
             case=replace(case, mass=None, available=None),
             payload=np.array([math.nan]),
         ),
@@ -172,10 +172,10 @@ def test_colours_are_computed_and_follow_the_values(session: Session, paint: str
     assert before is not None
     assert "being computed" in before.text
     wait_until_idle(session)
-    subject, holding = session.subject, held().holding
+    subject, load_result = session.subject, held().load_result
     assert subject is not None
-    assert holding is not None
-    values = holding.grip_force if paint == "grip_force" else holding.payload
+    assert load_result is not None
+    values = load_result.grip_force if paint == "grip_force" else load_result.payload
     ramp = ramp_of(subject, session.state.paint, session.model)
     assert ramp is not None
     known = np.isfinite(values)
@@ -206,7 +206,7 @@ def test_forces_are_computed_again_for_another_friction(session: Session) -> Non
     subject = session.subject
     assert subject is not None
     assert subject.forces is not None
-    relabelled = held().relabel(friction=0.4).holding
+    relabelled = held().relabel(friction=0.4).load_result
     assert relabelled is not None
     assert np.array_equal(subject.forces.grip_force, relabelled.grip_force, equal_nan=True)
 
@@ -245,14 +245,14 @@ def test_a_labelled_file_has_its_forces(tmp_path: Path) -> None:
     path = tmp_path / "held.ply"
     write_ply(path, held())
     subject = read_subject(path)
-    holding = held().holding
+    load_result = held().load_result
     assert subject.forces is not None
-    assert holding is not None
+    assert load_result is not None
     assert subject.labels.load == LOAD
     assert subject.labels.load_case == held().load_case
-    assert subject.forces.holding is not None
+    assert subject.forces.load_result is not None
     for name in ("grip_force", "grip_force_least", "grip_force_largest", "payload", "resistance"):
-        stored, computed = getattr(subject.forces.holding, name), getattr(holding, name)
+        stored, computed = getattr(subject.forces.load_result, name), getattr(load_result, name)
         assert np.array_equal(stored, computed, equal_nan=name != "resistance")
     session = Session(open_collection(path), ViewSettings(paint="payload"))
     wait_until_idle(session)

@@ -83,17 +83,17 @@ def test_view_shows_the_contacts_and_not_the_palm(tmp_path: Path) -> None:
 
 def test_what_the_motors_hold_is_drawn_and_listed(tmp_path: Path) -> None:
     found = grasps(tmp_path, TOUCHING, load=Load(mass=1.5, torque_limits=10.0))
-    assert found.motor_holding is not None
+    assert found.hand_load_result is not None
     picture = np.zeros((40, 40, 3), dtype=np.uint8)
     texts = " ".join(text for text, _ in drawn_texts(grasp_figure(found, [picture])))
-    sure = f"{found.motor_holding.payload_sure[0]:.3g}"
+    sure = f"{found.hand_load_result.payload_min[0]:.3g}"
     assert f" kg, {sure} surely" in texts
     session = ready_session(collection_of_grasps(found))
     assert session.inspection is not None
     numbers = dict(session.inspection.numbers)
     assert numbers["holds surely"] == f"{sure} kg"
     assert numbers["limited by"].startswith("slide_")
-    assert numbers["1.5 kg"] == f"load {150.0 / found.motor_holding.payload_sure[0]:.0f} %"
+    assert numbers["1.5 kg"] == f"load {150.0 / found.hand_load_result.payload_min[0]:.0f} %"
     assert session.inspection.reason == f"Surely holds {sure} kg only."
     session.close()
 

@@ -160,7 +160,7 @@ def test_margins_change_colour_where_they_are_0(location: float) -> None:
     assert ramp is not None
     assert ramp.maximum == -ramp.minimum == pytest.approx(math.degrees(model.friction_angle))
     assert ramp.start == f"≤ −{ramp.maximum:.3g}°"
-    known = np.isfinite(labels.located_angles[0])
+    known = np.isfinite(labels.critical_angle_bounds[0])
     colors = _ramp_color(subject, "margin", model).astype(int)
     assert (colors[~known] == PALETTE[UNSEARCHED]).all()
     margins = np.degrees(labels.margin[known])

@@ -12,7 +12,6 @@ from grasp3d import (
     GraspError,
     GraspModel,
     Label,
-    MultifingerSampling,
     Sampling,
     label_surface,
     scan_surface,
@@ -215,7 +214,7 @@ def test_a_failed_job_is_reported_and_not_repeated() -> None:
         raise MeshError("the mesh is too large")
 
     collection = Collection((Item("a", fail), Item("b", lambda: subject_of(labels))),
-                  labels.model, MultifingerSampling(candidates=8))  # fmt: skip
+                  labels.model, Sampling(candidates=8))  # fmt: skip
     session = ready_session(collection)
     assert session.message == "the mesh is too large"
     assert session.subject is None

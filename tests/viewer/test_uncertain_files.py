@@ -8,7 +8,6 @@ import pytest
 
 from grasp3d import (
     GraspModel,
-    MultifingerSampling,
     Sampling,
     SurfaceLabels,
     label_surface,
@@ -75,7 +74,7 @@ def _for_model(labels: SurfaceLabels, name: str) -> SurfaceLabels:
 
 def _clear(labels: SurfaceLabels) -> np.ndarray:
     """Vertices whose label does not depend on the rounding to 32 bits."""
-    worst, best = labels.located_angles
+    worst, best = labels.critical_angle_bounds
     with np.errstate(invalid="ignore"):
         near = np.abs(worst - labels.model.sure_angle) < 1e-6
         return ~(near | (np.abs(best - labels.model.unstable_from) < 1e-6))
@@ -83,7 +82,7 @@ def _clear(labels: SurfaceLabels) -> np.ndarray:
 
 def test_three_fingers_are_read_as_they_were_written(tmp_path: Path) -> None:
     mesh = load_mesh(shapes.box(), max_edge=0.5)
-    wide = MultifingerSampling(candidates=8, search_angle=1.2)
+    wide = Sampling(candidates=8, search_angle=1.2)
     known = label_surface(mesh, GraspModel(fingers=3), sampling=wide)
     labels = known.relabel(location_error=MODELS["location"].location_error)
     write_ply(tmp_path / "three.ply", labels)
@@ -109,9 +108,7 @@ def test_the_angles_of_a_subject_decide_its_labels(tmp_path: Path, fingers: int)
 def box(fingers: int) -> SurfaceLabels:
     mesh, model = load_mesh(shapes.box(), max_edge=0.5), GraspModel(fingers=fingers, friction=0.3)
     search = (
-        Sampling(search_angle=1.2)
-        if fingers == 2
-        else MultifingerSampling(candidates=8, search_angle=1.2)
+        Sampling(search_angle=1.2) if fingers == 2 else Sampling(candidates=8, search_angle=1.2)
     )
     return label_surface(mesh, model, sampling=search)
 

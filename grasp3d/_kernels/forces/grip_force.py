@@ -4,8 +4,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import Bytes1, Floats1, Floats2, Floats3, Ints1
 from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.forces.force_slice import ForceSlice
 from grasp3d._kernels.forces.tasks import (
@@ -45,21 +45,21 @@ UNFINISHED = 255
 class TaskScratch(NamedTuple):
     """Scratch for the task of one grasp in the coordinates of its span."""
 
-    frame: npt.NDArray[np.float64]
+    frame: Floats2
     """As in `TaskInSpan` (6, 6)."""
-    extents: npt.NDArray[np.float64]
+    extents: Floats1
     """As in `TaskInSpan` (6,)."""
-    terms: npt.NDArray[np.float64]
+    terms: Floats2
     """The terms for the grasp's mass (t, TERM)."""
-    goals: npt.NDArray[np.float64]
+    goals: Floats2
     """As in `ForceSlice` (3, 6)."""
-    vectors: npt.NDArray[np.float64]
+    vectors: Floats2
     """Scratch of `resist` (20, 8)."""
-    forces: npt.NDArray[np.float64]
+    forces: Floats2
     """Scratch of `resist` (n, 4)."""
-    best: npt.NDArray[np.float64]
+    best: Floats1
     """As in `ForceSlice` (7,)."""
-    ones: npt.NDArray[np.float64]
+    ones: Floats1
     """Metric of forces (6,)."""
 
 
@@ -80,14 +80,14 @@ def make_scratch(terms: int, count: int) -> TaskScratch:
 class ForceResults(NamedTuple):
     """Results for each grasp (b, ...); written."""
 
-    lower: npt.NDArray[np.float64]
-    upper: npt.NDArray[np.float64]
-    rank: npt.NDArray[np.int64]
-    status: npt.NDArray[np.uint8]
-    reason: npt.NDArray[np.uint8]
-    direction: npt.NDArray[np.float64]
+    lower: Floats1
+    upper: Floats1
+    rank: Ints1
+    status: Bytes1
+    reason: Bytes1
+    direction: Floats2
     """Direction that proves `lower` (b, 6)."""
-    forces: npt.NDArray[np.float64]
+    forces: Floats3
     """Contact forces that resist the wrench, in the contacts' axes (b, n, 4); nan: none."""
 
 
@@ -215,7 +215,10 @@ def _grow_slice(space, task, size, rtol, workspace, polytope, scratch):
     return status, min(lower / size, scratch.best[6]), scratch.best[6]
 
 
-@scratch_kernel
+@scratch_kernel(
+    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, Floats2, Floats2, Floats2, Floats1, "
+    "float, Floats1, float, int, Workspace, Polytope, TaskScratch, ForceResults"
+)
 def task_forces(
     form, axes, tangential, cones, rim, terms, points, masses, size, torque_scale, rtol, first,
     workspace, polytope, scratch, results,
@@ -318,7 +321,10 @@ def _write_goal(wrench, rank, torque_scale, workspace, remainder, goal):
     return math.sqrt(size), math.sqrt(outside)
 
 
-@scratch_kernel
+@scratch_kernel(
+    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, Floats2, Floats2, Floats1, float, "
+    "Workspace, Floats2, ForceResults"
+)
 def wrench_forces(
     form, axes, tangential, cones, rim, wrenches, torque_scale, rtol, workspace, vectors, results
 ):

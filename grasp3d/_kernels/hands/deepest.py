@@ -8,7 +8,7 @@ import math
 
 from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.hands.link_shapes import EVEN, HULL, nearest_in_shape, support
-from grasp3d._kernels.hands.placing import moved, moved_back, turned_back
+from grasp3d._kernels.hands.rigid_motions import moved, moved_back, turned_back
 from grasp3d._kernels.hands.touched_surface import (
     is_inside,
     least_distance,
@@ -84,16 +84,16 @@ def _go(i, count, step, shapes, scratch):
     for a in range(count):
         target = combined(1.0, target, step * pieces[a, WEIGHT], triple(pieces[a], ALONG))
     if count == 1 and step == FAR and shapes.kinds[i] == HULL:
-        x, y, z = turned_back(scratch.placed, triple(pieces[0], ALONG))
+        x, y, z = turned_back(scratch.pose, triple(pieces[0], ALONG))
         box, at = shapes.boxes[i], scratch.shape.at
         p = support(HULL, shapes.sizes[i], box, shapes.hull, at, 1.0, x, y, z)
-        copy(moved(scratch.placed, p), scratch.trial)
+        copy(moved(scratch.pose, p), scratch.trial)
         return
     p = nearest_in_shape(
-        moved_back(scratch.placed, target), shapes.kinds[i], shapes.sizes[i], shapes.boxes[i],
+        moved_back(scratch.pose, target), shapes.kinds[i], shapes.sizes[i], shapes.boxes[i],
         shapes.hull, scratch.shape,
     )  # fmt: skip
-    copy(moved(scratch.placed, p), scratch.trial)
+    copy(moved(scratch.pose, p), scratch.trial)
 
 
 @part
@@ -198,7 +198,7 @@ def deepest(i, first, lows, shapes, surface, scratch):
         low = lows[j - start] + LIKELY * surface.step
         if j == first or low > -best or climbs == STARTS:
             continue
-        p, row = moved(scratch.placed, shapes.samples[j]), scratch.pieces[0]
+        p, row = moved(scratch.pose, shapes.samples[j]), scratch.pieces[0]
         depth = look(p, least_distance(p, surface)[1], row, surface, scratch)
         # Where depth bulges, every point foresees at least that of the deepest one.
         if depth > best or (depth > 0.0 and _foreseen(row, found) < (1.0 - 0.02) * best):

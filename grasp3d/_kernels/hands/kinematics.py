@@ -4,8 +4,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import FixedFloats1, FixedFloats2, FixedFloats3, FixedInts1
 from grasp3d._kernels.compiling import kernel, part
 
 FIXED, SLIDES, TURNS = range(3)
@@ -15,21 +15,21 @@ FIXED, SLIDES, TURNS = range(3)
 class Chain(NamedTuple):
     """Links of a hand, parents first, each with the joint that moves it; the first has none."""
 
-    parents: npt.NDArray[np.int64]
+    parents: FixedInts1
     """Link that carries the joint (L,); -1: none."""
-    kinds: npt.NDArray[np.int64]
+    kinds: FixedInts1
     """FIXED, SLIDES or TURNS (L,)."""
-    origins: npt.NDArray[np.float64]
+    origins: FixedFloats3
     """Pose in the parent's frame at the joint's value 0 (L, 4, 4)."""
-    axes: npt.NDArray[np.float64]
+    axes: FixedFloats2
     """Unit vectors in the moved link's frame (L, 3)."""
-    positions: npt.NDArray[np.float64]
+    positions: FixedFloats2
     """A point of each axis in the moved link's frame (L, 3)."""
-    columns: npt.NDArray[np.int64]
+    columns: FixedInts1
     """Number in a posture of the joint that states the value (L,); -1: none."""
-    factors: npt.NDArray[np.float64]
+    factors: FixedFloats1
     """Value per value of that joint (L,)."""
-    offsets: npt.NDArray[np.float64]
+    offsets: FixedFloats1
     """Value where that joint's is 0 (L,)."""
 
 
@@ -60,7 +60,7 @@ def _write_product(one, two, product):
             product[i, j] = total
 
 
-@kernel
+@kernel("Floats2, Chain")
 def link_poses(postures, chain):
     """Poses of all links in the frame of the first, at postures (k, p): (k, L, 4, 4)."""
     count, links = postures.shape[0], chain.parents.shape[0]
@@ -88,7 +88,7 @@ def link_poses(postures, chain):
     return poses
 
 
-@kernel
+@kernel("Floats4, Ints1, Ints1, Floats2, int, Chain")
 def jacobians(poses, rows, links, points, width, chain):
     """Velocities of points of links per velocity of the joints, in the frame of the first link.
 

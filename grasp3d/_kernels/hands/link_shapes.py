@@ -8,8 +8,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import Floats1, Floats2, Floats3, Ints1
 from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.surface.vectors import (
     combined,
@@ -54,59 +54,59 @@ CORE, FACE, CORNERS = 0, 4, 8
 class Hulls(NamedTuple):
     """Corners of convex hulls, and the edges between them."""
 
-    vertices: npt.NDArray[np.float64]
+    vertices: Floats2
     """(v, 3)."""
-    first: npt.NDArray[np.int64]
+    first: Ints1
     """Rows of `neighbours` of each vertex (v + 1,)."""
-    neighbours: npt.NDArray[np.int64]
+    neighbours: Ints1
     """Vertices at the other ends of its edges."""
-    at: npt.NDArray[np.int64]
+    at: Ints1
     """First vertex of each shape's hull (m,)."""
 
 
 class LinkShapes(NamedTuple):
     """Shapes of all links, those of one link after each other, in metres."""
 
-    kinds: npt.NDArray[np.int64]
+    kinds: Ints1
     """BOX, CYLINDER, ... (m,)."""
-    links: npt.NDArray[np.int64]
+    links: Ints1
     """Link of each shape, ascending (m,)."""
-    poses: npt.NDArray[np.float64]
+    poses: Floats3
     """Frame of the shape to that of its link (m, 3, 4)."""
-    sizes: npt.NDArray[np.float64]
+    sizes: Floats2
     """(m, 3); a hull has none."""
-    boxes: npt.NDArray[np.float64]
+    boxes: Floats2
     """Centre and half lengths of the box around the shape, and radius of the ball (m, 7)."""
     hull: "Hulls"
-    first_plane: npt.NDArray[np.int64]
+    first_plane: Ints1
     """Rows of each hull's planes (m + 1,)."""
-    planes: npt.NDArray[np.float64]
+    planes: Floats2
     """Outward unit normals, and their largest product with a point of the hull: of all its faces,
     and before them `COARSE` ones that stand for them where these are more (f, 4)."""
-    first_sample: npt.NDArray[np.int64]
+    first_sample: Ints1
     """Rows of the points on each shape's surface (m + 1,)."""
-    samples: npt.NDArray[np.float64]
+    samples: Floats2
     """Points, corners and edges among them, and outward unit normals (s, 6)."""
 
 
 class ShapeScratch(NamedTuple):
     """Arrays of one distance."""
 
-    simplex: npt.NDArray[np.float64]
+    simplex: Floats2
     """Support points: of the core, of the triangle, and their differences (12, 3)."""
-    weights: npt.NDArray[np.float64]
+    weights: Floats1
     """Weights of the support points (4,), and of a face that is tried (4,)."""
-    guess: npt.NDArray[np.float64]
+    guess: Floats1
     """Vector from the triangle to the shape to begin with, replaced by the one found (3,)."""
-    on_core: npt.NDArray[np.float64]
+    on_core: Floats1
     """Nearest point of the core (3,)."""
-    on_face: npt.NDArray[np.float64]
+    on_face: Floats1
     """Nearest point of the triangle (3,)."""
-    at: npt.NDArray[np.int64]
+    at: Ints1
     """Vertex of the hull at which a search for its farthest one begins (1,)."""
-    polygon: npt.NDArray[np.float64]
+    polygon: Floats3
     """Corners of what is left of a triangle, and of that before (2, CUTS + 3, 3)."""
-    point: npt.NDArray[np.float64]
+    point: Floats1
     """A triangle that is a point (9,)."""
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from grasp3d._kernels.compiling import kernel, part
 from grasp3d._kernels.hands.link_shapes import COARSE, point_depth
-from grasp3d._kernels.hands.placing import moved, moved_back, place, turned_back
+from grasp3d._kernels.hands.rigid_motions import compose, moved, moved_back, turned_back
 from grasp3d._kernels.surface.vectors import copy, difference
 
 
@@ -37,7 +37,7 @@ def _overlap(i, j, one, other, deepest, relative, shapes):
     return deepest
 
 
-@kernel
+@kernel("Floats4, int, int, Ints2, LinkShapes, Floats1, Ints2")
 def self_overlaps(frames, begin, end, allowed, shapes, depths, pairs):
     """Find the two links of each pose that overlap most.
 
@@ -51,12 +51,12 @@ def self_overlaps(frames, begin, end, allowed, shapes, depths, pairs):
         pairs: Written: the links, -1: none (k, 2).
     """
     size = shapes.kinds.shape[0]
-    placed = np.empty((size, 3, 4))
+    poses = np.empty((size, 3, 4))
     middles, relative = np.empty((size, 3)), np.empty((3, 4))
     for pose in range(begin, end):
         for i in range(size):
-            place(frames[pose, shapes.links[i]], shapes.poses[i], placed[i])
-            middles[i, 0], middles[i, 1], middles[i, 2] = moved(placed[i], shapes.boxes[i])
+            compose(frames[pose, shapes.links[i]], shapes.poses[i], poses[i])
+            middles[i, 0], middles[i, 1], middles[i, 2] = moved(poses[i], shapes.boxes[i])
         depths[pose], pairs[pose, 0], pairs[pose, 1] = 0.0, -1, -1
         for i in range(size):
             for j in range(i + 1, size):
@@ -69,8 +69,8 @@ def self_overlaps(frames, begin, end, allowed, shapes, depths, pairs):
                 if square >= (shapes.boxes[i, 6] + shapes.boxes[j, 6]) ** 2:
                     continue
                 depth = depths[pose]
-                depth = _overlap(i, j, placed[i], placed[j], depth, relative, shapes)
+                depth = _overlap(i, j, poses[i], poses[j], depth, relative, shapes)
                 if depth > -math.inf:
-                    depth = _overlap(j, i, placed[j], placed[i], depth, relative, shapes)
+                    depth = _overlap(j, i, poses[j], poses[i], depth, relative, shapes)
                 if depth > depths[pose]:
                     depths[pose], pairs[pose, 0], pairs[pose, 1] = depth, one, other

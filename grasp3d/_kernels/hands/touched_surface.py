@@ -4,8 +4,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import Float32s2, Float32s3, Floats1, Floats2, Int32s3, Ints2
 from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.surface.box_tree import (
     HEIGHT,
@@ -32,27 +32,27 @@ class TouchedSurface(NamedTuple):
     """Triangles in the order of a tree's leaves, and signed distances at the nodes of a grid."""
 
     tree: BoxTree
-    boxes: npt.NDArray[np.float32]
+    boxes: Float32s2
     """Those of the tree in few bytes, and a little larger (N, COLUMNS)."""
     closed: bool
     """Whether it bounds a volume; else distances have no sign."""
-    corners: npt.NDArray[np.int64]
+    corners: Ints2
     """Vertices of each triangle (F, 3)."""
-    across: npt.NDArray[np.int64]
+    across: Ints2
     """Triangle beyond the edge opposite each corner, -1: none (F, 3)."""
-    outward: npt.NDArray[np.float64]
+    outward: Floats2
     """Normals of the face, of its three edges and of its three vertices, which tell outside from
     inside (Baerentzen & Aanaes 2005), outward (F, 21)."""
-    inward: npt.NDArray[np.float64]
+    inward: Floats2
     """Inward unit normals at the corners, apart at creases (F, 9)."""
-    box: npt.NDArray[np.float64]
+    box: Floats1
     """Centre and half lengths of the box around it (6,)."""
-    origin: npt.NDArray[np.float64]
+    origin: Floats1
     """Node (0, 0, 0) of the grid (3,)."""
     step: float
-    values: npt.NDArray[np.float32]
+    values: Float32s3
     """Signed distance at each node (x, y, z)."""
-    slots: npt.NDArray[np.int32]
+    slots: Int32s3
     """Nearest triangle of each node (x, y, z)."""
 
 
@@ -238,7 +238,7 @@ def faces_away(p, outward, surface):
     return surface.closed and rise > 1.8 * step and along > 0.2 * rise
 
 
-@kernel
+@kernel("TouchedSurface")
 def fill_grid(surface):
     """Write the signed distances at the nodes of a surface's grid.
 

@@ -4,8 +4,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import Floats1, Floats2, Floats3, Floats4, Ints1, Ints2
 from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.hands.deepest import (
     ALONG,
@@ -29,7 +29,7 @@ from grasp3d._kernels.hands.link_shapes import (
     shape_distance,
     support,
 )
-from grasp3d._kernels.hands.placing import moved, moved_back, place, turned, turned_back
+from grasp3d._kernels.hands.rigid_motions import compose, moved, moved_back, turned, turned_back
 from grasp3d._kernels.hands.touched_surface import (
     faces_away,
     inward_at,
@@ -91,13 +91,13 @@ cosine with the link's normal; and their number."""
 class Touches(NamedTuple):
     """What `touch` writes, in the object's frame [m]; k poses, m shapes, L links."""
 
-    gaps: npt.NDArray[np.float64]
+    gaps: Floats2
     """Signed distance of each shape, inf: beyond the search; negative: depth (k, m)."""
-    points: npt.NDArray[np.float64]
+    points: Floats3
     """Where: the point of the surface (k, m, 3)."""
-    counts: npt.NDArray[np.int64]
+    counts: Ints2
     """Contacts of each link (k, L); 0 links: none are looked for."""
-    contacts: npt.NDArray[np.float64]
+    contacts: Floats4
     """Of each contact: point on the surface, inward unit normal, signed distance of the link's
     shapes from the point (k, L, MOST, 7)."""
 
@@ -106,28 +106,28 @@ class TouchScratch(NamedTuple):
     """Arrays of one thread."""
 
     shape: ShapeScratch
-    nodes: npt.NDArray[np.int64]
-    bounds: npt.NDArray[np.float64]
-    placed: npt.NDArray[np.float64]
+    nodes: Ints1
+    bounds: Floats1
+    pose: Floats2
     """Frame of a shape to that of the object (3, 4)."""
-    triangle: npt.NDArray[np.float64]
+    triangle: Floats1
     """In the shape's frame (9,)."""
-    point: npt.NDArray[np.float64]
+    point: Floats1
     """Of the nearest point so far (3,)."""
-    direction: npt.NDArray[np.float64]
-    pieces: npt.NDArray[np.float64]
+    direction: Floats1
+    pieces: Floats2
     """Points of a shape with their depths (PIECES, ROW)."""
-    deepest: npt.NDArray[np.float64]
+    deepest: Floats1
     """The deepest point found (ROW,)."""
-    trial: npt.NDArray[np.float64]
+    trial: Floats1
     """The point that is tried next (3,)."""
-    start: npt.NDArray[np.float64]
+    start: Floats1
     """Direction with which the next triangle begins, in the shape's frame (3,)."""
-    lows: npt.NDArray[np.float64]
+    lows: Floats1
     """Lower bounds of the signed distances of the points of a link (s,)."""
-    near: npt.NDArray[np.float64]
+    near: Floats2
     """Points of a link that are near the surface (n, COLUMNS)."""
-    free: npt.NDArray[np.int64]
+    free: Ints1
     """1: the point belongs to no side yet (n,)."""
 
 
@@ -147,7 +147,7 @@ def make_touch_scratch(shapes: LinkShapes) -> TouchScratch:
 def _node_bound(node, kind, size, box, planes, flat, surface, scratch):
     """Lower bound of the signed distance of a shape from the triangles of a node."""
     row, n = surface.boxes[node], scratch.direction
-    middle = moved_back(scratch.placed, row)
+    middle = moved_back(scratch.pose, row)
     bound = (
         box_distance(middle, box) if kind == HULL else point_depth(middle, kind, size, box, planes)
     )
@@ -162,9 +162,9 @@ def _flat(kind, size, box, hull, along, scratch):
     length = norm(along)
     x, y, z = divided(along, length) if length > 0.0 else (0.0, 0.0, 1.0)
     p = support(kind, size, box, hull, scratch.shape.at, 1.0, -x, -y, -z)
-    n = turned(scratch.placed, (x, y, z))
+    n = turned(scratch.pose, (x, y, z))
     copy(n, scratch.direction)
-    return dot(n, moved(scratch.placed, p)) - radius_of(kind, size)
+    return dot(n, moved(scratch.pose, p)) - radius_of(kind, size)
 
 
 @part
@@ -175,7 +175,7 @@ def _surface_distance(i, limit, shapes, surface, scratch):
     """
     kind, size, box = shapes.kinds[i], shapes.sizes[i], shapes.boxes[i]
     planes = shapes.planes[shapes.first_plane[i] : shapes.first_plane[i + 1]]
-    placed, shape, triangle = scratch.placed, scratch.shape, scratch.triangle
+    pose, shape, triangle = scratch.pose, scratch.shape, scratch.triangle
     start = scratch.start
     nodes, bounds, tree = scratch.nodes, scratch.bounds, surface.tree
     best, found = limit, False
@@ -194,7 +194,7 @@ def _surface_distance(i, limit, shapes, surface, scratch):
             if flat - highest >= best - EQUAL:
                 continue
             for c in range(3):
-                p = moved_back(placed, triple(tree.triangles[j], 3 * c))
+                p = moved_back(pose, triple(tree.triangles[j], 3 * c))
                 triangle[3 * c], triangle[3 * c + 1], triangle[3 * c + 2] = p
             copy(start, shape.guess)
             gap = shape_distance(
@@ -205,7 +205,7 @@ def _surface_distance(i, limit, shapes, surface, scratch):
             if gap < best:
                 best, found = gap, True
                 copy(shape.guess, start)
-                copy(moved(placed, shape.on_face), scratch.point)
+                copy(moved(pose, shape.on_face), scratch.point)
                 flat = _flat(kind, size, box, shapes.hull, start, scratch)
         one, other = below(node, tree.depth)
         if one < 0:
@@ -225,7 +225,7 @@ def _surface_distance(i, limit, shapes, surface, scratch):
 
 @part
 def _shape_gap(i, start, search, shapes, surface, scratch):
-    """Signed distance of a placed shape from the object; where is written to the scratch.
+    """Signed distance of a shape at its pose from the object; where is written to the scratch.
 
     Bounds of the distances of its points are written from `start` on, unless it is far away.
     """
@@ -233,7 +233,7 @@ def _shape_gap(i, start, search, shapes, surface, scratch):
     if shapes.first_sample[i] == shapes.first_sample[i + 1]:
         return math.inf  # it is inside other shapes of its link
     scratch.shape.at[0] = shapes.hull.at[i]
-    middle = moved(scratch.placed, box)
+    middle = moved(scratch.pose, box)
     if least_distance(middle, surface)[0] - box[6] >= search:
         return math.inf
     lows, nearest, limit, low = scratch.lows, -1, search, -math.inf
@@ -243,15 +243,15 @@ def _shape_gap(i, start, search, shapes, surface, scratch):
             lows[j - start] = low
             if low > 0.5 * search:
                 continue
-        low, most = least_distance(moved(scratch.placed, shapes.samples[j]), surface)
+        low, most = least_distance(moved(scratch.pose, shapes.samples[j]), surface)
         lows[j - start] = low
         limit = min(limit, most)
         if nearest < 0 or low < lows[nearest - start]:
             nearest = j
     rounded, depth, gap = radius_of(kind, shapes.sizes[i]) > 0.0, -math.inf, math.inf
-    copy(turned_back(scratch.placed, difference(middle, surface.box)), scratch.start)
+    copy(turned_back(scratch.pose, difference(middle, surface.box)), scratch.start)
     if nearest >= 0:
-        p = moved(scratch.placed, shapes.samples[nearest])
+        p = moved(scratch.pose, shapes.samples[nearest])
         reach = least_distance(p, surface)[1] if lows[nearest - start] < 0.0 else limit
         depth = look(p, reach, scratch.pieces[0], surface, scratch)
         limit = min(limit, abs(depth))
@@ -286,7 +286,7 @@ def _shape_gap(i, start, search, shapes, surface, scratch):
 @merged
 def _begin_against(row, scratch):
     """Begin with the direction away from the surface at a point of a shape."""
-    x, y, z = turned_back(scratch.placed, triple(row, ALONG))
+    x, y, z = turned_back(scratch.pose, triple(row, ALONG))
     copy((-x, -y, -z), scratch.start)
 
 
@@ -295,7 +295,7 @@ def _core_inside(i, shapes, surface, scratch):
     """Whether an end or the middle of the core of a capsule or a ball may be inside."""
     least, half = math.inf, shapes.sizes[i, 1]
     for j in range(-1, 2):
-        least = min(least, least_distance(moved(scratch.placed, (0.0, 0.0, j * half)), surface)[0])
+        least = min(least, least_distance(moved(scratch.pose, (0.0, 0.0, j * half)), surface)[0])
     return least < 0.0
 
 
@@ -348,8 +348,8 @@ def _near_points(i, start, distance, count, shapes, surface, scratch):
     for j in range(shapes.first_sample[i], shapes.first_sample[i + 1]):
         if scratch.lows[j - start] > distance:
             continue
-        p = moved(scratch.placed, shapes.samples[j])
-        outward = turned(scratch.placed, triple(shapes.samples[j], 3))
+        p = moved(scratch.pose, shapes.samples[j])
+        outward = turned(scratch.pose, triple(shapes.samples[j], 3))
         if faces_away(p, outward, surface):
             continue
         most = min(least_distance(p, surface)[1], distance)
@@ -369,8 +369,8 @@ def _gap_at(p, first, last, frame, shapes, scratch):
     """Signed distance of a link's shapes from a point."""
     least = math.inf
     for i in range(first, last):
-        place(frame, shapes.poses[i], scratch.placed)
-        q = moved_back(scratch.placed, p)
+        compose(frame, shapes.poses[i], scratch.pose)
+        q = moved_back(scratch.pose, p)
         kind, size, box = shapes.kinds[i], shapes.sizes[i], shapes.boxes[i]
         if box_distance(q, box) >= least:
             continue
@@ -455,7 +455,7 @@ def _write_contact(row, first, last, frame, shapes, surface, scratch):
     row[6] = _gap_at(q, first, last, frame, shapes, scratch)
 
 
-@kernel
+@kernel("Floats4, float, float, int, int, LinkShapes, TouchedSurface, Touches, TouchScratch")
 def touch(frames, distance, search, begin, end, shapes, surface, touches, scratch):
     """Find the gaps between links and an object, and their contacts.
 
@@ -479,7 +479,7 @@ def touch(frames, distance, search, begin, end, shapes, surface, touches, scratc
             frame, nearest = frames[pose, link], first
             gaps, start = touches.gaps[pose], shapes.first_sample[first]
             for i in range(first, last):
-                place(frame, shapes.poses[i], scratch.placed)
+                compose(frame, shapes.poses[i], scratch.pose)
                 gaps[i] = _shape_gap(i, start, search, shapes, surface, scratch)
                 copy(scratch.point, touches.points[pose, i])
                 nearest = i if gaps[i] < gaps[nearest] else nearest
@@ -487,7 +487,7 @@ def touch(frames, distance, search, begin, end, shapes, surface, touches, scratc
                 contacts, count = touches.contacts[pose, link], 0
                 for i in range(first, last):
                     if gaps[i] <= distance:
-                        place(frame, shapes.poses[i], scratch.placed)
+                        compose(frame, shapes.poses[i], scratch.pose)
                         count = _near_points(i, start, distance, count, shapes, surface, scratch)
                 count = _sides(count, distance, contacts, scratch)
                 if count == 0:  # deep inside, or only with what faces away

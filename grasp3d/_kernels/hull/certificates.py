@@ -18,9 +18,9 @@ if at no contact a force of its friction cone has a positive component along the
 g, and at some contact every force has a negative one. Two cases prove it in floating point.
 Contacts that move need an angle between g and the cone that is 90 degrees or more, up to a rounding
 error of the angle: then friction that is smaller by that angle surely does not suffice. Contacts
-that the motion leaves at rest have no component at all, but only if they rest exactly: as small a
-velocity of any direction would need its sign. So u is replaced by the nearest direction that leaves
-them at rest, which exists where they are at one point or on one line.
+that the motion leaves stationary have no component at all, but only if they are exactly so: as
+small a velocity of any direction would need its sign. So u is replaced by the nearest direction
+that leaves them stationary, which exists where they are at one point or on one line.
 """
 
 import math
@@ -329,22 +329,22 @@ def balance(space, rank, extents, forces, scratch):
                 forces[i, j] -= margin * change
 
 
-MOVING, RESTING, UNPROVEN = 0, 1, 2
-"""Results of `separation`: separated, all contacts move; separated, some contacts rest (to be
+MOVING, STATIONARY, UNPROVEN = 0, 1, 2
+"""Results of `separation`: separated, all contacts move; separated, some contacts do not (to be
 relied on where these contacts are exactly at one point, or on one line); not proven."""
 
 ANGLE = 1e-9
 """Angle by which friction may be smaller for the proof to hold [rad]."""
 
-AT_REST = 1e-9
+STATIONARY_SPEED = 1e-9
 """Velocity, relative to the longest wrench and for a unit direction, up to which a contact may be
-at rest; more than that has a direction that is known to 1e-6."""
+stationary; more than that has a direction that is known to 1e-6."""
 
 ROUNDING = 1e-15
 """Rounding error of a support function, relative to the longest wrench."""
 
 CLEARLY_MOVING = 1e-6
-"""Velocity from which a contact moves once others are at rest."""
+"""Velocity from which a contact moves once others are stationary."""
 
 INDEPENDENT = 1e-6
 """Part of a wrench orthogonal to others below which it adds no dimension."""
@@ -386,7 +386,7 @@ def _support(axes, cone, soft, rim, u):
 
 
 @merged
-def _leave_at_rest(axes, soft, slowest, scratch, u, v):
+def _leave_stationary(axes, soft, slowest, scratch, u, v):
     """Write u without its components along all wrenches of the contacts that it hardly moves.
 
     Returns:
@@ -447,27 +447,27 @@ def separation(kind, soft, axes, cones, rim, largest, u, scratch):
         cones: As in `WrenchSpace` (n, 2).
         rim: As in `WrenchSpace` (m, 2).
         largest: Length of the longest wrench.
-        u: Unit direction (6,); replaced where contacts are left at rest.
+        u: Unit direction (6,); replaced where contacts are left stationary.
         scratch: Shape (18, 8).
 
     Returns:
-        MOVING, RESTING or UNPROVEN.
+        MOVING, STATIONARY or UNPROVEN.
     """
     if kind == ROWS:
         return MOVING
-    count, slowest, resting = axes.shape[0], AT_REST * largest, 0
+    count, slowest, stationary = axes.shape[0], STATIONARY_SPEED * largest, 0
     for i in range(count):
         if _clearly_separated(axes[i], cones[i], soft, slowest, u):
             continue
         speed = _speed(axes[i], soft, u)
         if speed <= slowest:
-            resting += 1
+            stationary += 1
         elif _support(axes[i], cones[i], soft, rim, u) > ANGLE * speed + ROUNDING * largest:
             return UNPROVEN
-    if resting == 0:
+    if stationary == 0:
         return MOVING
     v = scratch[7]
-    if resting == count or not _leave_at_rest(axes, soft, slowest, scratch, u, v):
+    if stationary == count or not _leave_stationary(axes, soft, slowest, scratch, u, v):
         return UNPROVEN
     for i in range(count):
         if _speed(axes[i], soft, u) > slowest:
@@ -479,4 +479,4 @@ def separation(kind, soft, axes, cones, rim, largest, u, scratch):
             ):
                 return UNPROVEN
     copy6(v, u)
-    return RESTING
+    return STATIONARY

@@ -17,8 +17,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import Floats1, Floats3
 from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.surface.vectors import copy6, cross, dot, norm, triple
 
@@ -52,13 +52,13 @@ class Bracket(NamedTuple):
     Empty arrays: none is, and each grasp is evaluated once, with the cones that it has.
     """
 
-    points: npt.NDArray[np.float64]
+    points: Floats3
     """Contact points, and inward unit normals there (b, n, 3) each."""
-    normals: npt.NDArray[np.float64]
-    low: npt.NDArray[np.float64]
+    normals: Floats3
+    low: Floats1
     """Ends of the intervals [rad], (b,) each; written."""
-    high: npt.NDArray[np.float64]
-    width: npt.NDArray[np.float64]
+    high: Floats1
+    width: Floats1
     """Width up to which they are narrowed [rad], (b,)."""
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grasp3d._kernels.array_types import Floats1, Floats2, Floats3, Floats4, Ints1
 from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.surface.vectors import copy
 
@@ -27,17 +28,17 @@ ZERO = 1e-14
 class Game(NamedTuple):
     """A game with its solution, and scratch for the simplex method."""
 
-    matrix: np.ndarray
+    matrix: Floats2
     """The game (rows, columns); it is kept."""
-    weights: np.ndarray
+    weights: Floats1
     """Solution: weights of the columns (columns,), not negative, with the sum 1."""
-    prices: np.ndarray
+    prices: Floats1
     """Proof: weights of the rows (rows,), not negative, with the sum 1."""
-    tableau: np.ndarray
+    tableau: Floats2
     """Scratch (rows + 1, columns + 1)."""
-    basic: np.ndarray
+    basic: Ints1
     """Scratch (rows,): the variable of each row of the tableau, columns first."""
-    free: np.ndarray
+    free: Ints1
     """Scratch (columns,): the variable of each column of the tableau."""
 
 
@@ -191,15 +192,15 @@ ROUNDING = 1e-14
 class Cells(NamedTuple):
     """Simplicial cones of directions, the pending ones first."""
 
-    rays: np.ndarray
+    rays: Floats3
     """Unit vectors that span each cell (STACK, 6, 6)."""
-    velocities: np.ndarray
+    velocities: Floats4
     """Velocity of each ray at each contact along its normal and tangents (STACK, 6, n, 3)."""
-    speeds: np.ndarray
+    speeds: Floats3
     """Lengths of the velocities (STACK, 6, n)."""
-    mixture: np.ndarray
+    mixture: Floats1
     """Weights of a cell's rays, for a direction in the cell (6,)."""
-    excess: np.ndarray
+    excess: Floats1
     """By how much each contact excludes this direction (n,)."""
     game: Game
     """Contacts against rays."""
@@ -262,7 +263,7 @@ def _velocity(cells, dim, cell, i):
 def _largest_cosine(cells, contacts, dim, cell):
     """Largest cosine between velocity and normal in the mixed direction.
 
-    A contact at rest is left out: directions nearby move it along any velocity.
+    A stationary contact is left out: directions nearby move it along any velocity.
     """
     largest = -1.0
     for i in range(contacts):
@@ -374,7 +375,7 @@ def _bisect(axes, dim, cells, cell, other, a, b):
     _write_ray(axes, dim, cells, cell, b)
 
 
-@scratch_kernel
+@scratch_kernel("Floats3, int, float, int, Cells")
 def frictionless_depth(axes, dim, tolerance, most, cells):
     """Smallest, over all directions, of the largest cosine between a contact's motion and normal.
 

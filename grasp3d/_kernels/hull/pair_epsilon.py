@@ -30,8 +30,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import Floats1, Floats2, Ints1
 from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.hull.cap_maximum import Arrow, largest_on_cap, value_at
 from grasp3d._kernels.hull.growing_hull import CONVERGED
@@ -303,12 +303,12 @@ SMALLEST_FRICTION = 1e-6
 class PairScratch(NamedTuple):
     """Scratch of one thread."""
 
-    intervals: npt.NDArray[np.float64]
+    intervals: Floats2
     """Stack of intervals: middle, half width, bound and value (k, 4)."""
-    best: npt.NDArray[np.float64]
+    best: Floats1
     """The best direction: value, front, g (3), v (2), e (2); and the multiplier
     of `largest_on_cap` last found; (10,)."""
-    starts: npt.NDArray[np.int64]
+    starts: Ints1
     """Where the intervals of each side start in the stack (2,)."""
 
 
@@ -444,7 +444,7 @@ def _nearly_symmetric(sides, angles, spherical, per_finger, factor, scratch):
 
 
 @merged
-def _placed(d, normal, cone):
+def _angles_of(d, normal, cone):
     """(angle from d to a normal, half-angle of the cone about it) [rad]."""
     return angle_between(normal, d), math.atan2(cone[1], cone[0])
 
@@ -552,7 +552,9 @@ def _write_equilibrium(spherical, axes, d, forces):
         forces[i, 3] = 0.0
 
 
-@scratch_kernel
+@scratch_kernel(
+    "tuple[int, bool, int], Floats4, Floats2, Floats3, float, PairScratch, Results, Bools1"
+)
 def pair_epsilons(form, wrenches, tangential, cones, rtol, scratch, results, left):
     """Epsilon of pairs of hard fingers with circular cones, where it is clear whether they close.
 
@@ -583,7 +585,7 @@ def pair_epsilons(form, wrenches, tangential, cones, rtol, scratch, results, lef
             continue
         d = frames[0][0]
         back = combined(-1.0, d, 0.0, d)
-        angles = (_placed(d, normals[0], cones[g, 0]), _placed(back, normals[1], cones[g, 1]))
+        angles = (_angles_of(d, normals[0], cones[g, 0]), _angles_of(back, normals[1], cones[g, 1]))
         inside = min(angles[0][1] - angles[0][0], angles[1][1] - angles[1][0])
         closed, lower, upper = inside > CLEAR_ANGLE, 0.0, 0.0
         if closed and _is_regular(form, angles):

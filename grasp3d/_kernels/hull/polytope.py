@@ -18,11 +18,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic, overload
 
+from grasp3d._kernels.array_types import Floats1, Floats2, Ints1, UInt32s1, UInt32s2, UInt64s1
 from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.forces.tasks import task_reach
 
@@ -55,49 +55,49 @@ class Polytope(NamedTuple):
     share the few lines of a cache: capacities are 8 more than a multiple of 512 facets.
     """
 
-    points: npt.NDArray[np.float64]
+    points: Floats2
     """Vertices (p, 6)."""
-    vertex_forces: npt.NDArray[np.float64]
+    vertex_forces: Floats2
     """Contact force of each vertex's wrench, in its contact's axes, then zeros (p, 6)."""
-    owners: npt.NDArray[np.int64]
+    owners: Ints1
     """Contact or row of each vertex (p,)."""
-    identifiers: npt.NDArray[np.int64]
+    identifiers: Ints1
     """Identifiers of the vertices (p,); see `support`."""
-    planes: npt.NDArray[np.float64]
+    planes: Floats2
     """Outward normal (6), distance from the origin and tolerance of each facet's plane, normalised
     in the metric of the wrenches; for a task also the distance relative to the task's reach, inf
     where it does not reach that way (9, f); distances nan: the facet was removed. Facets are
     columns, so that the heights of one point above many facets are computed in contiguous,
     vectorised loops."""
-    corners: npt.NDArray[np.uint32]
+    corners: UInt32s2
     """Vertices of each facet (f, 8)."""
-    neighbours: npt.NDArray[np.uint32]
+    neighbours: UInt32s2
     """Facet across the ridge opposite each corner (f, 8)."""
-    marks: npt.NDArray[np.uint32]
+    marks: UInt32s1
     """Visibility of each facet from the new vertex: 0 or 1, or the stamp of the last flood (f,)."""
-    heights: npt.NDArray[np.float64]
+    heights: Floats1
     """Height of the new vertex above each facet (f,)."""
-    visible: npt.NDArray[np.uint32]
+    visible: UInt32s1
     """Facets that the new vertex lies above (f,)."""
-    free: npt.NDArray[np.uint32]
+    free: UInt32s1
     """Columns of removed facets that can be reused (f,)."""
-    horizon: npt.NDArray[np.uint32]
+    horizon: UInt32s1
     """Ridges between a visible and an invisible facet, in the visible one's encoding (8 f,)."""
-    added: npt.NDArray[np.uint32]
+    added: UInt32s1
     """The facets added last, in the order of the horizon (f,)."""
-    combined: npt.NDArray[np.float64]
+    combined: Floats2
     """Normal, height and weight of the planes of the facets being added (f, 8)."""
-    squares: npt.NDArray[np.float64]
+    squares: Floats1
     """Squared lengths of their normals in the metric (f,)."""
-    factors: npt.NDArray[np.float64]
+    factors: Floats1
     """One over their lengths (f,)."""
-    words: npt.NDArray[np.uint64]
+    words: UInt64s1
     """Which of 64 ridges contain each vertex (p,)."""
-    following: npt.NDArray[np.uint64]
+    following: UInt64s1
     """Scratch: the ridges that contain all corners of a facet from each on (8,)."""
-    queue: npt.NDArray[np.uint32]
+    queue: UInt32s1
     """Facets that may be the nearest to the origin, unordered (2 f,)."""
-    vectors: npt.NDArray[np.float64]
+    vectors: Floats2
     """Small vectors (SCRATCH_ROWS, 8): 0-15 scratch of the first simplex and of equilibria, 16 the
     plane with the smallest support so far, 17 the plane of the current facet."""
 

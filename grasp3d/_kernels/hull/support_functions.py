@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling import merged, part, scratch_kernel
-from grasp3d._kernels.hull.tilted_forces import SURE, TINY, add_tilted_forces, farthest_tilted
+from grasp3d._kernels.hull.tilted_forces import TINY, WORST_CASE, add_tilted_forces, farthest_tilted
 from grasp3d._kernels.surface.vectors import clear6, dot6
 
 NO_TORSION, LINEAR, ELLIPTIC = 0, 1, 2
@@ -45,7 +45,8 @@ class WrenchSpace(NamedTuple):
     spherical: bool
     """Whether the length of a contact force is bounded by 1, instead of its normal component."""
     torsion: int
-    """NO_TORSION, LINEAR or ELLIPTIC; SURE or POSSIBLE: over all normals, see `tilted_forces`."""
+    """NO_TORSION, LINEAR or ELLIPTIC; over all normals WORST_CASE or BEST_CASE, see
+    `tilted_forces`."""
     axes: npt.NDArray[np.float64]
     """ROWS: the wrenches in columns (1, 6, n). Otherwise each contact's axes (n, 4, 6)."""
     cones: npt.NDArray[np.float64]
@@ -54,7 +55,8 @@ class WrenchSpace(NamedTuple):
     rim: npt.NDArray[np.float64]
     """Cosine and sine of the cone's edges about the normal (m, 2); m = 0: a circular cone."""
     group: int = 1
-    """SURE and POSSIBLE: contacts, one after the other, that share the bound of their forces."""
+    """WORST_CASE and BEST_CASE: contacts, one after the other, that share the bound of their
+    forces."""
 
 
 @merged
@@ -178,7 +180,7 @@ def farthest(space, u, point, force):
         negative components; a number that identifies the vertex (-1: none, as on circular cones);
         the index of its row or contact.
     """
-    if space.torsion >= SURE:
+    if space.torsion >= WORST_CASE:
         return farthest_tilted(space, u, point), -1, -1
     axes = space.axes
     if space.kind == ROWS:
@@ -215,7 +217,7 @@ def farthest(space, u, point, force):
     return best, identifier, owner
 
 
-@scratch_kernel
+@scratch_kernel()
 def support(space, u, point, force):
     """`farthest` as a function of its own."""
     return farthest(space, u, point, force)
@@ -232,7 +234,7 @@ def contact_forces(space, u, weight, force, forces):
         force: Scratch (4,).
         forces: Changed, forces in the contacts' axes (n, 4).
     """
-    if space.torsion >= SURE:
+    if space.torsion >= WORST_CASE:
         add_tilted_forces(space, u, weight, forces)
         return
     best, owner = 0.0, -1

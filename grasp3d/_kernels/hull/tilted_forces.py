@@ -2,11 +2,11 @@
 
 A contact has its axes, as in `support_functions`, and a row of numbers in `WrenchSpace.cones`:
 
-* SURE: forces that a contact can apply whichever its normal is, on one of several levels, the same
-  for all contacts of the grasp, and in one of several modes, its own. They are the convex hull of a
-  force along the normal, of a part of a ball about it and of a circle of forces, the corner. The
-  fourth axis is the torsional moment, which has a size in each mode.
-* POSSIBLE: forces that it can apply at some normal.
+* WORST_CASE: forces that a contact can apply whichever its normal is, on one of several levels, the
+  same for all contacts of the grasp, and in one of several modes, its own. They are the convex hull
+  of a force along the normal, of a part of a ball about it and of a circle of forces, the corner.
+  The fourth axis is the torsional moment, which has a size in each mode.
+* BEST_CASE: forces that it can apply at some normal.
 
 Contacts next to each other may share a bound, as the points of a patch do: `WrenchSpace.group`.
 """
@@ -16,7 +16,7 @@ import math
 from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.surface.vectors import clear6, dot6
 
-SURE, POSSIBLE = 3, 4
+WORST_CASE, BEST_CASE = 3, 4
 """Kinds of limit surfaces, besides those of `support_functions`."""
 
 TINY = 1e-300
@@ -24,9 +24,9 @@ TINY = 1e-300
 
 
 COLUMNS = 7
-"""Numbers of a mode of SURE forces: the torsional moment, times the fourth axis; the shortest force
-along the normal that it needs; radius of the ball, cosine and sine of the largest angle of its
-forces; normal and tangential component of the corner."""
+"""Numbers of a mode of WORST_CASE forces: the torsional moment, times the fourth axis; the shortest
+force along the normal that it needs; radius of the ball, cosine and sine of the largest angle of
+its forces; normal and tangential component of the corner."""
 
 MODES = 6
 """Modes of a level, where contacts are soft; otherwise there is one level of one mode."""
@@ -34,7 +34,7 @@ MODES = 6
 
 @merged
 def _components(axes, u):
-    """(z0, z1, z2, tangent, size, z3) of a direction along the axes of a contact of SURE forces."""
+    """(z0, z1, z2, tangent, size, z3) of a direction along the axes of a WORST_CASE contact."""
     z0, z1, z2 = dot6(axes[0], u), dot6(axes[1], u), dot6(axes[2], u)
     square = z1 * z1 + z2 * z2
     return z0, z1, z2, math.sqrt(square), math.sqrt(z0 * z0 + square), dot6(axes[3], u)
@@ -115,7 +115,7 @@ def _possible(spherical, row, z0, tangent):
 def _width(space):
     """Columns of a level."""
     columns = space.cones.shape[1]
-    return MODES * COLUMNS if space.torsion == SURE and columns > COLUMNS else columns
+    return MODES * COLUMNS if space.torsion == WORST_CASE and columns > COLUMNS else columns
 
 
 @merged
@@ -125,7 +125,7 @@ def _of_contact(space, i, first, u):
     z = _components(space.axes[i], u)
     z0, z1, z2, tangent, _, z3 = z
     scale, f3 = 1.0 / max(tangent, TINY), 0.0
-    if space.torsion == SURE:
+    if space.torsion == WORST_CASE:
         height, mode = _farthest_mode(row, first, _width(space), z)
         _, f0, across = _sure(row, mode, z0, tangent)
         f3 = math.copysign(row[mode], z3)
@@ -142,7 +142,7 @@ def _of_group(space, start, first, u):
     The contact is -1 where none pushes that way. On a level with moments a contact presses, even
     where that pushes the wrong way.
     """
-    best, chosen = -math.inf if space.torsion == SURE and space.group == 1 else 0.0, -1
+    best, chosen = -math.inf if space.torsion == WORST_CASE and space.group == 1 else 0.0, -1
     f0 = f1 = f2 = f3 = 0.0
     for i in range(start, min(start + space.group, space.axes.shape[0])):
         found = _of_contact(space, i, first, u)
@@ -152,7 +152,7 @@ def _of_group(space, start, first, u):
     return chosen, best, f0, f1, f2, f3
 
 
-@scratch_kernel
+@scratch_kernel()
 def _best_level(space, u):
     """First column of the level that reaches farthest in a direction."""
     best, chosen, width = -math.inf, 0, _width(space)
@@ -170,11 +170,11 @@ def _best_level(space, u):
     return chosen
 
 
-@scratch_kernel
+@scratch_kernel()
 def farthest_tilted(space, u, point):
     """Write the farthest wrench (6,) in a direction (6,); returns the support.
 
-    `space` is a `WrenchSpace` of SURE or POSSIBLE forces.
+    `space` is a `WrenchSpace` of WORST_CASE or BEST_CASE forces.
     """
     clear6(point)
     first, total = _best_level(space, u), 0.0
@@ -189,7 +189,7 @@ def farthest_tilted(space, u, point):
     return total
 
 
-@scratch_kernel
+@scratch_kernel()
 def add_tilted_forces(space, u, weight, forces):
     """Add the contact forces of the farthest wrench, times a weight, to forces (n, 4)."""
     first = _best_level(space, u)

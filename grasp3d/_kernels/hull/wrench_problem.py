@@ -4,15 +4,15 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba.core import types
 from numba.extending import overload
 
+from grasp3d._kernels.array_types import Bools1, Bytes1, Floats1, Floats2, Floats3, Ints1
 from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.hull.certificates import (
     LARGEST_SLACK,
-    RESTING,
     SMALL_SLACK,
+    STATIONARY,
     UNPROVEN,
     balance,
     clear_slack,
@@ -39,7 +39,7 @@ CLEAR = 1e-8
 """Epsilon relative to the largest wrench from which the hull itself proves force closure. Rounding
 errors of less than that may have moved the origin into it."""
 
-AT_REST = 4
+NEAR_DEGENERATE = 4
 """Status, in the kernels only: not force-closed if contacts that are close together coincide."""
 
 OTHER_RANK = 5
@@ -49,35 +49,35 @@ OTHER_RANK = 5
 class Workspace(NamedTuple):
     """Scratch arrays for one grasp in the coordinates of its span; n contacts or rows."""
 
-    rows: npt.NDArray[np.float64]
+    rows: Floats2
     """Wrenches with the span of the grasp (4 n, 6); or the n rows (n, 6)."""
-    scratch: npt.NDArray[np.float64]
+    scratch: Floats2
     """Scratch of that shape."""
-    basis: npt.NDArray[np.float64]
+    basis: Floats2
     """Basis of the span (6, 6)."""
-    axes: npt.NDArray[np.float64]
+    axes: Floats3
     """As in `WrenchSpace`."""
-    extents: npt.NDArray[np.float64]
+    extents: Floats1
     """Largest component of the wrenches along each row of the basis (6,)."""
-    metric: npt.NDArray[np.float64]
+    metric: Floats1
     """As in `grow` (6,)."""
-    dims: npt.NDArray[np.int64]
+    dims: Ints1
     """Its first `rank` entries are passed as `dims` of `grow` (6,)."""
 
 
 class Results(NamedTuple):
     """Results for each grasp (b, ...); written."""
 
-    lower: npt.NDArray[np.float64]
-    upper: npt.NDArray[np.float64]
-    rank: npt.NDArray[np.int64]
-    status: npt.NDArray[np.uint8]
-    closed: npt.NDArray[np.bool_]
-    direction: npt.NDArray[np.float64]
+    lower: Floats1
+    upper: Floats1
+    rank: Ints1
+    status: Bytes1
+    closed: Bools1
+    direction: Floats2
     """Direction of `upper`, or a separating one: no wrench has a positive component (b, 6)."""
-    forces: npt.NDArray[np.float64]
+    forces: Floats3
     """Equilibrium forces, in the contacts' axes (b, n, 4); nan where there is none."""
-    slack: npt.NDArray[np.float64]
+    slack: Floats1
     """As returned by `balance`; 0 where the hull alone proves force closure (b,)."""
 
 
@@ -254,7 +254,7 @@ def _examine_separation(form, wrenches, cones, rim, workspace, polytope, results
         if not results.closed[g]:
             results.status[g] = UNDECIDED
         return
-    results.status[g] = AT_REST if proof == RESTING else CONVERGED
+    results.status[g] = NEAR_DEGENERATE if proof == STATIONARY else CONVERGED
     results.closed[g] = False
     results.lower[g] = results.upper[g] = 0.0
 
@@ -277,7 +277,9 @@ def _narrowed(bracket, cones, polytope, results, g):
     return angle > 0.0
 
 
-@scratch_kernel
+@scratch_kernel(
+    "tuple[int, bool, int], Floats3, Floats1, Floats2, Floats2, float, Workspace, Floats2, Floats2"
+)
 def verify(form, wrenches, tangential, cones, rim, tolerance, workspace, scratch, forces):
     """Correct forces of one grasp found by other means; returns the slack of `balance`."""
     kind, spherical, torsion = form
@@ -288,7 +290,11 @@ def verify(form, wrenches, tangential, cones, rim, tolerance, workspace, scratch
     return balance(space, rank, workspace.extents, forces, scratch)
 
 
-@scratch_kernel
+@scratch_kernel(
+    "tuple[int, bool, int], Floats4, Floats2, Floats3, Floats2, float, "
+    "tuple[float, float, float, float], bool, int, int, "
+    "tuple[int, int, int, int, int, int] | Ints1, Bracket, Workspace, Polytope, Results"
+)
 def epsilons(
     form, wrenches, tangential, cones, rim, tolerance, goal, with_forces, first, least_rank, dims,
     bracket, workspace, polytope, results,

@@ -19,7 +19,7 @@ def _write_wrench(axis, point, f0, f1, f2, scale):
     axis[5] = (point[0] * f1 - point[1] * f0) / scale
 
 
-@kernel
+@kernel("FixedFloats2, FixedFloats2, FixedFloats1, float, float, Floats3")
 def write_axes(points, normals, torsion_radius, scale, near_x_axis, axes):
     """Write the axes of contacts.
 
@@ -125,7 +125,7 @@ def _orthonormalise(scratch, basis, max_rank, tolerance):
     return max_rank
 
 
-@scratch_kernel
+@scratch_kernel("Floats2, float, Floats2, Floats2")
 def span(rows, tolerance, scratch, basis):
     """Find the span of wrenches.
 

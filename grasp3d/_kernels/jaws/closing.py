@@ -7,8 +7,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import Floats2, Floats3, Floats4, Ints2
 from grasp3d._kernels.compiling import kernel, part
 from grasp3d._kernels.jaws.jaws import (
     gather,
@@ -39,25 +39,25 @@ slides out of the jaws."""
 class ClosedOn(NamedTuple):
     """Results, a row for each pose and a column for each jaw."""
 
-    poses: npt.NDArray[np.float64]
+    poses: Floats3
     """Rotation and translation from the gripper's frame when the jaws are closed (k, 3, 4)."""
-    outcome: npt.NDArray[np.int64]
+    outcome: Ints2
     """NONE, TOUCHES, INSIDE or LEFT (k, 2)."""
-    position: npt.NDArray[np.float64]
+    position: Floats2
     """Along x of the gripper, of each pad or foremost point of a ball at its first touch (k, 2)."""
-    points: npt.NDArray[np.float64]
+    points: Floats3
     """Centroids of the patches (k, 2, 3)."""
-    normals: npt.NDArray[np.float64]
+    normals: Floats3
     """Mean inward unit normals (k, 2, 3)."""
-    area: npt.NDArray[np.float64]
+    area: Floats2
     """Of the patches (k, 2)."""
-    bounds: npt.NDArray[np.float64]
+    bounds: Floats3
     """Smallest y and z, largest y and z of the patches, in the gripper's frame (k, 2, 4)."""
-    corners: npt.NDArray[np.float64]
+    corners: Floats4
     """Points of the patches that are farthest in eight directions (k, 2, 8, 3)."""
 
 
-@kernel
+@kernel("Surface, FaceTree, Floats3, Floats1, float, Jaw, int, int, ClosedOn")
 def close_on(surface, tree, poses, opening, friction, jaw, first_pose, last_pose, found):
     """Close the jaws on a surface from each pose.
 
@@ -77,7 +77,7 @@ def close_on(surface, tree, poses, opening, friction, jaw, first_pose, last_pose
     patch = Patch(np.empty(4), np.empty(3), np.empty(8), np.empty((8, 3)))
     scratch = make_scratch()
     memory = make_settling(size if friction >= 0.0 else 0)
-    nodes, at_rest = np.empty(STACK, np.int64), without_back(jaw)
+    nodes, front = np.empty(STACK, np.int64), without_back(jaw)
     for k in range(first_pose, last_pose):
         pose, distance = found.poses[k], opening[k]
         settled = False
@@ -90,7 +90,7 @@ def close_on(surface, tree, poses, opening, friction, jaw, first_pose, last_pose
             settled = state != CLEAR
             if settled:
                 distance = -2.0 * start_before(distance, width, jaw)
-        used = at_rest if settled else jaw
+        used = front if settled else jaw
         _close(surface, tree, pose, distance, settled, used, k, nodes, faces, scratch, patch, found)
 
 

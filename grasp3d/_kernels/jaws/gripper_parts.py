@@ -8,8 +8,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import Bytes1, Floats1, Floats2, Ints1, Ints2, UInt64s1
 from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.surface.face_tree import STACK
 from grasp3d._kernels.surface.vectors import dot
@@ -60,11 +60,11 @@ class GripperShape(NamedTuple):
 class ApproachLimits(NamedTuple):
     """What else limits the approach: allowed directions, and a table."""
 
-    direction: npt.NDArray[np.float64]
+    direction: Floats1
     """Preferred approach direction, zero: none (3,)."""
     least_cosine: float
     """Least cosine of the angle between it and an approach direction; below -1: any."""
-    table_normal: npt.NDArray[np.float64]
+    table_normal: Floats1
     """Unit vector out of the table (3,)."""
     table_offset: float
     """Height of the table along it; -inf: there is none."""
@@ -73,41 +73,41 @@ class ApproachLimits(NamedTuple):
 class ReachWorkspace(NamedTuple):
     """Scratch arrays of one thread, for a number n of approach angles."""
 
-    cosines: npt.NDArray[np.float64]
+    cosines: Floats1
     """Of the approach angles (n,)."""
-    sines: npt.NDArray[np.float64]
-    frame: npt.NDArray[np.float64]
+    sines: Floats1
+    frame: Floats2
     """Origin midway between the contacts, x, and y and z at angle 0 (4, 3)."""
-    y_sizes: npt.NDArray[np.float64]
+    y_sizes: Floats2
     """Absolute components of y at each angle (3, n)."""
-    z_sizes: npt.NDArray[np.float64]
+    z_sizes: Floats2
     """Absolute components of z at each angle (3, n)."""
-    parts: npt.NDArray[np.float64]
+    parts: Floats2
     """Of each part: from LOW to HIGH along x, from -HALF_WIDTH to HALF_WIDTH along y, from BOTTOM
     to TOP along z; of round tips also the x of their axis at the grasp and before it (PARTS, 7)."""
-    clipped: npt.NDArray[np.float64]
+    clipped: Floats2
     """A face between the planes of a part, as x, y and z at angle 0 (8, 3)."""
-    clipped_too: npt.NDArray[np.float64]
+    clipped_too: Floats2
     """A second one (8, 3)."""
-    corners: npt.NDArray[np.float64]
+    corners: Floats2
     """A face as x, y and z at angle 0 (3, 3)."""
-    recent: npt.NDArray[np.int64]
+    recent: Ints2
     """Node of the tree that blocked each angle last, -1: none, with a part but the palm and with
     the palm (2, n): a workspace belongs to one tree."""
-    nodes: npt.NDArray[np.int64]
-    masks: npt.NDArray[np.uint64]
-    blocked: npt.NDArray[np.uint64]
+    nodes: Ints1
+    masks: UInt64s1
+    blocked: UInt64s1
     """Masks of the angles found to be blocked, at the grasp and farther back (2,)."""
 
 
 class ReachResults(NamedTuple):
     """Results of tests, a row per grasp; written in place."""
 
-    codes: npt.NDArray[np.uint8]
+    codes: Bytes1
     """REACHED, why not, or NO_GRASP (n,)."""
-    free: npt.NDArray[np.uint64]
+    free: UInt64s1
     """Mask of the free angles (n,)."""
-    found: npt.NDArray[np.float64]
+    found: Floats2
     """Where reached, else nan (n, RESULTS)."""
 
 

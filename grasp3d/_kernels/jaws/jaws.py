@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import inlined, kernel, merged, part
+from grasp3d._kernels.array_types import Floats1, Floats2, Floats3
+from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.surface.face_tree import GO_ON, NO_NODE, below, faces_of_leaf, walk
 from grasp3d._kernels.surface.polygons import CORNERS
 from grasp3d._kernels.surface.vectors import copy, copy_rows
@@ -21,11 +22,11 @@ EDGE_ON = 1e-9
 class Jaw(NamedTuple):
     """Shape of a jaw, in object sizes."""
 
-    planes: npt.NDArray[np.float64]
+    planes: Floats2
     """Faces of its inner side: each is at x = a + b y + c z, a <= 0 behind the foremost (m, 3)."""
-    edges: npt.NDArray[np.float64]
+    edges: Floats3
     """Sides of each face: edges[..., 0] y + edges[..., 1] z <= edges[..., 2] (m, e, 3)."""
-    bounds: npt.NDArray[np.float64]
+    bounds: Floats1
     """Smallest y and z, largest y and z of all of them (4,)."""
     radius: float
     """Radius of a round tip; 0: flat pad."""
@@ -62,7 +63,7 @@ class Scratch(NamedTuple):
     row: npt.NDArray[np.float64]
 
 
-@kernel
+@kernel()
 def make_faces(size):
     """Allocate the memory for faces."""
     return Faces(
@@ -73,13 +74,13 @@ def make_faces(size):
     )
 
 
-@kernel
+@kernel()
 def make_scratch():
     """Allocate the memory for one jaw."""
     return Scratch(np.empty((CORNERS, 6)), np.empty((CORNERS, 6)), np.empty(6), np.empty(6))
 
 
-@kernel
+@kernel()
 def without_back(jaw):
     """A jaw that passes through what is behind its inner side before it moves."""
     return Jaw(
@@ -244,7 +245,7 @@ def move(faces, count, motion, jaw, margin, moved):
     return kept
 
 
-@inlined
+@merged
 def move_face(corners, normal, motion, first, last, moved, turned):
     """Write coordinates from one axis to another of a face's corners and normal after a motion."""
     for k in range(first, last):

@@ -219,7 +219,10 @@ def reach_pair(points, normals, sign, shape, limits, explain, tree, workspace, f
     return REACHED, free
 
 
-@kernel
+@kernel(
+    "Floats3, Floats3, Int8s1, GripperShape, ApproachLimits, bool, BoxTree, ReachWorkspace, "
+    "Bytes1, UInt64s1, Floats2"
+)
 def reach_pairs(
     points, normals, signs, shape, limits, explain, tree, workspace, codes, free, found
 ):
@@ -244,7 +247,7 @@ def reach_pairs(
         )
 
 
-@kernel
+@kernel("Floats3, Floats3, GripperShape, ApproachLimits, BoxTree, ReachWorkspace, Bytes1")
 def reach_tips(points, normals, shape, limits, tree, workspace, codes):
     """Test the round tips of grasps of any number of fingers: whether they fit, above the table.
 
@@ -304,7 +307,7 @@ def winding_number(px, py, pz, triangles):
     return total / (2.0 * math.pi)
 
 
-@scratch_kernel
+@scratch_kernel()
 def _inside(x, z, frame, triangles):
     """Whether a point of the gripper's plane y = 0 is inside the object."""
     winding = winding_number(
@@ -373,7 +376,10 @@ def _pose_collides(pose, opening, sign, swept, only, shape, limits, tree, worksp
     return not swept and _boxes_inside(frame, parts, tree.triangles)
 
 
-@kernel
+@kernel(
+    "Floats3, Floats1, Int8s1, bool, int, GripperShape, ApproachLimits, BoxTree, ReachWorkspace, "
+    "Bools1"
+)
 def collide_poses(poses, openings, signs, swept, only, shape, limits, tree, workspace, collides):
     """Test grippers at given poses, one after the other.
 

@@ -1,11 +1,11 @@
 """A free object that settles between the jaws of a gripper.
 
-The jaws squeeze the object. It is at rest where forces within the friction cones of what touches
-balance each other. By duality that is where every small motion opens the jaws at which the contacts
-do not slide along each other, but part at the angle of friction from their common plane: a slip by
-s on a face of slope t opens a jaw by s (tan t - tan(t - phi)) more than one without friction, which
-is mu s where the face is flush with the jaw. Without friction the object is at rest where the
-opening is locally smallest.
+The jaws squeeze the object. It is in equilibrium where forces within the friction cones of what
+touches balance each other. By duality that is where every small motion opens the jaws at which the
+contacts do not slide along each other, but part at the angle of friction from their common plane: a
+slip by s on a face of slope t opens a jaw by s (tan t - tan(t - phi)) more than one without
+friction, which is mu s where the face is flush with the jaw. Without friction the object is in
+equilibrium where the opening is locally smallest.
 
 Everything is in the frame of the gripper, in object sizes. Motions that change what the jaws touch
 are turns about y and z, about a point midway between the contacts or about either contact, which
@@ -315,7 +315,7 @@ class Touching(NamedTuple):
     scratch: Scratch
 
 
-@kernel
+@kernel()
 def make_touching():
     """Allocate the memory for two jaws."""
     return Touching(
@@ -399,7 +399,7 @@ MOVED, PROVEN, LOST, SHORTER = 0, 1, 2, 3
 that promises most the object is out of the jaws; the planes promise too much within this square."""
 
 LARGEST_TURN, SMALLEST_TURN = math.radians(3.0), math.radians(0.05)
-"""Half-width of the square of motions at first, and at rest [rad]; shifts are in jaw sizes."""
+"""Half-width of the square of motions at first, and at the end [rad]; shifts are in jaw sizes."""
 
 SHRINKING = 0.3
 """Factor of the half-width where no motion pays."""
@@ -460,7 +460,7 @@ class Settling(NamedTuple):
     touching: Touching
 
 
-@kernel
+@kernel()
 def make_settling(size):
     """Allocate the memory for a surface of `size` faces."""
     return Settling(
@@ -484,13 +484,13 @@ def make_settling(size):
 
 @part
 def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
-    """Move an object between the jaws until it is at rest.
+    """Move an object between the jaws until it is in equilibrium.
 
     Args:
         surface: `Surface`.
         tree: Its `FaceTree`.
         pose: Rotation and translation from the gripper's frame to the object's (3, 4); replaced by
-            the one at rest, with the jaws symmetric about the TCP.
+            the one in equilibrium, with the jaws symmetric about the TCP.
         opening: Distance of the jaws at the start.
         friction: Coulomb coefficient between object and jaws.
         jaw: `Jaw`.

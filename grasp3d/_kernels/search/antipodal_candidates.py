@@ -11,8 +11,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import Bytes1, Floats1, Floats2, Floats3, Int8s1, Int8s2, Ints2
 from grasp3d._kernels.compiling import merged
 from grasp3d._kernels.surface.surface_contacts import (
     largest_angle,
@@ -41,33 +41,33 @@ class PairLimits(NamedTuple):
 class BestPairs(NamedTuple):
     """The best antipodal grasps found so far, a row per vertex; written in place."""
 
-    worst: npt.NDArray[np.float64]
+    worst: Floats1
     """Critical angle over the worst normals [rad]."""
-    best: npt.NDArray[np.float64]
+    best: Floats1
     """Smallest critical angle over the best normals, possibly of another grasp [rad]."""
-    closing: npt.NDArray[np.float64]
+    closing: Floats2
     """Closing direction of the grasp of `worst` (V, 3)."""
-    closing_best: npt.NDArray[np.float64]
+    closing_best: Floats2
     """Closing direction of the grasp of `best` (V, 3)."""
-    partner: npt.NDArray[np.float64]
+    partner: Floats2
     """Second contact of the grasp of `worst` (V, 3)."""
-    partner_normal: npt.NDArray[np.float64]
+    partner_normal: Floats2
     """Inward unit normal at the second contact (V, 3)."""
-    faces: npt.NDArray[np.int64]
+    faces: Ints2
     """Face of the second contact, of the grasp of `worst` and of that of `best` (V, 2); -1 none."""
-    weights: npt.NDArray[np.float64]
+    weights: Floats3
     """Their barycentric coordinates (V, 2, 3)."""
-    signs: npt.NDArray[np.int8]
+    signs: Int8s1
     """+1 squeeze, -1 expand, of the grasp of `worst`."""
-    signs_best: npt.NDArray[np.int8]
+    signs_best: Int8s1
     """The same for the grasp of `best`."""
-    reason: npt.NDArray[np.uint8]
+    reason: Bytes1
     """FOUND, NO_PARTNER or OPENING."""
-    starts: npt.NDArray[np.float64]
+    starts: Floats3
     """Cache of the best closing directions that differ clearly, sorted by angle (V, k, 3)."""
-    start_angles: npt.NDArray[np.float64]
+    start_angles: Floats2
     """Their critical angles over the worst normals [rad] (V, k)."""
-    start_signs: npt.NDArray[np.int8]
+    start_signs: Int8s2
     """+1 squeeze, -1 expand (V, k)."""
     distinct_cosine: float
     """Cosine of the angle from which two closing directions count as different."""

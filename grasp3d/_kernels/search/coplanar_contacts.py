@@ -11,8 +11,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import Floats1, Floats2, Ints1
 from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.surface.vectors import copy, cross, difference, divided, dot, norm, scaled
 
@@ -30,24 +30,24 @@ ROUNDING = 1e-13
 class Plane(NamedTuple):
     """Three contacts projected to the plane through them; scratch arrays."""
 
-    frame: npt.NDArray[np.float64]
+    frame: Floats2
     """Two unit vectors in the plane and its normal (3, 3)."""
-    positions: npt.NDArray[np.float64]
+    positions: Floats2
     """Contacts relative to their centroid, scaled to a longest side of 1 (3, 2)."""
-    normals: npt.NDArray[np.float64]
+    normals: Floats2
     """Their normals projected to the plane (3, 2)."""
-    edges: npt.NDArray[np.float64]
+    edges: Floats2
     """Wrenches (force, moment) of the two edges of each planar cone (6, 3)."""
-    separating: npt.NDArray[np.float64]
+    separating: Floats1
     """Separating direction where the cones are not force-closed (3,)."""
-    arcs: npt.NDArray[np.float64]
+    arcs: Floats2
     """First and last azimuth of each contact's forces, over several normals [rad] (3, 2)."""
-    azimuths: npt.NDArray[np.float64]
+    azimuths: Floats2
     """Azimuths of several normals' projections, without jumps of a full turn within a contact [rad]
     (3, k)."""
-    lengths: npt.NDArray[np.float64]
+    lengths: Floats2
     """Lengths of these projections: cosines of the elevation over the plane (3, k)."""
-    counts: npt.NDArray[np.int64]
+    counts: Ints1
     """Number of normals of each contact (3,)."""
 
 
@@ -296,7 +296,7 @@ def critical_of_fans(low, high, tolerance, best_normals, plane):
     return high
 
 
-@scratch_kernel
+@scratch_kernel("Floats3, Ints2, Ints2, Floats2, float, Plane, Floats1, Floats1")
 def critical_of_sets(points, first, counts, normals, tolerance, plane, worst, best):
     """Critical friction angles of many grasps of three contacts with several normals each.
 
@@ -326,7 +326,7 @@ def critical_of_sets(points, first, counts, normals, tolerance, plane, worst, be
             best[g] = max(0.0, best[g] - tolerance)
 
 
-@scratch_kernel
+@scratch_kernel("Floats3, FixedFloats3, float, Plane, Floats1")
 def critical_of_three(points, normals, tolerance, plane, angles):
     """Critical friction angles of many grasps of three contacts.
 

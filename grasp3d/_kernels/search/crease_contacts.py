@@ -157,7 +157,7 @@ def _merge(one, other):
     _merge_cones(one, other)
 
 
-@kernel
+@kernel("FaceTree, Ints1, Surface, ContactNormals")
 def bound_creases(tree, owners, surface, sets):
     """Bound the creases and corners of each node of a tree, in place of the faces.
 

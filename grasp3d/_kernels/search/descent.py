@@ -98,7 +98,7 @@ def _visit(node, position, _stale, state):
     return NO_NODE, NO_NODE, event
 
 
-@kernel
+@kernel("Ints1, bool, float, float, PairDomain, BestPairs")
 def descend(vertices, worst, gain, cone, domain, grasps):
     """Search the whole surface for a clearly better opposing contact of each vertex.
 
@@ -223,7 +223,7 @@ def best_of_face(face, v, cosine, own, domain, scratch):
     )
 
 
-@kernel
+@kernel()
 def make_scratch(most):
     """Scratch arrays of `best_of_face`, for vertices with at most so many normals."""
     return (
@@ -300,7 +300,7 @@ def _keep(v, face, weights, surface, sets, grasps, at_contact):
         weights[0], weights[1], weights[2] = inside
 
 
-@kernel
+@kernel("Ints1, bool, Ints1, float, PairDomain, BestPairs")
 def descend_exactly(vertices, worst, owners, cone, domain, grasps):
     """Find the opposing contact of each vertex with the smallest critical angle.
 

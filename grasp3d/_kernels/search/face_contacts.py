@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from grasp3d._kernels.array_types import FixedFloats2
 from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.search.antipodal_candidates import PairLimits
 from grasp3d._kernels.surface.face_tree import FaceTree
@@ -46,7 +47,7 @@ class PairDomain(NamedTuple):
 
     surface: Surface
     sets: ContactNormals
-    centres: npt.NDArray[np.float64]
+    centres: FixedFloats2
     """Centre of each vertex's set of normals (V, 3)."""
     tree: FaceTree
     limits: PairLimits
@@ -278,7 +279,7 @@ def write_nearest(r, u, w, outward, weights):
     weights[2] = INSIDE + scale * b2
 
 
-@scratch_kernel
+@scratch_kernel()
 def aim(face, v, centres, surface, weights):
     """Write the point of a face from which both normals are equally far; False: no exit there.
 

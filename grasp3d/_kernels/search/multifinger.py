@@ -360,7 +360,10 @@ def _initial_grasps(v, n, domain, limits, previous, workspace, plane, hull):
     return 1
 
 
-@scratch_kernel
+@scratch_kernel(
+    "int, Ints1, int, ContactDomain, SearchLimits, int, float, int, BestGrasps, BestGrasps, "
+    "SearchWorkspace, Plane, HullScratch | None"
+)
 def search_fingers(
     stage, vertices, fingers, domain, limits, seed, step, rounds, previous, grasps, workspace,
     plane, hull,

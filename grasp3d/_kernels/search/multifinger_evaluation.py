@@ -12,8 +12,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import Floats1, Floats2, Floats3, Ints1
 from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, grow
 from grasp3d._kernels.hull.polytope import Polytope, make_polytope
@@ -47,31 +47,31 @@ RIGHT_ANGLE = 0.5 * math.pi
 class Candidate(NamedTuple):
     """A candidate grasp of up to n contacts."""
 
-    points: npt.NDArray[np.float64]
+    points: Floats2
     """Contact points (n, 3), scaled so that grasps are about 1 wide."""
-    normals: npt.NDArray[np.float64]
+    normals: Floats3
     """Inward unit normals that each contact may have (n, k, 3)."""
-    counts: npt.NDArray[np.int64]
+    counts: Ints1
     """How many those are (n,)."""
 
 
 class HullScratch(NamedTuple):
     """Scratch arrays for the evaluation of more contacts."""
 
-    chosen: npt.NDArray[np.int64]
+    chosen: Ints1
     """Index of one normal of each contact: a combination of normals (n,)."""
-    directions: npt.NDArray[np.float64]
+    directions: Floats2
     """Separating directions of earlier candidates, moments about the first contact; the one that
     was successful last comes first (d, 6)."""
-    direction_use: npt.NDArray[np.int64]
+    direction_use: Ints1
     """Number of directions, and the row that is overwritten next (2,)."""
-    axes: npt.NDArray[np.float64]
+    axes: Floats3
     """As in `WrenchSpace` (n, 4, 6)."""
-    cones: npt.NDArray[np.float64]
+    cones: Floats2
     """As in `WrenchSpace` (n, 2)."""
-    rim: npt.NDArray[np.float64]
+    rim: Floats2
     """As in `WrenchSpace`: circular (0, 2)."""
-    metric: npt.NDArray[np.float64]
+    metric: Floats1
     """As in `grow` (6,)."""
     polytope: Polytope
 

@@ -4,8 +4,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import (
+    FixedFloats2,
+    Floats1,
+    Floats2,
+    Floats3,
+    Ints1,
+    Ints2,
+    UInt64s1,
+)
 from grasp3d._kernels.compiling import merged
 from grasp3d._kernels.search.multifinger_evaluation import Candidate, make_candidate
 from grasp3d._kernels.surface.surface_contacts import (
@@ -29,15 +37,15 @@ class CandidatePoints(NamedTuple):
 
     common_count: int
     """Number of points for all vertices."""
-    points: npt.NDArray[np.float64]
+    points: Floats2
     """Positions (P, 3)."""
-    elements: npt.NDArray[np.int64]
+    elements: Ints1
     """Face or vertex of each point (P,)."""
-    weights: npt.NDArray[np.float64]
+    weights: Floats2
     """Barycentric coordinates (P, 3)."""
-    normals: npt.NDArray[np.float64]
+    normals: FixedFloats2
     """Inward unit normals (P, 3); unused where contacts are vertices, which may have several."""
-    own: npt.NDArray[np.int64]
+    own: Ints1
     """The point that belongs to each vertex; NO_CONTACT: none (V,)."""
 
 
@@ -46,15 +54,15 @@ class ContactDomain(NamedTuple):
 
     surface: Surface
     sets: ContactNormals
-    adjacent_faces: npt.NDArray[np.int64]
+    adjacent_faces: Ints2
     """Face across the edge opposite each corner (F, 3); -1: none, or several."""
-    normal_start: npt.NDArray[np.int64]
+    normal_start: Ints1
     """First row of each vertex in `normals` (V + 1,)."""
-    normals: npt.NDArray[np.float64]
+    normals: Floats2
     """Inward unit normals with which a contact at each vertex is evaluated (K, 3)."""
-    neighbour_start: npt.NDArray[np.int64]
+    neighbour_start: Ints1
     """First neighbour of each vertex in `neighbours` (V + 1,)."""
-    neighbours: npt.NDArray[np.int64]
+    neighbours: Ints1
     """Vertices around each vertex."""
     on_vertices: bool
     """Whether contacts are vertices; an element is then a vertex, otherwise a face."""
@@ -163,11 +171,11 @@ STARTS = 3
 class BestGrasps(NamedTuple):
     """The best grasps found so far, a row per vertex; written in place."""
 
-    angles: npt.NDArray[np.float64]
+    angles: Floats1
     """Critical angles [rad]; inf: none (V,)."""
-    elements: npt.NDArray[np.int64]
+    elements: Ints2
     """Face or vertex of every other finger; NO_CONTACT: no grasp (V, n - 1)."""
-    weights: npt.NDArray[np.float64]
+    weights: Floats3
     """Barycentric coordinates on the faces (V, n - 1, 3)."""
 
 
@@ -179,21 +187,21 @@ class SearchWorkspace(NamedTuple):
     """
 
     candidate: Candidate
-    face_normals: npt.NDArray[np.float64]
+    face_normals: Floats2
     """Normals at a surface point (2, 3)."""
-    reachable: npt.NDArray[np.int64]
+    reachable: Ints1
     """Candidate points at allowed distances from the vertex (common_count + 1,)."""
-    angles: npt.NDArray[np.float64]
+    angles: Floats1
     """Critical angles of the starts [rad] (STARTS,)."""
-    start_points: npt.NDArray[np.int64]
+    start_points: Ints2
     """Candidate points of their second and third fingers (STARTS, 2)."""
-    elements: npt.NDArray[np.int64]
+    elements: Ints2
     """Faces or vertices of the fingers: row 0 the current grasp, row 1 its variation (2, n)."""
-    weights: npt.NDArray[np.float64]
+    weights: Floats3
     """Their barycentric coordinates (2, n, 3)."""
-    random_state: npt.NDArray[np.uint64]
+    random_state: UInt64s1
     """State of the random number generator (1,)."""
-    evaluated: npt.NDArray[np.int64]
+    evaluated: Ints1
     """Number of candidate grasps evaluated so far (1,)."""
 
 

@@ -11,7 +11,7 @@ from grasp3d._kernels.surface.surface_contacts import largest_angle, smallest_an
 from grasp3d._kernels.surface.vectors import difference, divided, norm, scaled
 
 
-@kernel
+@kernel("Floats1, FixedFloats2, FixedFloats2, ContactNormals, Floats1, Floats1, Int8s1")
 def scan(fixed_point, fixed_normals, points, sets, worst, best, signs):
     """Critical angles of the grasps that one fixed contact makes with every vertex.
 
@@ -53,7 +53,7 @@ def scan(fixed_point, fixed_normals, points, sets, worst, best, signs):
             best[v] = min(best[v], low)
 
 
-@kernel
+@kernel("Floats3, Ints1, Ints1, Floats2, Floats2, Floats2")
 def pair_angles(points, start, counts, normals, largest, smallest):
     """Angles between the normals of two contacts and the line from the first to the second.
 

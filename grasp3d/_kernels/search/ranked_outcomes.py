@@ -5,7 +5,7 @@ import math
 from grasp3d._kernels.compiling import kernel
 
 
-@kernel
+@kernel("Ints1, Ints1, Bools1 | FixedBools1, Ints1")
 def rank_outcomes(order, starts, held, weights):
     """Area under the ROC curve, and average precision.
 

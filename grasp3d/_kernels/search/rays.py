@@ -13,8 +13,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import (
+    FixedFloats1,
+    FixedFloats2,
+    Floats1,
+    Floats2,
+    Int8s1,
+    Int32s1,
+    Ints1,
+)
 from grasp3d._kernels.compiling import kernel, part
 from grasp3d._kernels.search.antipodal_candidates import (
     FOUND,
@@ -44,21 +52,21 @@ STEP = 3e-7
 class Rays(NamedTuple):
     """Rays from vertices; those that continue are moved to the front."""
 
-    owner: npt.NDArray[np.int32]
+    owner: Int32s1
     """Vertex from which each ray starts (r,)."""
-    closing: npt.NDArray[np.float64]
+    closing: Floats2
     """Closing direction (r, 3)."""
-    signs: npt.NDArray[np.int8]
+    signs: Int8s1
     """+1: the ray runs along the closing direction, -1: against it (r,)."""
-    along: npt.NDArray[np.float64]
+    along: Floats1
     """Distance of the ray's current origin from the vertex (r,)."""
-    step: npt.NDArray[np.float64]
+    step: Floats1
     """Distance by which the origin advances when the ray hits the same face again (r,)."""
-    last: npt.NDArray[np.int32]
+    last: Int32s1
     """Face crossed last, -1 none (r,)."""
 
 
-@kernel
+@kernel("Int32s1, Floats2, Int8s1, int")
 def starting_rays(owner, closing, signs, size):
     """The first `size` rays, starting at their vertices."""
     return Rays(
@@ -71,7 +79,7 @@ def starting_rays(owner, closing, signs, size):
     )
 
 
-@kernel
+@kernel()
 def make_rays(capacity):
     """Allocate owner, closing direction and sign of so many rays."""
     return (
@@ -97,7 +105,7 @@ def append_ray(size, v, sign, direction, bound, sets, rays):
     return size + 1
 
 
-@kernel
+@kernel("int, Rays, FixedFloats2, Float32s2, Float32s2")
 def write_rays(count, rays, points, origins, directions):
     """Write the first `count` rays as 32-bit origins and directions."""
     for i in range(count):
@@ -113,7 +121,7 @@ SMALLEST_OPENING = 1e-6
 """Smallest opening, in object sizes, that 32-bit rays can resolve."""
 
 
-@kernel
+@kernel("int, Int32s1, Float32s1, Rays, Surface, ContactNormals, PairLimits, BestPairs")
 def evaluate_crossings(count, hit, far, rays, surface, sets, limits, grasps):
     """Evaluate the grasps at the faces that the rays hit, and keep the rays that continue.
 
@@ -197,22 +205,22 @@ GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 class Origins(NamedTuple):
     """The vertices from which rays start, with frames of their directions."""
 
-    points: npt.NDArray[np.float64]
+    points: FixedFloats2
     """Positions of the vertices (V, 3)."""
     sets: ContactNormals
-    centres: npt.NDArray[np.float64]
+    centres: FixedFloats2
     """Centre of each vertex's set of normals (V, 3)."""
-    tangents: npt.NDArray[np.float64]
+    tangents: Floats2
     """A unit vector orthogonal to the centre (V, 3)."""
-    radii: npt.NDArray[np.float64]
+    radii: FixedFloats1
     """Largest angle from the centre to a normal [rad] (V,)."""
-    neighbours: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
+    neighbours: tuple[Ints1, Ints1]
     """First neighbour of each vertex (V + 1,), and the vertices around each vertex."""
     cone: float
     """Half-angle of the search cone [rad]."""
 
 
-@kernel
+@kernel("Ints1, int, tuple[int, int], int, Origins, BestPairs")
 def seed_rays(vertices, rays, batch, sign, origins, grasps):
     """Rays in initial closing directions about each vertex's normals.
 
@@ -257,7 +265,7 @@ def seed_rays(vertices, rays, batch, sign, origins, grasps):
     return starting_rays(*written, size)
 
 
-@kernel
+@kernel("Ints1, Origins, BestPairs")
 def neighbour_rays(vertices, origins, grasps):
     """Rays from each vertex toward the opposing contacts that its neighbours found.
 
@@ -323,7 +331,7 @@ def _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, rays):
     return size
 
 
-@kernel
+@kernel("Ints1, Floats1, float, Origins, BestPairs")
 def refining_rays(vertices, radii, turn, origins, grasps):
     """Rays near each vertex's best grasp: a ring, and the bisector of the two normals.
 
@@ -358,7 +366,7 @@ def refining_rays(vertices, radii, turn, origins, grasps):
     return starting_rays(*rays, size)
 
 
-@kernel
+@kernel("Ints1, float, float, Origins, BestPairs")
 def exploring_rays(vertices, radius, turn, origins, grasps):
     """Rays in rings about the cached closing directions of each vertex except the best one.
 

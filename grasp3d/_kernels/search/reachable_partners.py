@@ -154,13 +154,16 @@ def _test(v, sign, face, weights, explain, domain, reaching, scratch):
     return reach_pair(points, normals, sign, shape, limits, explain, tree, workspace, result)
 
 
-@kernel
+@kernel()
 def _make_scratch():
     """Scratch arrays of `_test`: contacts, their normals, a set of normals, a result."""
     return np.empty((2, 3)), np.empty((2, 3)), np.empty((2, 3)), np.empty(RESULTS)
 
 
-@kernel
+@kernel(
+    "Ints1, Int8s1, Ints1, Floats2, PairDomain, "
+    "tuple[GripperShape, ApproachLimits, BoxTree, ReachWorkspace], BestPairs, ReachResults"
+)
 def keep_reached(vertices, signs, faces, weights, domain, reaching, grasps, results):
     """Keep the given grasps that are reached, where they are better than those known.
 
@@ -200,7 +203,10 @@ def keep_reached(vertices, signs, faces, weights, domain, reaching, grasps, resu
                     results.found[v, k] = result[k]
 
 
-@kernel
+@kernel(
+    "Ints1, Int8s1, Ints1, Floats2, PairDomain, "
+    "tuple[GripperShape, ApproachLimits, BoxTree, ReachWorkspace], Bytes1"
+)
 def explain_pairs(vertices, signs, faces, weights, domain, reaching, codes):
     """Find why grasps of vertices and points on faces are not reached.
 
@@ -219,7 +225,10 @@ def explain_pairs(vertices, signs, faces, weights, domain, reaching, codes):
         codes[v], _ = _test(v, sign, faces[i], weights[i], EXPLAIN, domain, reaching, scratch)
 
 
-@kernel
+@kernel(
+    "Ints1, bool, Floats1, float, float, int, PairDomain, "
+    "tuple[GripperShape, ApproachLimits, BoxTree, ReachWorkspace]"
+)
 def search_reachable(vertices, worst, limit, step, spacing, most_failed, domain, reaching):
     """Find the opposing contact of each vertex with the smallest angle that is reached.
 

@@ -9,8 +9,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import Floats2, Ints1
 from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.surface.face_tree import (
     GO_ON,
@@ -49,17 +49,17 @@ class BoxTree(NamedTuple):
 
     depth: int
     """Divisions from the root to a leaf."""
-    order: npt.NDArray[np.int64]
+    order: Ints1
     """Faces in the order of the leaves (F,)."""
-    triangles: npt.NDArray[np.float64]
+    triangles: Floats2
     """Corners of the faces, in the order of the leaves (F, 9)."""
-    boxes: npt.NDArray[np.float64]
+    boxes: Floats2
     """Of the faces of each node: centre and half sizes of the box around them, radius of the ball
     about that centre; the slab across their mean normal, as this unit vector, the height of its
     middle above the centre, and half its thickness (N, COLUMNS)."""
 
 
-@kernel
+@kernel("FixedFloats2, FixedInts2")
 def box_tree(points, faces):
     """Divide the faces of a surface into a tree.
 
@@ -95,7 +95,7 @@ def box_tree(points, faces):
     return BoxTree(depth, order, triangles, boxes)
 
 
-@kernel
+@kernel()
 def _bound(triangles, box):
     """Write the bounds of some faces; they contain them in spite of rounding."""
     for k in range(3):
@@ -118,7 +118,7 @@ def _bound(triangles, box):
     box[HEIGHT], box[THICKNESS] = 0.5 * (low + high), 0.5 * (high - low) + 1e-12
 
 
-@kernel
+@kernel()
 def _mean_normal(triangles):
     """Unit vector along the sum of some faces' areas, or any one where that is zero."""
     x, y, z = 0.0, 0.0, 0.0
@@ -220,7 +220,7 @@ def ball_is_free(px, py, pz, radius, tree, nodes):
     return radius <= 0.0 or not walk(_visit_with_ball, state, nodes)
 
 
-@kernel
+@kernel("Floats2, float, int, int, BoxTree, Ints1")
 def nearest_faces(points, limit, first, last, tree, found):
     """Find the face that is nearest to each point.
 

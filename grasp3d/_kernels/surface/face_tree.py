@@ -8,8 +8,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import Floats2, Ints1
 from grasp3d._kernels.compiling import kernel, merged, part
 
 LEAF = 1
@@ -33,11 +33,11 @@ are divided: about the distance of opposing contacts, at which it tilts their li
 class FaceTree(NamedTuple):
     """Bounds of the faces of each node, in the frame of the surface."""
 
-    order: npt.NDArray[np.int64]
+    order: Ints1
     """Faces in the order of the leaves (F,)."""
     depth: int
     """Divisions from the root to a leaf."""
-    bounds: npt.NDArray[np.float64]
+    bounds: Floats2
     """Of each node: centre and radius of a ball that contains its faces; axis, and cosine and sine
     of the half-angle, of a cone that contains its inward normals, half-angle pi: any direction;
     largest coordinate of its faces along that axis (N, 10)."""
@@ -87,7 +87,7 @@ def faces_of_leaf(node, depth, size):
     return (size * leaf >> depth, size * (leaf + 1) >> depth) if leaf >= 0 else (0, 0)
 
 
-@kernel
+@kernel()
 def divide(order, keys, depth):
     """Reorder the faces so that each node's halves differ as much as possible, in place."""
     size = order.shape[0]
@@ -99,7 +99,7 @@ def divide(order, keys, depth):
             _select(order, keys, widest, first, last, middle)
 
 
-@kernel
+@kernel()
 def _widest(order, keys, first, last):
     """Column in which the keys of the faces from `first` to `last` differ most."""
     widest, extent = 0, -1.0
@@ -178,7 +178,7 @@ def _bound_node(first, last, order, surface, bounds):
     bounds[8] = math.sqrt(1.0 - bounds[7] ** 2)
 
 
-@kernel
+@kernel("Surface")
 def face_tree(surface):
     """Divide the faces of a surface into a tree.
 

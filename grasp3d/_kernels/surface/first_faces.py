@@ -45,7 +45,7 @@ def _distance(start, direction, triangle, far):
     return distance if 0.0 <= distance < far else far
 
 
-@kernel
+@kernel("Float32s2, Float32s2, Float32s1, int, int, BoxTree, Int32s1, Float32s1")
 def first_faces(origins, directions, lengths, first, last, tree, faces, far):
     """Find the first face that each of some rays meets.
 

@@ -8,8 +8,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from grasp3d._kernels.array_types import FixedFloats2, FixedInts1, FixedInts2, Ints3
 from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.surface.vectors import (
     angle_between,
@@ -40,7 +40,7 @@ def _arc_angle(a, b, d):
     return min(angle_between(a, d), angle_between(b, d))
 
 
-@kernel
+@kernel("FixedFloats2, int, int, float, float, float")
 def smallest_angle(normals, first, count, x, y, z):
     """Smallest angle between a direction and a set of normals (see `order_normal_sets`)."""
     d = x, y, z
@@ -61,7 +61,7 @@ def smallest_angle(normals, first, count, x, y, z):
     return 0.0 if inside else least
 
 
-@kernel
+@kernel("FixedFloats2, int, int, float, float, float")
 def largest_angle(normals, first, count, x, y, z):
     """Largest angle between a direction and a set of normals."""
     if count == 1:  # bit-identical to smallest_angle
@@ -80,11 +80,11 @@ FLAT = 1e-12
 class ContactNormals(NamedTuple):
     """All normals that a contact at a vertex may have; see `order_normal_sets`."""
 
-    start: npt.NDArray[np.int64]
+    start: FixedInts1
     """First row of each vertex in `normals` (V + 1,)."""
-    counts: npt.NDArray[np.int64]
+    counts: FixedInts1
     """Corners of each polygon of normals (V,)."""
-    normals: npt.NDArray[np.float64]
+    normals: FixedFloats2
     """Unit normals (K, 3)."""
 
 
@@ -126,7 +126,7 @@ def _farthest(normals, first, count, centre):
     return far, min(least, 1.0)
 
 
-@kernel
+@kernel()
 def _hull(points):
     """Corners of the planar convex hull, counter-clockwise (Andrew's monotone chain)."""
     count = points.shape[0]
@@ -180,7 +180,7 @@ def _tangents(centre):
     return e1, cross(centre, e1)
 
 
-@kernel
+@kernel("Ints1, Floats2, Ints1, Floats2, Floats1")
 def order_normal_sets(start, normals, counts, centres, radii):
     """Turn each vertex's distinct normals into a convex polygon, in place.
 
@@ -237,15 +237,15 @@ ANY_NORMAL = -2
 class Surface(NamedTuple):
     """The faces that rays intersect, with vertex normals for interpolation."""
 
-    points: npt.NDArray[np.float64]
+    points: FixedFloats2
     """Positions of the vertices (V, 3)."""
-    faces: npt.NDArray[np.int64]
+    faces: FixedInts2
     """Vertices of each face (F, 3)."""
-    corners: npt.NDArray[np.int64]
+    corners: FixedInts2
     """Row of `normals` at each corner of each face (F, 3)."""
-    normals: npt.NDArray[np.float64]
+    normals: FixedFloats2
     """Unit normals at the corners (C, 3)."""
-    twins: npt.NDArray[np.int64]
+    twins: Ints3
     """Rows of `normals` across each crease, for the two ends of the edge opposite each corner
     (F, 3, 2); -1 where the edge is smooth or open, ANY_NORMAL where more than two faces meet."""
 
@@ -298,7 +298,7 @@ def point_on_face(face, weights, surface):
     return weighted_sum(weights, points[corners[0]], points[corners[1]], points[corners[2]])
 
 
-@kernel
+@kernel("Ints1, Floats2, Surface, ContactNormals, Ints1, Ints1, Floats3")
 def write_normals_of_all(faces, weights, surface, sets, counts, vertices, normals):
     """Write the normals at many contacts; a contact at a vertex has the vertex's set of normals.
 

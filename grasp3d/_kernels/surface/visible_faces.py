@@ -73,7 +73,7 @@ def _brightness(lighting, corners, f, u, v, w, ambient):
     return ambient + (1.0 - ambient) * max(light, 0.0)
 
 
-@kernel
+@kernel("Floats2, FixedInts2, Bytes1, FixedInts2, Floats2, bool, Floats2, float, Floats3")
 def draw_surface(positions, faces, codes, corners, lighting, both_sides, palette, ambient, picture):
     """Add the colours of a surface, as seen from above, to a picture.
 

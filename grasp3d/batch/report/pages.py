@@ -17,7 +17,6 @@ from grasp3d.batch.storage.folder import Folder
 from grasp3d.quality.loads import load_settings
 from grasp3d.settings.model_text import SAFE_LABELS
 from grasp3d.settings.parsing import plain_values
-from grasp3d.settings.units import one_line
 from grasp3d.stability.label import COLORS
 from grasp3d.system.counts import counted, short_number
 from grasp3d.system.names import printable
@@ -156,9 +155,8 @@ def _plain(settings: BatchSettings) -> dict[str, str]:
         **plain_values(settings.sampling),
         **reach,
         **load,
+        **plain_values(settings.mesh),
     }
-    center = one_line(settings.mesh.center_of_mass)
-    values |= plain_values(settings.mesh) | {"center_of_mass": center}
     return {name: str(value) for name, value in values.items()}
 
 

@@ -84,9 +84,9 @@ class HandScene:
             return np.full(len(frames), np.nan)
         lowest = np.full(len(frames), np.inf)
         for body, link in enumerate(self.bodies.links):
-            placed = frames[:, link, :, :3] @ self.bodies.poses[body]
-            placed[..., 3] += frames[:, link, :, 3]
-            up = table.normal @ placed  # (k, 4), in the body's frame
+            pose = frames[:, link, :, :3] @ self.bodies.poses[body]
+            pose[..., 3] += frames[:, link, :, 3]
+            up = table.normal @ pose  # (k, 4), in the body's frame
             lowest = np.minimum(lowest, up[:, 3] - reach_along(self.bodies, body, -up[:, :3]))
         return np.asarray(table.offset - lowest)
 

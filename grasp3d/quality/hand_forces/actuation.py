@@ -100,7 +100,7 @@ class Actuation:
             None if links is None else locked(_table("links", links, 3)),
         )
 
-    def holding_links(self, acceleration: Floats) -> "Actuation":
+    def carrying_links(self, acceleration: Floats) -> "Actuation":
         """The same with what holds the links under one acceleration (3,) [m/s^2]."""
         if self.links is None:
             return self

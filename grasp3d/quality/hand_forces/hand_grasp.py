@@ -69,9 +69,9 @@ class HandGrasp:
         object.__setattr__(self, "actuation", actuation)
         object.__setattr__(self, "most_force", float(most_force))
 
-    def holding_links(self, acceleration: Floats) -> "HandGrasp":
+    def carrying_links(self, acceleration: Floats) -> "HandGrasp":
         """The same grasp with the weight of the links under an acceleration (3,) [m/s^2]."""
-        drives = self.actuation.holding_links(acceleration)
+        drives = self.actuation.carrying_links(acceleration)
         return HandGrasp(self.contacts, self.jacobian, drives, most_force=self.most_force)
 
     def half_angles(self, tilt: ArrayLike = 0.0) -> Floats:

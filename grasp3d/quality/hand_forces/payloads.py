@@ -206,7 +206,7 @@ def _payload(grasp: HandGrasp, task: Task | ArrayLike, tilt: ArrayLike, rtol: fl
         return search.with_links() if weighs else search.found()
     fixed = np.zeros((1, 6)) if corners[1] is None else corners[1][0]
     each = [
-        _of_wrench(grasp.holding_links(w[:3]) if weighs else grasp, angles, w, c)
+        _of_wrench(grasp.carrying_links(w[:3]) if weighs else grasp, angles, w, c)
         for w in corners[0][0]
         for c in fixed
     ]

@@ -28,7 +28,7 @@ from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.settings import MultifingerSampling, Sampling
+from grasp3d.settings import Sampling
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.sampling.antipodal import best_pairs
 from grasp3d.surface.sampling.candidate_points import candidate_points, contact_domain
@@ -90,9 +90,7 @@ class MultifingerGrasps:
     """Number of candidate grasps evaluated."""
 
 
-def search(
-    mesh: ObjectMesh, fingers: int, sampling: MultifingerSampling, cone: float
-) -> MultifingerGrasps:
+def search(mesh: ObjectMesh, fingers: int, sampling: Sampling, cone: float) -> MultifingerGrasps:
     """Search for the best grasp of three fingers and more through every vertex.
 
     The result does not depend on the number of threads.
@@ -106,25 +104,23 @@ def search(
     Raises:
         SettingError: The mesh has fewer vertices than fingers, or is smaller than the separation.
     """
-    if (sampling.min_separation or 0.0) > mesh.size:
+    if sampling.min_opening > mesh.size:
         raise SettingError(
-            f"min_separation is {sampling.min_separation:g}, but no two points of the object, of "
+            f"min_opening is {sampling.min_opening:g}, but no two points of the object, of "
             f"size {mesh.size:.4g}, are that far apart"
         )
     with ThreadPoolExecutor(thread_count()) as executor:
         return _Search(*_without_unit(mesh, sampling), fingers, cone, executor).run()
 
 
-def _without_unit(
-    mesh: ObjectMesh, sampling: MultifingerSampling
-) -> tuple[ObjectMesh, MultifingerSampling]:
+def _without_unit(mesh: ObjectMesh, sampling: Sampling) -> tuple[ObjectMesh, Sampling]:
     """The object and the limits of distances in the normalised frame, without their last digits.
 
     The rounding errors in these depend on the unit of lengths, and on a regular object, where many
     grasps are equally good, they would choose among them. Mass and volume, which no search needs,
     stay as they are.
     """
-    corners, least = mesh.corner_normals, sampling.min_separation
+    corners = mesh.corner_normals
     smaller = replace(
         mesh,
         vertices=locked(_on_grid(mesh.normalized)),
@@ -133,8 +129,8 @@ def _without_unit(
         size=1.0,
     )
     most = max(float(_on_grid(sampling.max_opening / mesh.size)), 1.0 / GRID)
-    least = None if least is None else float(_on_grid(least / mesh.size))
-    return smaller, replace(sampling, max_opening=most, min_separation=least)
+    least = float(_on_grid(sampling.min_opening / mesh.size))
+    return smaller, replace(sampling, max_opening=most, min_opening=min(least, most))
 
 
 def _on_grid(values: ArrayLike) -> Floats:
@@ -147,7 +143,7 @@ class _Search:
 
     mesh: ObjectMesh
     """In the normalised frame, as the limits of distances of the sampling."""
-    sampling: MultifingerSampling
+    sampling: Sampling
     fingers: int
     cone: float
     executor: ThreadPoolExecutor
@@ -155,10 +151,8 @@ class _Search:
 
     def __post_init__(self) -> None:
         mesh, sampling = self.mesh, self.sampling
-        separation = sampling.min_separation
-        if separation is None:
-            separation = min(SEPARATION, MAX_SEPARATION * sampling.max_opening)
-        self.min_separation = separation
+        separation = min(SEPARATION, MAX_SEPARATION * sampling.max_opening)
+        self.min_separation = max(separation, sampling.min_opening)
         self.on_vertices = sampling.candidate_points == "vertices"
         self.vertices = mesh.contact_vertices.copy()  # kernels are compiled for such arrays
         if self.on_vertices and len(self.vertices) < self.fingers:

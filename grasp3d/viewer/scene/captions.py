@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from grasp3d.arrays import Bytes
 from grasp3d.grasps.explanations import UNSEARCHED, finger_words
-from grasp3d.settings import sampling_kind
 from grasp3d.settings.model_text import friction_text, location_texts
 from grasp3d.settings.units import small_length
 from grasp3d.stability.label import MEANING, Label, Mode
@@ -137,8 +136,7 @@ def _caption(session: Session, subject: Subject) -> tuple[str, ...]:
         return (*parts, subject.poses.hand.name)
     parts.append(finger_words(model.fingers))
     if subject.labels.mode != "scan" and math.isfinite(limit):  # the search had a limit
-        name = sampling_kind(subject.labels.model.fingers).span
-        parts.append(f"{name} ≤ {subject.mesh.length_text(limit)}")
+        parts.append(f"opening ≤ {subject.mesh.length_text(limit)}")
     return (*parts, *([] if scene is None else [f"gripper {scene.hand.name}"]))
 
 

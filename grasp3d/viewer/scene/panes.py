@@ -184,7 +184,7 @@ class Pane:
         self.renderer = renderer
         self._subject: Subject | None = None
         self._painted: tuple[Subject, Paint, GraspModel, bool] | None = None
-        self._located: Floats | None = None
+        self._upper: Floats | None = None
         self._data: pyvista.PolyData | None = None
         self._texture, self._image = vtkTexture(), pyvista.ImageData()
         self._rows = np.empty((0, 3), dtype=np.uint8)
@@ -226,11 +226,11 @@ class Pane:
             return
         if not _same_shape(subject, self._subject):
             self._draw(subject)
-        located = subject.angles(model)[0]
+        upper = subject.angles(model)[0]
         same = before is not None and (subject is before[0] and paint == before[1])
-        if paint == "label" or not same or located is not self._located:
+        if paint == "label" or not same or upper is not self._upper:
             self._set_coordinates(subject, paint, model)
-        self._located = located
+        self._upper = upper
         image = texture_image(subject, paint, model)
         self._set_image(faded(image) if stale else image)
         self._subject, self._painted = subject, (subject, paint, model, stale)

@@ -23,7 +23,7 @@ from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.quality.loads import Load
-from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling, check_search_settings
+from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
 from grasp3d.settings.units import Unit
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import Labelling, label_surface
@@ -40,8 +40,8 @@ READ = 0.2
 """Fraction of the work of opening a mesh after which it is read and prepared."""
 
 SettingsT = TypeVar("SettingsT")
-Given: TypeAlias = tuple[GraspModel | None, AnySampling | None]
-Search: TypeAlias = tuple[ReachSettings, GraspModel, AnySampling]
+Given: TypeAlias = tuple[GraspModel | None, Sampling | None]
+Search: TypeAlias = tuple[ReachSettings, GraspModel, Sampling]
 """Settings of a search."""
 
 
@@ -60,7 +60,7 @@ class Collection:
 
     items: tuple[Item, ...]
     model: GraspModel
-    sampling: AnySampling
+    sampling: Sampling
     notes: tuple[str, ...] = ()
     """Sentences for the user, for example that meshes were left out."""
 
@@ -95,12 +95,12 @@ class LastOpened:
 def collection_of(labels: SurfaceLabels) -> Collection:
     """Collection of one surface that is already labelled."""
     subject = subject_of(labels)
-    sampling = labels.sampling or _default(labels.model)
+    sampling = labels.sampling or Sampling()
     return _single(subject.name, lambda: warm_up(subject), labels.model, sampling)
 
 
 def collection_of_mesh(
-    mesh: ObjectMesh, model: GraspModel | None = None, sampling: AnySampling | None = None
+    mesh: ObjectMesh, model: GraspModel | None = None, sampling: Sampling | None = None
 ) -> Collection:
     """Collection of one mesh, which is labelled when it is opened.
 
@@ -143,13 +143,13 @@ def collection_of_grasps(grasps: GraspTable | GivenGrasps) -> Collection:
     items = tuple(
         Item(f"{source}, {name}", last.kept(partial(opened, row))) for row, name in enumerate(names)
     )
-    return Collection(items, grasps.model, _default(grasps.model))
+    return Collection(items, grasps.model, Sampling())
 
 
 def open_collection(
     target: Path,
     model: GraspModel | None = None,
-    sampling: AnySampling | None = None,
+    sampling: Sampling | None = None,
     options: MeshOptions | None = None,
     *,
     force: bool = True,
@@ -212,7 +212,7 @@ def open_collection(
 
 
 def _single(
-    name: str, reader: Callable[[], Subject], model: GraspModel, sampling: AnySampling
+    name: str, reader: Callable[[], Subject], model: GraspModel, sampling: Sampling
 ) -> Collection:
     return Collection((Item(as_unicode(name), LastOpened().kept(reader)),), model, sampling)
 
@@ -220,7 +220,7 @@ def _single(
 def _batch_collection(
     folder: Path,
     model: GraspModel | None,
-    sampling: AnySampling | None,
+    sampling: Sampling | None,
     options: MeshOptions,
     reach: ReachSettings,
     *,
@@ -270,7 +270,7 @@ def labelled_rows(folder: Path) -> tuple[list[Row], int]:
 
 def settings_of_results(
     folder: Path, rows: Sequence[Row]
-) -> tuple[GraspModel, AnySampling | None] | None:
+) -> tuple[GraspModel, Sampling | None] | None:
     """Settings of the first mesh whose file has them; None: no file can be read."""
     for row in rows:
         texts = stored_settings(folder / row.labels)
@@ -342,37 +342,29 @@ def _open_mesh(
     return warm_up(subject_of(labels))
 
 
-def _label_mesh(mesh: ObjectMesh, model: GraspModel, sampling: AnySampling) -> Subject:
+def _label_mesh(mesh: ObjectMesh, model: GraspModel, sampling: Sampling) -> Subject:
     return warm_up(subject_of(label_surface(mesh, model, sampling=sampling)))
 
 
 def _merged(
-    stored: tuple[GraspModel, AnySampling | None],
+    stored: tuple[GraspModel, Sampling | None],
     model: GraspModel | None,
-    sampling: AnySampling | None,
-) -> tuple[GraspModel, AnySampling]:
+    sampling: Sampling | None,
+) -> tuple[GraspModel, Sampling]:
     """Stored settings overridden by the given settings.
 
     The stored search angle is dropped, so that it does not limit later searches.
     """
     own_model, own_sampling = stored
     merged = _overridden(own_model, model)
-    options = None if sampling is None else sampling.fitted(merged.fingers)
     if own_sampling is None or merged.fingers != own_model.fingers:
-        return merged, options or _default(merged)
-    return merged, _overridden(replace(own_sampling, search_angle=None), options)
+        return merged, sampling or Sampling()
+    return merged, _overridden(replace(own_sampling, search_angle=None), sampling)
 
 
-def _chosen(
-    model: GraspModel | None, sampling: AnySampling | None
-) -> tuple[GraspModel, AnySampling]:
+def _chosen(model: GraspModel | None, sampling: Sampling | None) -> tuple[GraspModel, Sampling]:
     """The given settings, or the defaults."""
-    model = model or GraspModel()
-    return model, (sampling or Sampling()).fitted(model.fingers)
-
-
-def _default(model: GraspModel) -> AnySampling:
-    return Sampling().fitted(model.fingers)
+    return model or GraspModel(), sampling or Sampling()
 
 
 def _overridden(stored: SettingsT, options: SettingsT | None) -> SettingsT:

@@ -10,7 +10,7 @@ from grasp3d.errors import SettingError
 from grasp3d.export.writers import writer_for
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.scene import Scene
-from grasp3d.settings import AnySampling, GraspModel, search_cone
+from grasp3d.settings import GraspModel, Sampling, search_cone
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import label_surface, merged
 from grasp3d.surface.labels import SurfaceLabels
@@ -29,7 +29,7 @@ COMPUTED = 0.95
 
 
 def search_grasps(
-    subject: Subject, model: GraspModel, sampling: AnySampling, *,
+    subject: Subject, model: GraspModel, sampling: Sampling, *,
     wide: bool = False, scene: Scene | None = None,
 ) -> Subject:  # fmt: skip
     """Search the best grasps again, for the same gripper and table.
@@ -53,7 +53,7 @@ def search_grasps(
     return warm_up(subject_of(labels, subject.name))
 
 
-def search_wider(subject: Subject, model: GraspModel, sampling: AnySampling) -> Subject:
+def search_wider(subject: Subject, model: GraspModel, sampling: Sampling) -> Subject:
     """Search the widest cone for the vertices that have no grasp within the searched cone.
 
     Where a search samples directions or contacts, those in a wider cone are further apart and may
@@ -138,12 +138,12 @@ def compute_forces(subject: Subject, model: GraspModel) -> Subject:
         model: Grasp model; fingers as the subject has them.
     """
     labels = subject.labels.using(model=model)
-    labels.compute("holding")
+    labels.compute("load_result")
     return replace(subject, forces=labels)
 
 
 def locate_contacts(subject: Subject, model: GraspModel) -> Subject:
-    """Compute the located angles of every vertex's grasp.
+    """Compute the bounds of the critical angles of every vertex's grasp.
 
     Args:
         subject: With labels.
@@ -153,8 +153,8 @@ def locate_contacts(subject: Subject, model: GraspModel) -> Subject:
         SettingError: The model is for another number of fingers.
     """
     report_progress(0.0)
-    angles = subject.labels.using(model=model).located_angles
-    return replace(subject, located={model.location_error: angles})
+    angles = subject.labels.using(model=model).critical_angle_bounds
+    return replace(subject, bounds_by_error={model.location_error: angles})
 
 
 def check_savable(subject: Subject, model: GraspModel, path: Path) -> None:
@@ -202,9 +202,9 @@ def write_labels(subject: Subject, model: GraspModel, path: Path) -> Subject:
     with within(0.0, middle):
         relabelled.compute("epsilon_range")
     with within(middle, COMPUTED):
-        relabelled.compute("holding")
+        relabelled.compute("load_result")
     with within(COMPUTED, 1.0):
         writer_for(path)(path, relabelled)
     report_progress(1.0)
-    forces = None if relabelled.holding is None else relabelled
+    forces = None if relabelled.load_result is None else relabelled
     return replace(subject, epsilons=relabelled, forces=forces)

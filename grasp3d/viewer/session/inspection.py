@@ -15,14 +15,14 @@ from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import EPSILON_MIN
 from grasp3d.stability.thresholds import label_angles, margin_budget
 from grasp3d.surface.contacts import GraspContacts
-from grasp3d.surface.grasp_numbers import surface_epsilons, surface_holding
-from grasp3d.surface.holding import Holding
+from grasp3d.surface.grasp_numbers import surface_epsilons, surface_load_result
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.load_result import LoadResult
 from grasp3d.surface.rows import NO_ROW
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.counts import short_number
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
-from grasp3d.viewer.subjects.subject import Subject, located_grasp
+from grasp3d.viewer.subjects.subject import Subject, grasp_angle_bounds
 
 SYMBOLS = {"critical angle": "β*", "sensor resolution": "α/2"}
 """Parts of a budget that have a symbol in the viewer."""
@@ -36,7 +36,7 @@ def angle_numbers(case: Case) -> list[tuple[str, str]]:
     """Names and values of critical angles, the coarsest resolution and the margin."""
     numbers = [("β*", _critical_angles(*case.angles, "normals"))]
     if case.perceived is not None:
-        numbers.append(("located β*", _critical_angles(case.worst, case.best, "points")))
+        numbers.append(("β* bounds", _critical_angles(case.worst, case.best, "points")))
     return [*numbers, ("α*", _max_resolution(case)), ("margin", _margin(case))]
 
 
@@ -45,8 +45,8 @@ def budget_text(case: Case) -> str:
     critical = case.angles[0]
     if not (math.isfinite(critical) and math.isfinite(case.worst)):
         return ""
-    located = None if case.perceived is None else case.worst
-    budget = margin_budget(case.model, critical, located)
+    upper = None if case.perceived is None else case.worst
+    budget = margin_budget(case.model, critical, upper)
     parts = [
         f"{SYMBOLS.get(name, name)} {signed_angle(float(angle))}"
         for name, angle in budget.items()
@@ -82,21 +82,23 @@ def signed_angle(angle: float, *, always: bool = False) -> str:
 class HeldGrasp:
     """Force and payload of one of several grasps under a load."""
 
-    holding: Holding
+    load_result: LoadResult
     row: int
     fingers: int
 
     def numbers(self) -> list[tuple[str, str]]:
         """Names and values that a load adds."""
-        holding = self.holding
-        force, largest = self._of(holding.grip_force), self._of(holding.grip_force_largest)
+        load_result = self.load_result
+        force, largest = self._of(load_result.grip_force), self._of(load_result.grip_force_largest)
         if math.isnan(force):
             return []
         numbers = [("grip force", self._text(force))]
         if largest > force * (1.0 + ALIKE):
             numbers.append(("at worst normals", self._text(largest)))
-        if math.isfinite(payload := self._of(holding.payload)):
-            numbers.append(("payload", f"{short_number(payload)} kg with {holding.case.at_hand}"))
+        if math.isfinite(payload := self._of(load_result.payload)):
+            numbers.append(
+                ("payload", f"{short_number(payload)} kg with {load_result.case.at_hand}")
+            )
         return numbers
 
     def _of(self, values: Floats) -> float:
@@ -105,12 +107,12 @@ class HeldGrasp:
     def _text(self, force: float) -> str:
         if math.isinf(force):
             return "none suffices"
-        return f"{short_number(force)} N{'' if self.holding.case.decided else ' per kg'}"
+        return f"{short_number(force)} N{'' if self.load_result.case.decided else ' per kg'}"
 
     def sentence(self) -> str:
         """Whether the force at hand holds the load, or why none does; empty: that is unknown."""
-        load, least = self.holding.case, self._of(self.holding.grip_force_least)
-        if math.isnan(force := self._of(self.holding.grip_force)):
+        load, least = self.load_result.case, self._of(self.load_result.grip_force_least)
+        if math.isnan(force := self._of(self.load_result.grip_force)):
             return ""
         if math.isinf(force):
             where = "" if math.isinf(least) else " at the nominal normals"
@@ -119,16 +121,16 @@ class HeldGrasp:
             return ""
         mass = f" of {load.to_hold}" if load.by_mass else ""
         start = f"With {load.at_hand} the load{mass} is"
-        if self._of(self.holding.grip_force_largest) <= load.available:
+        if self._of(self.load_result.grip_force_largest) <= load.available:
             return f"{start} held at all normals within the sensor resolution."
         if least > load.available:
             return f"{start} not held at any of these normals."
         return f"{start} held at some of the normals within the sensor resolution only."
 
     def _why(self) -> str:
-        codes = self.holding.resistance
+        codes = self.load_result.resistance
         if codes is not None and codes[self.row] == Resistance.NO_SUCH_WRENCH:
-            if self.fingers == PAIR and self.holding.case.hard:
+            if self.fingers == PAIR and self.load_result.case.hard:
                 return (
                     "two hard fingers cannot resist a torque about the line through them; give a "
                     "torsion radius, or a gripper, whose pads have one"
@@ -221,15 +223,15 @@ def inspect_given(subject: Subject, model: GraspModel) -> Inspection | None:
     given = subject.given
     if given is None:
         return None
-    located = located_grasp(given.contacts, given.worst, given.best, model)
-    over_worst, over_best = (np.array([angle]) for angle in located)
+    bounds = grasp_angle_bounds(given.contacts, given.worst, given.best, model)
+    over_worst, over_best = (np.array([angle]) for angle in bounds)
     points, normals = given.contacts.points[0], given.contacts.normals[0]
     case = Case(
         model=model,
         mode="scan",
         code=int(label_angles(over_worst, over_best, model)[0]),
-        worst=located[0],
-        best=located[1],
+        worst=bounds[0],
+        best=bounds[1],
         cone=subject.cone,
         cause=None,
         off_line=_off_line(points, normals),
@@ -288,7 +290,7 @@ def warm_up(subject: Subject) -> Subject:
         grasp = _grasp(subject.labels, int(vertices[0]))
         _epsilons_of(grasp, subject.labels.model)
         if grasp.count == PAIR and subject.labels.model.method == "exact":
-            located_grasp(
+            grasp_angle_bounds(
                 grasp, 0.0, 0.0, replace(subject.labels.model, location_error=subject.mesh.size)
             )
         _held_by(subject, grasp, subject.labels.model)
@@ -326,8 +328,8 @@ def _force_of(subject: Subject, vertex: int, model: GraspModel) -> HeldGrasp | N
     if labels.load is None or labels.reason[vertex] != Reason.FOUND:
         return None
     if forces is not None and same_settings(forces.model, model):
-        assert forces.holding is not None
-        return HeldGrasp(forces.holding, vertex, labels.model.fingers)
+        assert forces.load_result is not None
+        return HeldGrasp(forces.load_result, vertex, labels.model.fingers)
     return _held_by(subject, _grasp(labels, vertex), model)
 
 
@@ -336,8 +338,8 @@ def _held_by(subject: Subject, grasp: GraspContacts, model: GraspModel) -> HeldG
     case = subject.labels.load_case
     if case is None:
         return None
-    holding = surface_holding(grasp, replace(model, fingers=grasp.count), case)
-    return HeldGrasp(holding, 0, grasp.count)
+    load_result = surface_load_result(grasp, replace(model, fingers=grasp.count), case)
+    return HeldGrasp(load_result, 0, grasp.count)
 
 
 def _gripper_numbers(pose: GripperPose | None, mesh: ObjectMesh) -> list[tuple[str, str]]:

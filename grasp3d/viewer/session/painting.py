@@ -105,7 +105,7 @@ def labels_at(subject: Subject, model: GraspModel) -> Bytes:
 
 
 def label_codes(subject: Subject, worst: Floats, best: Floats, model: GraspModel) -> Bytes:
-    """Label given critical angles of a subject, located angles if contact locations are uncertain.
+    """Label given critical angles of a subject, their bounds if contact locations are uncertain.
 
     Beyond the searched cone the search may have missed a better grasp: U is then unknown, and so
     is M if the missed grasp could be S.

@@ -148,7 +148,7 @@ def _rule(session: Session) -> str:
     model = state.model
     if model.fingers != fingers:
         model = replace(model, fingers=fingers)
-    name = "β*" if model.location_error == 0.0 else "located β*"
+    name = "β*" if model.location_error == 0.0 else "β* bounds"
     stable = math.degrees(model.sure_angle)
     limit = model.unstable_from
     below = f"S below {stable:.1f}°" if stable > 0.0 else "no S"

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from grasp3d.settings import AnySampling, GraspModel, Sampling, sampling_kind
+from grasp3d.settings import GraspModel, Sampling
 from grasp3d.system.counts import noun
 from grasp3d.viewer.session.background import Job
 from grasp3d.viewer.session.computations import (
@@ -59,12 +59,12 @@ class SaveRequest:
 
 
 def next_job(
-    viewed: ViewedItem, state: ViewState, sampling: AnySampling, saving: SaveRequest | None = None
+    viewed: ViewedItem, state: ViewState, sampling: Sampling, saving: SaveRequest | None = None
 ) -> SubjectJob | None:
     """The next job; None: everything is computed.
 
     The first word of a job's key is its kind: open, save, scan, search, wider,
-    located, epsilon or forces; the rest is all that its result depends on.
+    bounds, epsilon or forces; the rest is all that its result depends on.
 
     Args:
         viewed: The current object.
@@ -84,15 +84,15 @@ def next_job(
         if viewed.scan is None or viewed.fixed != state.fixed:
             run = partial(scan_with_fixed, subject, state.model, state.fixed)
             return Job(("scan", number, state.fixed), "scanning", run)
-        return _located_job(viewed.scan, state, number) or _numbers_job(viewed.scan, state, number)
+        return _bounds_job(viewed.scan, state, number) or _numbers_job(viewed.scan, state, number)
     return (
         _search_job(subject, state, sampling, number)
-        or _located_job(subject, state, number)
+        or _bounds_job(subject, state, number)
         or _numbers_job(subject, state, number)
     )
 
 
-def needs_search(subject: Subject, state: ViewState, sampling: AnySampling) -> bool:
+def needs_search(subject: Subject, state: ViewState, sampling: Sampling) -> bool:
     """Whether a surface was searched for another number of fingers or other limits.
 
     Args:
@@ -108,11 +108,11 @@ def needs_search(subject: Subject, state: ViewState, sampling: AnySampling) -> b
     return _limits(subject, needed) != _limits(subject, searched)
 
 
-def _limits(subject: Subject, sampling: AnySampling) -> AnySampling:
+def _limits(subject: Subject, sampling: Sampling) -> Sampling:
     """Settings of a search without its cone, with openings that a gripper can have."""
     sampling = replace(sampling, search_angle=None)
     scene = subject.labels.scene
-    if scene is None or not isinstance(sampling, Sampling):
+    if scene is None or subject.labels.model.fingers > 2:
         return sampling
     least, most = scene.hand.limits
     most = min(sampling.max_opening, most)
@@ -121,7 +121,7 @@ def _limits(subject: Subject, sampling: AnySampling) -> AnySampling:
     )
 
 
-def is_stale(viewed: ViewedItem, state: ViewState, sampling: AnySampling) -> bool:
+def is_stale(viewed: ViewedItem, state: ViewState, sampling: Sampling) -> bool:
     """Whether the displayed surface has other fingers, limits or fixed fingers than are chosen.
 
     Or labels with a location error are not computed yet. A surface whose search did not go far
@@ -162,18 +162,22 @@ def missing_result(subject: Subject, state: ViewState) -> str:
         return f"grasps for {fingers} fingers"
     if not _locates(subject, state):
         return "labels with these errors"
-    return f"grasps for this largest {sampling_kind(fingers).span}"
+    return "grasps for this largest opening"
 
 
-def limited_sampling(sampling: AnySampling, state: ViewState) -> AnySampling:
-    """Search settings with the chosen limit; limits of other numbers of fingers are dropped."""
-    kind = sampling_kind(state.model.fingers)
-    fitted = sampling if isinstance(sampling, kind) else kind(**sampling.common)
-    return fitted.limited(state.max_opening)
+def limited_sampling(sampling: Sampling, state: ViewState) -> Sampling:
+    """Search settings with the chosen limit; more than two fingers squeeze."""
+    most = state.max_opening
+    return replace(
+        sampling,
+        grip=sampling.grip if state.model.fingers == 2 else "squeeze",
+        min_opening=min(sampling.min_opening, most),
+        max_opening=most,
+    )
 
 
 def _search_job(
-    subject: Subject, state: ViewState, sampling: AnySampling, number: int
+    subject: Subject, state: ViewState, sampling: Sampling, number: int
 ) -> SubjectJob | None:
     """Search for other fingers or limits, or a wider cone."""
     search = limited_sampling(sampling, state)
@@ -188,12 +192,12 @@ def _search_job(
     return None
 
 
-def _located_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
+def _bounds_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
     """Compute how far uncertain contact locations affect three fingers and more."""
     if _locates(subject, state):
         return None
     model = model_for(subject, state)
-    key = ("located", number, model.location_error, model.fingers, state.fixed, state.max_opening)
+    key = ("bounds", number, model.location_error, model.fingers, state.fixed, state.max_opening)
     return Job(key, "computing labels with errors", partial(locate_contacts, subject, model), DELAY)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses, GivenGrasps
 from grasp3d.grasps.evaluation import using
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
-from grasp3d.grasps.motor_holding import load_text
+from grasp3d.grasps.hand_load_result import load_text
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
@@ -212,15 +212,15 @@ def _numbers(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
 
 def _held(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
     """What the motors hold at the first pose; nothing where no load is stated, or no grasp is."""
-    holding = grasps.motor_holding
-    if holding is None or math.isnan(holding.payload[0]):
+    load_result = grasps.hand_load_result
+    if load_result is None or math.isnan(load_result.payload[0]):
         return []
-    load = load_text(holding.load_fraction[0]) if holding.load.decided else ""
+    load = load_text(load_result.load_fraction[0]) if load_result.load.decided else ""
     return [
-        ("holds", f"{short_number(holding.payload[0])}{holding.unit}"),
-        ("holds surely", f"{short_number(holding.payload_sure[0])}{holding.unit}"),
-        ("limited by", str(holding.limit[0]) or UNKNOWN),
-        *([(holding.load.to_hold, f"load {load}")] if load else []),
+        ("holds", f"{short_number(load_result.payload[0])}{load_result.unit}"),
+        ("holds surely", f"{short_number(load_result.payload_min[0])}{load_result.unit}"),
+        ("limited by", str(load_result.limit[0]) or UNKNOWN),
+        *([(load_result.load.to_hold, f"load {load}")] if load else []),
     ]
 
 

@@ -424,7 +424,7 @@ class Session:
             self._failed[finished.job.key] = finished.error or "it cannot be computed"
         elif kind == "scan":
             self._viewed = replace(self._viewed, scan=result, fixed=self.state.fixed)
-        elif kind in {"epsilon", "forces", "located"}:
+        elif kind in {"epsilon", "forces", "bounds"}:
             self._replace(result)
         else:
             self._show(result)

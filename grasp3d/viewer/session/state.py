@@ -58,7 +58,7 @@ class ViewState:
     """Chosen friction, resolution and number of fingers."""
     max_opening: float
     """Largest distance between contacts [m]: the gripper's stroke for two fingers,
-    the largest spread for more."""
+    the largest distance of two contacts for more."""
     paint: Paint = "label"
     section: Section | None = None
     click: Click = "inspect"

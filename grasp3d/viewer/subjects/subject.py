@@ -20,7 +20,7 @@ from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.contacts import GraspContacts
-from grasp3d.surface.grasp_numbers import located_angles_of
+from grasp3d.surface.grasp_numbers import angle_bounds_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 
@@ -30,7 +30,7 @@ NO_LABELS = "the surface has no labels: poses of a hand are shown"
 """Why it cannot be clicked or saved."""
 
 KEPT = 2
-"""Sets of located angles that are kept: before and after a change."""
+"""Sets of angle bounds that are kept: before and after a change."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +66,10 @@ class Subject:
     """The grasp whose surface it is; None: there is none."""
     poses: GivenGrasps | None = None
     """Poses of a hand, of which the first one is shown; the surface has no labels."""
-    located: Mapping[float, WorstAndBest] = field(default_factory=dict)
-    """Located angles that took a computation, by the location error."""
+    bounds_by_error: Mapping[float, WorstAndBest] = field(default_factory=dict)
+    """Bounds of the critical angles that took a computation, by the location error."""
     _recent: dict[float, WorstAndBest] = field(init=False, repr=False, default_factory=dict)
-    """Located angles that were needed last, likewise."""
+    """Bounds that were needed last, likewise."""
 
     __repr__ = short_repr
 
@@ -102,7 +102,7 @@ class Subject:
     def angles(self, model: GraspModel) -> tuple[Floats, Floats]:
         """Critical angles that decide the labels for a model, over the worst and best normals.
 
-        Located angles where contact locations are uncertain, else
+        Bounds over all true contact points where locations are uncertain, else
         `critical_angle` and `critical_angle_best`; these also where the former are not known.
 
         Args:
@@ -114,14 +114,14 @@ class Subject:
         if model.location_error == 0.0 or not self.locates(model):
             return self.labels.critical_angle, self.labels.critical_angle_best
         key = model.location_error
-        if key in self.located:
-            return self.located[key]
+        if key in self.bounds_by_error:
+            return self.bounds_by_error[key]
         if key not in self._recent:
             if len(self._recent) >= KEPT:
                 self._recent.pop(next(iter(self._recent)))
             of_labels = key == self.labels.model.location_error
             labels = self.labels if of_labels else self.labels.using(model=model)
-            self._recent[key] = labels.located_angles
+            self._recent[key] = labels.critical_angle_bounds
         return self._recent[key]
 
     def crease_angles(self, model: GraspModel) -> tuple[Ints, Floats, Floats]:
@@ -166,7 +166,7 @@ class Subject:
         Those of the labels' own model are, as the labels follow from them. Those of three fingers
         and more for another one take too long for a move of a slider.
         """
-        known = {0.0, self.labels.model.location_error, *self.located}
+        known = {0.0, self.labels.model.location_error, *self.bounds_by_error}
         return model.fingers == PAIR or model.location_error in known
 
     def covers(self, model: GraspModel) -> bool:
@@ -189,7 +189,7 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
         labels.mesh.report.source if name is None else name,
         notes=(*labels.warnings, *labels.mesh.region_notes, *_method_notes(labels)),
         epsilons=None if labels.computed("epsilon_range") is None else labels,
-        forces=None if labels.computed("holding") is None else labels,
+        forces=None if labels.computed("load_result") is None else labels,
     )
 
 
@@ -202,13 +202,13 @@ def _method_notes(labels: SurfaceLabels) -> tuple[str, ...]:
         "thresholds on the critical friction angle, which hold for every normal"
     )
     if (codes := labels.computed("label")) is not None:
-        differing = codes != label_angles(*labels.located_angles, labels.model)
+        differing = codes != label_angles(*labels.critical_angle_bounds, labels.model)
         fraction = vertex_weights(labels.mesh, "area")[differing].sum()
         note += f", and differ on {fraction:.1%} of the area"
     return (note,)
 
 
-def located_grasp(
+def grasp_angle_bounds(
     grasp: GraspContacts, worst: float, best: float, model: GraspModel
 ) -> tuple[float, float]:
     """Angles that decide the label of one grasp, over the worst and the best normals [rad].
@@ -223,5 +223,5 @@ def located_grasp(
     if model.location_error == 0.0:
         return float(worst), float(best)
     angles = np.array([worst]), np.array([best])
-    angles = located_angles_of(grasp, angles, model)
+    angles = angle_bounds_of(grasp, angles, model)
     return float(angles[0][0]), float(angles[1][0])

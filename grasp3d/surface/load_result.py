@@ -15,7 +15,7 @@ from grasp3d.quality.tasks import Task
 from grasp3d.quality.tilting import FrictionCases, over_friction
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.rows import NO_ROW, spread
+from grasp3d.surface.rows import NO_ROW, gathered
 
 HARD_FINGERS = (
     "two hard fingers cannot resist a torque about the line through them: give a torsion radius "
@@ -31,7 +31,7 @@ MOST = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Holding:
+class LoadResult:
     """Forces that grasps need under a load, and what they can carry, a row for each grasp.
 
     Forces are those of each finger along its contact's normal, as data sheets of grippers state
@@ -48,11 +48,11 @@ class Holding:
         >>> mesh = grasp3d.load_mesh(box, unit="m", max_edge=0.02)
         >>> model = grasp3d.GraspModel(torsion_radius="3mm", sensor_resolution=0.2)
         >>> load = grasp3d.Load(mass=0.5, grip_force=40.0)
-        >>> holding = grasp3d.label_surface(mesh, model, load=load).holding
-        >>> holding.grip_force.shape, holding.mass, holding.available
+        >>> load_result = grasp3d.label_surface(mesh, model, load=load).load_result
+        >>> load_result.grip_force.shape, load_result.mass, load_result.available
         ((146,), 0.5, 40.0)
-        >>> best = int(holding.payload.argmax())
-        >>> print(f"{holding.grip_force[best]:.0f} N, {holding.payload[best]:.1f} kg")
+        >>> best = int(load_result.payload.argmax())
+        >>> print(f"{load_result.grip_force[best]:.0f} N, {load_result.payload[best]:.1f} kg")
         7 N, 2.4 kg
     """
 
@@ -76,13 +76,13 @@ class Holding:
     __repr__ = short_repr
 
     @classmethod
-    def none(cls, case: LoadCase, size: int) -> "Holding":
+    def none(cls, case: LoadCase, size: int) -> "LoadResult":
         """Rows of no grasps."""
         unknown, codes = locked(np.full(size, np.nan)), locked(np.zeros(size, dtype=np.uint8))
         return cls(case, unknown, unknown, unknown, unknown, codes, "exact")
 
     @classmethod
-    def failed(cls, case: LoadCase, size: int) -> "Holding":
+    def failed(cls, case: LoadCase, size: int) -> "LoadResult":
         """Rows of grasps that no force makes hold anything."""
         none = cls.none(case, size)
         forces = locked(np.full(size, np.inf))
@@ -133,22 +133,22 @@ class Holding:
             return ""
         return HARD_FINGERS
 
-    def take(self, rows: slice | Ints) -> "Holding":
+    def take(self, rows: slice | Ints) -> "LoadResult":
         """The chosen rows."""
         return self._with({name: values[rows] for name, values in self._arrays().items()})
 
-    def placed(self, rows: Ints, size: int) -> "Holding":
+    def at_rows(self, rows: Ints, size: int) -> "LoadResult":
         """The same in a table of `size` rows, of which these are `rows`; others are no grasps."""
         row = np.full(size, NO_ROW)
         row[rows] = np.arange(len(rows))
-        return self.spread(row)
+        return self.gathered(row)
 
-    def replaced(self, where: Bools, other: "Holding") -> "Holding":
+    def replaced(self, where: Bools, other: "LoadResult") -> "LoadResult":
         """The same with the rows of another one, of as many grasps, at a mask of shape (b,)."""
         both = {name: (values, getattr(other, name)) for name, values in self._arrays().items()}
         return self._with({name: np.where(where, new, old) for name, (old, new) in both.items()})
 
-    def spread(self, row: Ints) -> "Holding":
+    def gathered(self, row: Ints) -> "LoadResult":
         """The rows at the places that have them.
 
         Args:
@@ -156,7 +156,7 @@ class Holding:
         """
         return self._with(
             {
-                name: spread(values, row, np.nan if values.dtype.kind == "f" else 0)
+                name: gathered(values, row, np.nan if values.dtype.kind == "f" else 0)
                 for name, values in self._arrays().items()
             }
         )
@@ -165,7 +165,7 @@ class Holding:
         """Settings in files, with how the least and the largest forces are known."""
         return {**self.case.settings(), "force_bounds": self.how}
 
-    def _with(self, arrays: dict[str, npt.NDArray[Any]]) -> "Holding":
+    def _with(self, arrays: dict[str, npt.NDArray[Any]]) -> "LoadResult":
         changed: dict[str, Any] = {name: locked(values) for name, values in arrays.items()}
         return replace(self, **changed)
 
@@ -177,9 +177,9 @@ class Holding:
 _ARRAYS = ("grip_force", "grip_force_least", "grip_force_largest", "payload", "resistance")
 
 
-def holding_of(
+def load_result_of(
     contacts: Contacts, tilt: ArrayLike, case: LoadCase, *, friction: tuple[ArrayLike, ArrayLike]
-) -> Holding:
+) -> LoadResult:
     """Grip forces and payloads of contacts under a load, at the perceived contact locations.
 
     Args:
@@ -205,7 +205,7 @@ def holding_of(
                 payloads = force * mass / forces.largest
         else:
             payloads = payload(cases.weakest, task, force, tilt=tilt, rtol=FORCE_RTOL)
-    return Holding(
+    return LoadResult(
         case=case,
         grip_force=locked(forces.nominal),
         grip_force_least=locked(forces.least),

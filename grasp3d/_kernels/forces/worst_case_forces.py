@@ -149,9 +149,14 @@ def _write_axis(line, normal, phi, tilt, moment, axis):
         axis[k] = moment * (along + aside * across)
 
 
-@scratch_kernel
-def write_sure_forces(spherical, points, normals, radii, angles, tilts, phi, moments, cones, axes):
-    """Write the levels of what contacts surely apply; see `tilted_forces`.
+@scratch_kernel(
+    "bool, FixedFloats3, FixedFloats3, FixedFloats2, Floats2, Floats2, Floats1, Floats1, Floats3, "
+    "Floats3"
+)
+def write_worst_case_forces(
+    spherical, points, normals, radii, angles, tilts, phi, moments, cones, axes
+):
+    """Write the levels of what contacts apply in the worst case; see `tilted_forces`.
 
     Args:
         spherical: Whether lengths of forces are bounded, instead of normal components.

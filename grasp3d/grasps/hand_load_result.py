@@ -79,7 +79,7 @@ def _motors(hand: ArticulatedHand) -> set[str]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class MotorHolding:
+class HandLoadResult:
     """What the motors of a hand hold at each of k poses: masses [kg], or factors of wrenches."""
 
     load: LoadCase
@@ -160,11 +160,11 @@ class MotorHolding:
     def compute(self) -> None:
         """Compute the masses, which takes the time of some thousand cone programs a second."""
         with within(0.0, 0.3):
-            _ = self.payload_sure
+            _ = self.payload_min
         with within(0.3, 0.6):
             _ = self.payload
         with within(0.6, 1.0):
-            _ = self.payload_possible
+            _ = self.payload_max
 
     @cached_property
     def _sure(self) -> tuple[Floats, list[HandPayload | None]]:
@@ -176,12 +176,12 @@ class MotorHolding:
         return self.payloads(self.friction[1], tilted=False)[0]
 
     @property
-    def payload_sure(self) -> Floats:
+    def payload_min(self) -> Floats:
         """Held at the worst normals, shape (k,)."""
         return self._sure[0]
 
     @cached_property
-    def payload_possible(self) -> Floats:
+    def payload_max(self) -> Floats:
         """Masses above which no normals, of those that may be true, let the hand hold, (k,).
 
         Of each wrench alone, so they need not be held at any one of the normals.
@@ -229,12 +229,12 @@ class MotorHolding:
     def load_fraction(self) -> Floats:
         """Mass over what is surely held, shape (k,): above 1 it is not; nan: no mass is known."""
         with np.errstate(divide="ignore"):
-            return locked(self._mass / self.payload_sure)
+            return locked(self._mass / self.payload_min)
 
     @property
     def spare(self) -> Floats:
         """What is surely held beyond the mass, in units of it, shape (k,)."""
-        return self.payload_sure / self._mass - 1.0
+        return self.payload_min / self._mass - 1.0
 
     def label(self, codes: Bytes) -> Bytes:
         """Labels that take the load into account, shape (k,), where its mass is known.
@@ -247,9 +247,9 @@ class MotorHolding:
         """
         if math.isnan(self._mass):
             return codes
-        held = self.payload_sure >= self._mass
+        held = self.payload_min >= self._mass
         most = np.where(held, Label.S, Label.M)
-        most[self.payload_possible < self._mass] = Label.U
+        most[self.payload_max < self._mass] = Label.U
         return locked(np.minimum(codes, most), np.uint8)
 
     @cached_property
@@ -269,7 +269,7 @@ class MotorHolding:
 
     def shortfall(self, row: int) -> str:
         """Why the mass is not surely held at a pose, in one sentence."""
-        most, sure = self.payload_possible[row], self.payload_sure[row]
+        most, sure = self.payload_max[row], self.payload_min[row]
         why = f": {WHY[cause]}" if (cause := str(self.limit[row])) in WHY else ""
         if most < self._mass:
             return f"holds {short_number(most)}{self.unit} at most{why}"
@@ -282,9 +282,9 @@ class MotorHolding:
             chosen: The poses that count, shape (k,).
         """
         hand = self.hand
-        surely = np.where(chosen & (self.payload > 0.0), self.payload_sure, -1.0)
+        surely = np.where(chosen & (self.payload > 0.0), self.payload_min, -1.0)
         if not (surely >= 0.0).any():
-            causes = {*self.limit[chosen & (self.payload_sure == 0.0)].tolist()}
+            causes = {*self.limit[chosen & (self.payload_min == 0.0)].tolist()}
             why = f": {WHY[cause]}" if len(causes) == 1 and (cause := min(causes)) in WHY else ""
             return f"the motors of {hand.name} hold {self.load.to_hold} at no pose{why}"
         row = int(np.lexsort((self.payload, surely))[-1])

@@ -28,9 +28,9 @@ from grasp3d.quality.tasks import STANDARD_GRAVITY
 from grasp3d.settings.units import METRES, Unit
 from grasp3d.stability.label import Label
 from grasp3d.surface.fields import FORCES, columns_of
-from grasp3d.surface.grasp_numbers import surface_holding
-from grasp3d.surface.holding import FORCE_RTOL, HARD_FINGERS
+from grasp3d.surface.grasp_numbers import surface_load_result
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.load_result import FORCE_RTOL, HARD_FINGERS
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
 
@@ -65,18 +65,18 @@ def force_of(offset: float) -> float:
 
 @pytest.mark.parametrize("offset", [0.0, 0.004, 0.02])
 def test_opposed_soft_fingers_have_the_closed_form(offset: float) -> None:
-    holding = evaluate_grasps(block(), sides(offset), SOFT, load=DOWN).holding
-    assert holding is not None
-    (force,), (payload,) = holding.grip_force, holding.payload
+    load_result = evaluate_grasps(block(), sides(offset), SOFT, load=DOWN).load_result
+    assert load_result is not None
+    (force,), (payload,) = load_result.grip_force, load_result.payload
     assert force_of(offset) * (1.0 - 1e-9) <= force <= force_of(offset) / (1.0 - FORCE_RTOL)
     assert payload == pytest.approx(40.0 * MASS / force)
-    assert holding.how == "exact"
-    assert holding.grip_force_least[0] == holding.grip_force_largest[0] == force
+    assert load_result.how == "exact"
+    assert load_result.grip_force_least[0] == load_result.grip_force_largest[0] == force
 
 
 def test_forces_grow_with_the_mass_and_payloads_do_not() -> None:
     one, other = (
-        evaluate_grasps(block(), sides(0.01), SOFT, load=replace(DOWN, mass=mass)).holding
+        evaluate_grasps(block(), sides(0.01), SOFT, load=replace(DOWN, mass=mass)).load_result
         for mass in (MASS, 3.0 * MASS)
     )
     assert one is not None
@@ -96,7 +96,7 @@ def test_density_is_mass_over_volume() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("unit", ["mm", "in"])
 def test_newtons_and_kilograms_do_not_depend_on_the_unit(unit: Unit) -> None:
-    metres, other = labels().holding, labels(unit).holding
+    metres, other = labels().load_result, labels(unit).load_result
     assert metres is not None
     assert other is not None
     for name in ("grip_force", "grip_force_largest", "payload"):
@@ -109,41 +109,41 @@ def test_newtons_and_kilograms_do_not_depend_on_the_unit(unit: Unit) -> None:
 @settings(max_examples=40, deadline=None)
 @given(low=st.floats(0.1, 500.0), more=st.floats(0.0, 500.0))
 def test_more_force_never_makes_a_label_worse(low: float, more: float) -> None:
-    holding = labels().holding
-    assert holding is not None
+    load_result = labels().load_result
+    assert load_result is not None
 
     def codes(force: float) -> np.ndarray:
-        label = replace(holding, case=replace(holding.case, available=force)).label
+        label = replace(load_result, case=replace(load_result.case, available=force)).label
         assert label is not None
         return label
 
     assert (codes(low + more) >= codes(low)).all()
-    held = holding.grip_force_largest <= low
+    held = load_result.grip_force_largest <= low
     np.testing.assert_array_equal(codes(low) == Label.S, held)
-    assert (holding.grip_force_least[codes(low) == Label.M] <= low).all()
+    assert (load_result.grip_force_least[codes(low) == Label.M] <= low).all()
 
 
 def test_forces_are_ordered_and_contain_the_nominal_one() -> None:
-    holding = labels().holding
-    assert holding is not None
-    assert holding.how == "bound"
-    assert (holding.grip_force_least <= holding.grip_force).all()
-    assert (holding.grip_force <= holding.grip_force_largest).all()
+    load_result = labels().load_result
+    assert load_result is not None
+    assert load_result.how == "bound"
+    assert (load_result.grip_force_least <= load_result.grip_force).all()
+    assert (load_result.grip_force <= load_result.grip_force_largest).all()
 
 
 def test_hard_fingers_off_the_line_hold_nothing_and_the_remedy_is_named() -> None:
     hard = replace(SOFT, torsion_radius=0.0)
-    holding = evaluate_grasps(block(), sides(0.01), hard, load=DOWN).holding
-    assert holding is not None
-    assert holding.grip_force[0] == holding.grip_force_largest[0] == math.inf
-    assert holding.resistance[0] == Resistance.NO_SUCH_WRENCH
-    assert (holding.payload[0], holding.remedy) == (0.0, HARD_FINGERS)
-    assert holding.label is not None
-    assert holding.label[0] == Label.U
-    soft = evaluate_grasps(block(), sides(0.01), SOFT, load=DOWN).holding
+    load_result = evaluate_grasps(block(), sides(0.01), hard, load=DOWN).load_result
+    assert load_result is not None
+    assert load_result.grip_force[0] == load_result.grip_force_largest[0] == math.inf
+    assert load_result.resistance[0] == Resistance.NO_SUCH_WRENCH
+    assert (load_result.payload[0], load_result.remedy) == (0.0, HARD_FINGERS)
+    assert load_result.label is not None
+    assert load_result.label[0] == Label.U
+    soft = evaluate_grasps(block(), sides(0.01), SOFT, load=DOWN).load_result
     assert soft is not None
     assert soft.remedy == ""
-    on_line = evaluate_grasps(block(), sides(), hard, load=DOWN).holding
+    on_line = evaluate_grasps(block(), sides(), hard, load=DOWN).load_result
     assert on_line is not None
     assert on_line.remedy == ""
     assert on_line.grip_force[0] == pytest.approx(force_of(0.0), rel=FORCE_RTOL)
@@ -176,7 +176,7 @@ def test_a_label_needs_a_force_and_a_mass_that_matters() -> None:
 
 
 def test_per_kilogram_without_a_mass() -> None:
-    unknown = evaluate_grasps(block(), sides(), SOFT, load=replace(DOWN, mass=None)).holding
+    unknown = evaluate_grasps(block(), sides(), SOFT, load=replace(DOWN, mass=None)).load_result
     assert unknown is not None
     assert unknown.mass is None
     assert unknown.label is None
@@ -186,11 +186,11 @@ def test_per_kilogram_without_a_mass() -> None:
 def test_payload_of_a_weight_and_a_push() -> None:
     """The push takes its part of the force, whatever the mass is."""
     load = replace(DOWN, task="weight within 0 of -z + wrench 0,0,-5,0,0,0")
-    holding = evaluate_grasps(block(), sides(), SOFT, load=load).holding
-    assert holding is not None
+    load_result = evaluate_grasps(block(), sides(), SOFT, load=load).load_result
+    assert load_result is not None
     held = (40.0 * 2.0 * FRICTION - 5.0) / STANDARD_GRAVITY
-    assert holding.payload[0] == pytest.approx(held, rel=2.0 * FORCE_RTOL)
-    weak = evaluate_grasps(block(), sides(), SOFT, load=replace(load, grip_force=5.0)).holding
+    assert load_result.payload[0] == pytest.approx(held, rel=2.0 * FORCE_RTOL)
+    weak = evaluate_grasps(block(), sides(), SOFT, load=replace(load, grip_force=5.0)).load_result
     assert weak is not None
     assert weak.payload[0] == 0.0
 
@@ -201,55 +201,55 @@ def test_on_creases_every_normal_of_the_set_counts() -> None:
     grasps = evaluate_grasps(block(), points, model, load=DOWN)
     tilts = grasps.contacts.tilts(model)
     assert tilts == pytest.approx(np.array([[math.pi / 4.0 + 0.05] * 2, [0.05] * 2]))
-    assert grasps.holding is not None
-    assert grasps.holding.label is not None
-    assert grasps.holding.label[0] != Label.S
-    assert grasps.holding.label[1] == Label.S
+    assert grasps.load_result is not None
+    assert grasps.load_result.label is not None
+    assert grasps.load_result.label[0] != Label.S
+    assert grasps.load_result.label[1] == Label.S
 
 
 def test_creases_whose_label_is_m_are_not_surely_unheld() -> None:
     """The nominal normals of edges resist nothing there, but those of the faces do."""
-    holding, ambiguous = labels().holding, labels().label == Label.M
-    assert holding is not None
-    assert holding.label is not None
+    load_result, ambiguous = labels().load_result, labels().label == Label.M
+    assert load_result is not None
+    assert load_result.label is not None
     assert ambiguous.any()
-    assert np.isinf(holding.grip_force[ambiguous]).any()
-    assert (holding.label[ambiguous] == Label.M).all()
+    assert np.isinf(load_result.grip_force[ambiguous]).any()
+    assert (load_result.label[ambiguous] == Label.M).all()
 
 
 def test_vertices_without_a_grasp_are_u_and_nan() -> None:
     load, narrow = Load(mass=MASS, grip_force=40.0), Sampling(max_opening="40mm")
     found = label_surface(block(), SOFT, sampling=narrow, load=load)
     none = found.reason != Reason.FOUND
-    holding = found.holding
+    load_result = found.load_result
     assert none.any()
-    assert holding is not None
-    assert np.isnan(holding.grip_force[none]).all()
-    assert np.isnan(holding.payload[none]).all()
-    assert holding.label is not None
-    assert (holding.label[none] == Label.U).all()
-    assert not np.isnan(holding.grip_force[~none]).any()
+    assert load_result is not None
+    assert np.isnan(load_result.grip_force[none]).all()
+    assert np.isnan(load_result.payload[none]).all()
+    assert load_result.label is not None
+    assert (load_result.label[none] == Label.U).all()
+    assert not np.isnan(load_result.grip_force[~none]).any()
 
 
 def test_where_normals_cancel_out_nothing_is_known() -> None:
     grasps = evaluate_grasps(block(), sides(), SOFT).contacts
     vars(grasps)["normals"] = np.zeros((1, 2, 3))
     case = LoadCase.of(Load(mass=MASS, grip_force=40.0), block(), SOFT)
-    holding = surface_holding(grasps, SOFT, case)
-    assert math.isnan(holding.grip_force[0])
-    assert holding.label is not None
-    assert holding.label[0] == Label.M
-    assert holding.payload[0] == 0.0
+    load_result = surface_load_result(grasps, SOFT, case)
+    assert math.isnan(load_result.grip_force[0])
+    assert load_result.label is not None
+    assert load_result.label[0] == Label.M
+    assert load_result.payload[0] == 0.0
 
 
 def test_labels_stay_the_same_and_relabelling_keeps_the_load() -> None:
     plain = label_surface(block(), labels().model)
     np.testing.assert_array_equal(plain.label, labels().label)
-    assert plain.holding is None
+    assert plain.load_result is None
     assert plain.load is None
     slippery = labels().relabel(friction=0.36)
     assert slippery.load == labels().load
-    one, other = slippery.holding, labels().holding
+    one, other = slippery.load_result, labels().load_result
     assert one is not None
     assert other is not None
     known = np.isfinite(one.grip_force)
@@ -259,12 +259,12 @@ def test_labels_stay_the_same_and_relabelling_keeps_the_load() -> None:
 def test_the_nominal_force_is_that_of_the_contacts() -> None:
     found, case = labels(), labels().load_case
     assert case is not None
-    assert found.holding is not None
+    assert found.load_result is not None
     for vertex in (0, 40, 145):
         points = [block().vertices[vertex], found.partners[vertex, 0]]
         contacts = evaluate_grasps(block(), points, found.model).contacts.contacts(found.model)
         force = grip_force(contacts, case.task, rtol=1e-4)
-        value = found.holding.grip_force[vertex]
+        value = found.load_result.grip_force[vertex]
         assert value == pytest.approx(force.value[0], rel=FORCE_RTOL)
 
 
@@ -272,7 +272,7 @@ def test_the_nominal_force_is_that_of_the_contacts() -> None:
 def test_three_fingers_hold_with_hard_contacts() -> None:
     ball = load_mesh(shapes.sphere(2), unit="cm", max_edge="0.5cm")
     model = GraspModel(fingers=3, sensor_resolution=0.1)
-    found = label_surface(ball, model, load=Load(mass=MASS, grip_force=40.0)).holding
+    found = label_surface(ball, model, load=Load(mass=MASS, grip_force=40.0)).load_result
     assert found is not None
     assert found.how == "bound"
     assert found.remedy == ""

@@ -38,21 +38,21 @@ def evaluated(
 
 
 def test_four_sliding_fingers_hold_a_box_by_friction_alone(tmp_path: Path) -> None:
-    holding = evaluated(tmp_path, grasp3d.Load(task=DOWN, torque_limits=10.0)).motor_holding
-    assert holding is not None
+    load_result = evaluated(tmp_path, grasp3d.Load(task=DOWN, torque_limits=10.0)).hand_load_result
+    assert load_result is not None
     # Contacts are averaged over what is near, a little off the middle of the sides.
     most = 4.0 * 10.0 * 0.5 / STANDARD_GRAVITY
     sure = 4.0 * 10.0 * math.tan(math.atan(0.5) - ANGLE) / STANDARD_GRAVITY
-    assert holding.payload[0] == pytest.approx(most, rel=0.03)
-    assert holding.payload_sure[0] == pytest.approx(sure, rel=0.04)
+    assert load_result.payload[0] == pytest.approx(most, rel=0.03)
+    assert load_result.payload_min[0] == pytest.approx(sure, rel=0.04)
     best = 4.0 * 10.0 * math.tan(math.atan(0.5) + ANGLE) / STANDARD_GRAVITY
-    assert holding.payload_possible[0] == pytest.approx(best, rel=0.04)
-    assert np.isnan(holding.payload[1])
-    assert holding.limit[0] in {f"slide_{k}" for k in range(4)}
-    assert np.isnan(holding.load_fraction).all()
-    double = evaluated(tmp_path, grasp3d.Load(task=DOWN, torque_limits=20.0)).motor_holding
+    assert load_result.payload_max[0] == pytest.approx(best, rel=0.04)
+    assert np.isnan(load_result.payload[1])
+    assert load_result.limit[0] in {f"slide_{k}" for k in range(4)}
+    assert np.isnan(load_result.load_fraction).all()
+    double = evaluated(tmp_path, grasp3d.Load(task=DOWN, torque_limits=20.0)).hand_load_result
     assert double is not None
-    assert double.payload[0] == pytest.approx(2.0 * holding.payload[0], rel=1e-6)
+    assert double.payload[0] == pytest.approx(2.0 * load_result.payload[0], rel=1e-6)
 
 
 def test_every_pose_that_does_not_surely_hold_the_mass_says_so(tmp_path: Path) -> None:
@@ -72,22 +72,22 @@ def test_torsion_is_no_part_of_what_motors_hold(tmp_path: Path) -> None:
 
 
 def test_no_normals_that_may_be_true_hold_more_than_is_possible(tmp_path: Path) -> None:
-    holding = evaluated(tmp_path, grasp3d.Load(torque_limits=10.0)).motor_holding
-    assert holding is not None
+    load_result = evaluated(tmp_path, grasp3d.Load(torque_limits=10.0)).hand_load_result
+    assert load_result is not None
     random = np.random.default_rng(0)
     for _ in range(10):
         axes = ANGLE * random.random((4, 1)) * unit_rows(random.normal(size=(4, 3)))
-        normals = Rotation.from_rotvec(axes).apply(holding.sets.normals)
-        tilted = replace(holding, sets=replace(holding.sets, normals=normals))
+        normals = Rotation.from_rotvec(axes).apply(load_result.sets.normals)
+        tilted = replace(load_result, sets=replace(load_result.sets, normals=normals))
         held = tilted.payloads(0.5, tilted=False)[0][0]
-        assert 0.99 * holding.payload_sure[0] <= held <= 1.01 * holding.payload_possible[0]
+        assert 0.99 * load_result.payload_min[0] <= held <= 1.01 * load_result.payload_max[0]
 
 
 def test_friction_that_limits_is_that_of_a_link(tmp_path: Path) -> None:
-    holding = evaluated(tmp_path, grasp3d.Load(), replace(FINE, friction=0.05)).motor_holding
-    assert holding is not None
-    assert holding.payload_sure[0] == 0.0
-    assert holding.limit[0] in {f"friction at finger_{k}" for k in range(4)}
+    load_result = evaluated(tmp_path, grasp3d.Load(), replace(FINE, friction=0.05)).hand_load_result
+    assert load_result is not None
+    assert load_result.payload_min[0] == 0.0
+    assert load_result.limit[0] in {f"friction at finger_{k}" for k in range(4)}
 
 
 def test_numbers_of_another_load_do_not_stay_with_the_poses(tmp_path: Path) -> None:
@@ -96,7 +96,7 @@ def test_numbers_of_another_load_do_not_stay_with_the_poses(tmp_path: Path) -> N
     poses = replace(poses, columns={**poses.columns, "gap_other": held.gap, "own": held.gap})
     again = grasp3d.evaluate_grasps(held.mesh, poses, FINE, hand=held.hand).to_poses()
     lost = poses.columns.keys() - again.columns.keys()
-    assert {"payload_sure", "limit", "gap_other"} <= lost
+    assert {"payload_min", "limit", "gap_other"} <= lost
     assert "own" in again.columns
 
 
@@ -108,7 +108,7 @@ def test_torques_that_are_not_stated_are_asked_for(tmp_path: Path) -> None:
         evaluated(tmp_path, grasp3d.Load(mass=1.0), torques={})
     found = evaluated(tmp_path, None, **unstated)
     assert found.label[0] == Label.S
-    assert found.motor_holding is None
+    assert found.hand_load_result is None
 
 
 def test_a_hand_with_tendons_has_letters_and_takes_no_load(tmp_path: Path) -> None:
@@ -127,20 +127,22 @@ def test_the_weight_of_links_takes_from_what_motors_hold(tmp_path: Path) -> None
     fingers = [f"finger_{k}" for k in range(4)]
     heavy = {name: {"mass": 0.2} for name in fingers}
     down = grasp3d.Load(task="weight within 0 of -x", torque_limits=10.0)
-    light = evaluated(tmp_path, down).motor_holding
+    light = evaluated(tmp_path, down).hand_load_result
     found = evaluated(tmp_path, down, masses=heavy)
     assert light is not None
-    assert found.motor_holding is not None
+    assert found.hand_load_result is not None
     assert "is neglected: no masses" in light.link_weights
-    assert found.motor_holding.link_weights == ("the weight of the links that move, 0.8 kg, counts")
-    assert found.motor_holding.payload[0] < light.payload[0] - 0.01
+    assert found.hand_load_result.link_weights == (
+        "the weight of the links that move, 0.8 kg, counts"
+    )
+    assert found.hand_load_result.payload[0] < light.payload[0] - 0.01
     given = evaluated(tmp_path, grasp3d.Load(task="wrench 1,0,0,0,0,0"), masses=heavy)
-    assert given.motor_holding is not None
-    assert "does not say where gravity acts" in given.motor_holding.link_weights
+    assert given.hand_load_result is not None
+    assert "does not say where gravity acts" in given.hand_load_result.link_weights
     # A hand that is turned with the object holds what it held.
-    free = evaluated(tmp_path, grasp3d.Load(torque_limits=10.0), masses=heavy).motor_holding
+    free = evaluated(tmp_path, grasp3d.Load(torque_limits=10.0), masses=heavy).hand_load_result
     assert free is not None
-    assert free.payload[0] <= found.motor_holding.payload[0] * (1.0 + 1e-6)
+    assert free.payload[0] <= found.hand_load_result.payload[0] * (1.0 + 1e-6)
 
 
 @pytest.mark.parametrize("task", ["weight", "weight within 0 of -x"])
@@ -148,12 +150,12 @@ def test_motors_that_do_not_carry_the_links_are_said_to(tmp_path: Path, task: st
     heavy = {f"finger_{k}": {"mass": 1.5} for k in range(4)}
     load = grasp3d.Load(mass=0.1, task=task, torque_limits=10.0)
     found = evaluated(tmp_path, load, masses=heavy)
-    assert found.motor_holding is not None
-    assert found.motor_holding.limit[0] == "the weight of the links"
+    assert found.hand_load_result is not None
+    assert found.hand_load_result.limit[0] == "the weight of the links"
     said = "the weight of the links alone is too much for the motors"
     assert found.reason[0].endswith(f": {said}")
     assert found.verdict == f"the motors of sliders hold 0.1 kg at no pose: {said}"
-    light = evaluated(tmp_path, load, masses={"finger_0": {"mass": 0.01}}).motor_holding
+    light = evaluated(tmp_path, load, masses={"finger_0": {"mass": 0.01}}).hand_load_result
     assert light is not None
     assert light.limit[0].startswith("slide_")
 
@@ -169,9 +171,9 @@ def test_two_point_contacts_are_said_to_leave_the_turn_about_their_line_free(
     load = grasp3d.Load(mass=0.01, torque_limits=10.0)
     found = grasp3d.evaluate_grasps(box, poses, FINE, hand=hand, load=load)
     assert isinstance(found, EvaluatedHandGrasps)
-    assert found.motor_holding is not None
-    assert found.motor_holding.payload[0] == 0.0
-    assert found.motor_holding.limit[0] == "the turn about the line of the contacts"
+    assert found.hand_load_result is not None
+    assert found.hand_load_result.payload[0] == 0.0
+    assert found.hand_load_result.limit[0] == "the turn about the line of the contacts"
     said = "point contacts on one line leave the turn about it free"
     assert found.reason[0].endswith(f"holds 0 kg at most: {said}")
     assert found.verdict is not None
