@@ -30,7 +30,7 @@ label ball.ply --location-error '1 furlong' | --location-error must be a length:
 label ball.ply --max-opening 70km | --max-opening must be a length: a number | (m, cm, mm, in)
 label ball.ply -o x.docx | unsupported format .docx: supported are .ply
 label ball.ply -o no/where.ply | cannot be written
-label ball.ply -o ball.ply | is read by this
+label ball.ply -o ball.ply | is read by
 label ball.ply --at 0,0 | at must be 3 finite lengths | got '0,0'
 label box.stl --unit mm --at 0,0,90mm | at 0.0,0.0,90 mm is 50 mm from the surface of box.stl, more
 label ball.ply --best 0 | best must be at least 1
@@ -54,7 +54,7 @@ label ball.ply --region ball.ply:grip | ball.ply: its vertices have no 'grip'; t
 label ball.ply --region mask.ply | mask.ply: is no mask of ball.ply: one of its vertices is
 batch ball.ply -o out --region mask.ply | mask.ply is of one mesh; a library takes a box
 label box.stl -o notes.ply | notes.ply: exists; name another file
-label box.stl --best 2 --grasps task.csv --task task.csv --overwrite | is read by this
+label box.stl --best 2 --grasps task.csv --task task.csv --overwrite | is read by
 label box.stl --unit mm --hand franka --best 2 --frame tool0 | unknown gripper frame
 label box.stl --unit mm --hand franka --best 2 --frame mirror.txt | mirror.txt: the matrix of a
 label box.stl --unit mm --best 2 --frame graspgen | frame is for poses of a gripper of two
@@ -76,9 +76,9 @@ evaluate box.stl three.json --fingers 4 | have 3 fingers
 evaluate box.stl pair.json --metrics min_weight,beauty | 'beauty'; known: all, epsilon_l1
 evaluate box.stl poses.csv --unit mm | give their gripper with --hand NAME
 evaluate box.stl poses.csv --unit mm --hand franka --max-distance 1 | max_distance applies to
-evaluate box.stl pair.json -o task.csv --task 'weight + task.csv' --overwrite | is read by this
-evaluate box.stl pair.json -o task.csv --task 'pushes.csv + ./task.csv' --overwrite | is read by this
-evaluate box.stl pair.json -o task_link.csv --task task.csv --overwrite | is read by this
+evaluate box.stl pair.json -o task.csv --task 'weight + task.csv' --overwrite | is read by
+evaluate box.stl pair.json -o task.csv --task 'pushes.csv + ./task.csv' --overwrite | is read by
+evaluate box.stl pair.json -o task_link.csv --task task.csv --overwrite | is read by
 evaluate box.stl robot.csv --unit mm --hand franka --object-pose 1,0,0,0 | it states the object
 evaluate box.stl short.csv --unit mm --hand franka | Expected 7 columns, got 3
 evaluate box.stl twice.csv --unit mm --hand franka | two columns are called 'px'
