@@ -56,7 +56,7 @@ ENGINES = {
     "clarabel": {"quality.hand_forces.cone_program"},
     "embreex": {"mesh.ray_tracing"},
     "numba": {"_kernels"},
-    "trimesh": {"mesh", "export", "hand", "reading", "surface"},
+    "trimesh": {"mesh", "export", "hand", "paper", "reading", "surface"},
     "mapbox_earcut": {"reading.polygons"},
     "distributed": {"batch"},
     "dask": {"batch"},

@@ -85,11 +85,10 @@ def _print_page(report: Report, mesh: CheckedMesh) -> None:
     report.table(_measures(diagnosis))
     for step in diagnosis.repairs:
         report.line(f"repaired: {step}")
-    sound, cost = diagnosis.manifold == "NoError", diagnosis.cost
-    manifold = "yes" if sound else f"no ({diagnosis.manifold})"
+    cost = diagnosis.cost
     report.paragraph(
         f"self-intersecting faces: {diagnosis.crossing_faces:,}; noise of normals: "
-        f"{math.degrees(diagnosis.noise):.1f}°; manifold: {manifold}"
+        f"{math.degrees(diagnosis.noise):.1f}°"
     )
     time = "a second" if cost.seconds < 1.0 else duration_text(cost.seconds)
     report.paragraph(
@@ -121,7 +120,6 @@ def _measures(diagnosis: MeshDiagnosis) -> Table:
     before, after = both = diagnosis.before, diagnosis.after
     length, area, volume = (f", m{power}" if diagnosis.unit else "" for power in ("", *"²³"))
     shift = diagnosis.center_shift if before.closed and after.closed else 0.0
-    cavities = f", cavities: {diagnosis.cavities}" if diagnosis.cavities else ""
     volumes = ("open" if state.volume is None else f"{state.volume:.5g}" for state in both)
     rows = [
         ("vertices, faces", *(f"{state.vertices:,} {state.faces:,}" for state in both), ""),
@@ -133,7 +131,7 @@ def _measures(diagnosis: MeshDiagnosis) -> Table:
             *(_center(state, diagnosis.size) for state in both),
             f"{100.0 * shift:.2g} % of the size" if shift > _MIN_CHANGE else "",
         ),
-        ("bodies", "", f"{diagnosis.bodies}{cavities}", ""),
+        ("bodies", "", str(diagnosis.bodies), ""),
     ]
     table = table_of(("", "in the file", "after repair", "change"), rows, folded=True)
     table.columns[-1].justify = "left"

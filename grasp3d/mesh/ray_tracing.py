@@ -17,7 +17,7 @@ from grasp3d._kernels.surface.box_tree import BoxTree, box_tree
 from grasp3d._kernels.surface.first_faces import first_faces
 from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
 from grasp3d.arrays import Bools, Floats, Ints, first_at_position, locked, unit_rows
-from grasp3d.mesh.measures import edges_of
+from grasp3d.mesh.measures import Triangles
 from grasp3d.system.context import in_threads
 
 Singles: TypeAlias = npt.NDArray[np.float32]
@@ -36,57 +36,9 @@ the face's border, in the unit of the points: less may be the rounding of a file
 MOST_ROUNDS = 256
 """Most faces that are found along one edge."""
 
-MOST_RAYS = 20_000_000
-"""Most rays along all edges: then no farther faces are searched."""
 
-MOST_PAIRS = 5_000_000
-"""Most pairs of faces, of which the first are reported."""
-
-
-class EmbreeTracer:
-    """The first faces that rays meet, by Embree."""
-
-    def __init__(self, points: Floats, faces: Ints) -> None:
-        from embreex.mesh_construction import TriangleMesh
-        from embreex.rtcore_scene import EmbreeScene
-
-        self._scene = EmbreeScene(robust=True)
-        TriangleMesh(self._scene, points.astype(np.float32), faces.astype(np.int32))
-        # The first ray makes Embree build its tree, which must not happen in two threads at once.
-        self.hits(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), None)
-
-    def hits(
-        self, origins: Singles, directions: Singles, lengths: Singles | None
-    ) -> tuple[Numbers, Singles]:
-        """See `FaceRays.hits`."""
-        found = self._scene.run(origins, directions, dists=lengths, output=1)
-        return found["primID"], found["tfar"]
-
-
-class TreeTracer:
-    """The same by our own tree of boxes."""
-
-    def __init__(self, points: Floats, faces: Ints) -> None:
-        self._tree: BoxTree = box_tree(locked(points), locked(faces))
-
-    def hits(
-        self, origins: Singles, directions: Singles, lengths: Singles | None
-    ) -> tuple[Numbers, Singles]:
-        """See `FaceRays.hits`."""
-        count = len(origins)
-        faces, far = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.float32)
-        ends = np.full(count, math.inf, dtype=np.float32) if lengths is None else lengths
-        starts, toward = (np.ascontiguousarray(one) for one in (origins, directions))
-
-        def work(rows: slice, _: Any) -> None:
-            first_faces(starts, toward, ends, rows.start, rows.stop, self._tree, faces, far)
-
-        in_threads(work, count, CHUNK)
-        return faces, far
-
-
-TRACER: type[EmbreeTracer | TreeTracer] = EmbreeTracer if find_spec("embreex") else TreeTracer
-"""What traces rays here."""
+EMBREE = find_spec("embreex") is not None
+"""Whether Embree traces rays here; otherwise a tree of boxes of ours does."""
 
 
 class FaceRays:
@@ -97,7 +49,16 @@ class FaceRays:
     """
 
     def __init__(self, points: Floats, faces: Ints) -> None:
-        self._tracer = TRACER(points, faces)
+        if not EMBREE:
+            self._tree: BoxTree = box_tree(locked(points), locked(faces))
+            return
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+
+        self._scene = EmbreeScene(robust=True)
+        TriangleMesh(self._scene, points.astype(np.float32), faces.astype(np.int32))
+        # The first ray makes Embree build its tree, which must not happen in two threads at once.
+        self.hits(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
 
     def hits(
         self, origins: Singles, directions: Singles, lengths: Singles | None = None
@@ -112,7 +73,19 @@ class FaceRays:
         Returns:
             The faces, -1: none, and their distances, (n,) each.
         """
-        return self._tracer.hits(origins, directions, lengths)
+        if EMBREE:
+            found = self._scene.run(origins, directions, dists=lengths, output=1)
+            return found["primID"], found["tfar"]
+        count = len(origins)
+        faces, far = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.float32)
+        ends = np.full(count, math.inf, dtype=np.float32) if lengths is None else lengths
+        starts, toward = (np.ascontiguousarray(one) for one in (origins, directions))
+
+        def work(rows: slice, _: Any) -> None:
+            first_faces(starts, toward, ends, rows.start, rows.stop, self._tree, faces, far)
+
+        in_threads(work, count, CHUNK)
+        return faces, far
 
 
 class SurfaceRays(FaceRays):
@@ -184,50 +157,42 @@ class SurfaceRays(FaceRays):
         return np.where(excluded & ~beside, np.int32(-1), faces), far
 
 
-def crossings(points: Floats, faces: Ints) -> Ints:
-    """Find faces that cross one another, also on open and non-manifold surfaces.
+def crossing_faces(surface: Triangles) -> Ints:
+    """Find faces that cross others, also on open and non-manifold surfaces.
 
-    Two triangles in general position cross where an edge of one passes through the other. A ray in
-    32 bits finds all faces along each edge; a test in 64 bits keeps those that the edge surely
-    passes through. Every reported pair crosses, but not all are reported: faces that graze, that
-    are coplanar, or that meet in an edge or a corner count as touching.
+    Two triangles in general position cross where a side of one passes through the other. A ray in
+    32 bits finds all faces along each side; a test in 64 bits keeps those that the side surely
+    passes through. Every reported face crosses another, but not all are reported: faces that
+    graze, that are coplanar, or that meet in an edge or a corner count as touching.
 
     Args:
-        points: Positions (V, 3) in the normalised frame: near the origin, size 1.
-        faces: Faces (F, 3).
+        surface: In the normalised frame: near the origin, size 1.
 
     Returns:
-        The faces that cross, the smaller index first, each pair once, shape (P, 2).
+        The faces that cross others, in ascending order.
     """
-    corners = first_at_position(points)[faces]
-    ends, counts, _, of_corner = edges_of(corners)
-    owners = np.argsort(of_corner.ravel(), kind="stable") // 3  # faces at each edge
-    first = np.concatenate([[0], np.cumsum(counts)])
-    met_edges, met_faces = _met(points, corners, ends)
-    apart = (ends[met_edges][:, :, None] != corners[met_faces][:, None, :]).all(axis=(1, 2))
-    met_edges, met_faces = met_edges[apart], met_faces[apart]
-    through = _passes(points[ends[met_edges]], points[corners[met_faces]])
-    pairs = _pairs(met_edges[through], met_faces[through], owners, first)
-    first, second = corners[pairs[:, 0]], corners[pairs[:, 1]]
-    return np.asarray(pairs[(first[:, :, None] != second[:, None, :]).all(axis=(1, 2))])
+    points = surface.vertices
+    corners = first_at_position(points)[surface.faces]
+    ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
+    sides, met = _met(points, corners, ends)
+    apart = (corners[sides // 3][:, :, None] != corners[met][:, None, :]).all(axis=(1, 2))
+    sides, met = sides[apart], met[apart]
+    through = _passes(points[ends[sides]], points[corners[met]])
+    return np.unique([sides[through] // 3, met[through]])
 
 
-def _met(points: Floats, corners: Ints, edges: Ints) -> tuple[Ints, Ints]:
-    """Trace a ray along every edge through all faces: (edge, face) of each intersection."""
+def _met(points: Floats, corners: Ints, ends: Ints) -> tuple[Ints, Ints]:
+    """Trace a ray along every side through all faces: (side, face) of each intersection."""
     rays = FaceRays(points, corners)
-    origins, ends = points[edges[:, 0]], points[edges[:, 1]]
-    directions = unit_rows(ends - origins)
-    lengths = np.linalg.norm(ends - origins, axis=1)
+    directions = unit_rows(points[ends[:, 1]] - points[ends[:, 0]])
+    lengths = np.linalg.norm(points[ends[:, 1]] - points[ends[:, 0]], axis=1)
     active = np.flatnonzero(lengths > 2.0 * STEP)
-    along = np.full(len(edges), STEP)
-    step = np.full(len(edges), STEP)
+    along, step = np.full(len(ends), STEP), np.full(len(ends), STEP)
     met = [(active[:0], active[:0])]
-    traced = 0
     for _ in range(MOST_ROUNDS):
-        traced += len(active)
-        if len(active) == 0 or traced > max(MOST_RAYS, len(edges)):
+        if not len(active):
             break
-        starts = origins[active] + along[active, None] * directions[active]
+        starts = points[ends[active, 0]] + along[active, None] * directions[active]
         faces, far = rays.hits(
             starts.astype(np.float32),
             directions[active].astype(np.float32),
@@ -255,14 +220,3 @@ def _passes(edges: Floats, triangles: Floats) -> Bools:
     inward = unit_rows(np.cross(normal[:, None], sides))
     inside = np.vecdot(crossing[:, None] - triangles, inward).min(axis=1) > MARGIN
     return np.asarray(opposite & inside)
-
-
-def _pairs(edges: Ints, faces: Ints, owners: Ints, first: Ints) -> Ints:
-    """Pair each face that an edge passes through with the faces at that edge, (P, 2), each once."""
-    counts = first[edges + 1] - first[edges]
-    some = np.cumsum(counts) <= MOST_PAIRS
-    edges, faces, counts = edges[some], faces[some], counts[some]
-    offsets = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    around = owners[np.repeat(first[edges], counts) + offsets]
-    pairs = np.sort(np.column_stack([np.repeat(faces, counts), around]), axis=1)
-    return np.unique(pairs, axis=0).reshape(-1, 2)

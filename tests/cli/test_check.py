@@ -56,7 +56,7 @@ def test_warnings_and_repairs_are_printed(folder: Path) -> None:
     assert "not stated; largest extent 100: " in run.stdout
     assert "10 cm if mm" in run.stdout
     assert "labels can be trusted: no" in run.stdout
-    assert "• max_opening is 0.08, 1/1,323 of the size of ball.ply" in run.stdout
+    assert "• max_opening is 0.08, 0.000756 times the size of ball.ply" in run.stdout
     assert "give --unit mm and --max-opening 0.08m" in run.stdout
     assert run.stderr == ""
 

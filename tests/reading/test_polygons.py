@@ -13,7 +13,7 @@ from grasp3d.reading.polygons import as_triangles
 from grasp3d.reading.sources import Source
 from tests.helpers import shapes
 
-SOURCE = Source(Path("a.obj"), "obj", 1, "a.obj")
+SOURCE = Source(Path("a.obj"), "obj", "a.obj")
 
 
 def divided(points: np.ndarray) -> np.ndarray:

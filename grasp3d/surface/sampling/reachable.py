@@ -87,7 +87,7 @@ class ReachSearch:
     def __post_init__(self) -> None:
         mesh, scene = self.mesh, self.scene
         self.surface, self.sets = mesh.contact_surface, mesh.contact_normals
-        self.centres = mesh.normal_sets.centres
+        self.centres = mesh.normal_centres
         assert scene.jaws is not None
         self.beside = NormalizedScene.of(mesh, scene.jaws, scene.table, scene.approach)
         tree = contact_tree(mesh)

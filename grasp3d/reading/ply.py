@@ -1,0 +1,199 @@
+"""PLY files: their header, the columns of their elements, and the surface in them."""
+
+import re
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import Floats, Ints
+from grasp3d.reading.polygons import as_triangles
+from grasp3d.reading.sources import Source
+from grasp3d.system.names import reason_of
+
+_TYPES = {
+    "char": "i1", "uchar": "u1", "int8": "i1", "uint8": "u1", "short": "i2", "ushort": "u2",
+    "int16": "i2", "uint16": "u2", "int": "i4", "uint": "u4", "int32": "i4", "uint32": "u4",
+    "int64": "i8", "uint64": "u8", "float": "f4", "double": "f8", "float32": "f4", "float64": "f8",
+}  # fmt: skip
+_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+
+LENGTH = "length of "
+"""Beginning of the name of a column of lengths of lists."""
+
+Column: TypeAlias = npt.NDArray[Any] | list[npt.NDArray[Any]]
+"""A property of all records: numbers (N,), lists of one length (N, k), or lists that differ."""
+
+Columns: TypeAlias = dict[str, Column]
+"""Columns of an element by the name of their property."""
+
+
+@dataclass(frozen=True)
+class Element:
+    """An element of a PLY: a table of records."""
+
+    count: int
+    properties: dict[str, tuple[str, str]]
+    """By name the NumPy types, without byte order, of a number, and of the length of a list; empty:
+    it is no list."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlyFile:
+    """A PLY file, of which the header is read."""
+
+    source: Source
+    order: str
+    """Byte order in NumPy's notation; empty: the file is text."""
+    elements: dict[str, Element]
+    """By name, in the order of the file."""
+    header: bytes
+    """All of it, with the comments."""
+    body: bytes
+    """What follows the header."""
+
+
+def open_ply(source: Source) -> PlyFile:
+    """Read the header of a PLY. Raises MeshError."""
+    data = source.path.read_bytes()
+    head = re.match(rb"ply\s(.*?)\nend_header[ \r]*\n", data, re.DOTALL)
+    if head is None:
+        raise source.unexpected("cannot be read as PLY: no header")
+    order, elements, properties = "", dict[str, Element](), dict[str, tuple[str, str]]()
+    for line in re.split(r"\r?\n", head[1].decode("utf-8", "replace")):
+        try:
+            match line.split():
+                case ["format", name, *_]:
+                    order = _ORDERS[name]
+                case ["element", name, count] if count.isdecimal() and name not in elements:
+                    elements[name] = Element(int(count), properties := {})
+                case ["property", "list", length, kind, name] if _TYPES[length][0] != "f":
+                    properties[name] = _TYPES[kind], _TYPES[length]
+                case ["property", kind, name] if name not in properties:
+                    properties[name] = _TYPES[kind], ""
+                case ["element" | "property", *_]:
+                    raise ValueError(line)  # noqa: TRY301
+        except (ValueError, LookupError) as error:
+            raise source.damaged(f"a line of its header ({line[:60]!r}) is not valid") from error
+    return PlyFile(source, order, elements, head[0], data[head.end() :])
+
+
+def read_ply(source: Source) -> tuple[Floats, Ints]:
+    """Read the vertices (V, 3) and triangles (F, 3) of a PLY. Raises MeshError."""
+    file = open_ply(source)
+    elements = read_elements(file)
+    vertices = scalars(elements.get("vertex", {}))
+    if not vertices.keys() >= set("xyz"):
+        raise source.damaged("its vertices have no x, y and z")
+    positions = np.stack([vertices[axis] for axis in "xyz"], axis=1)
+    if file.elements["vertex"].properties["x"][0] == "f4":  # also in a text
+        positions = positions.astype(np.float32).astype(np.float64)
+    triangles = [np.empty((0, 3), dtype=np.int64)]
+    for name in ("face", "tristrips"):
+        if name not in elements:
+            continue
+        lists = {key: one for key, one in elements[name].items() if len(np.shape(one[:1])) == 2}
+        known = [key for key in ("vertex_indices", "vertex_index", *lists) if key in lists]
+        if not known:
+            raise source.damaged(f"its element {name!r} has no corners")
+        rows = lists[known[0]]
+        if name == "tristrips":
+            rows = _of_strips(rows)
+        corners = np.concatenate([*rows, []])
+        if (corners % 1 != 0).any():
+            raise source.damaged(f"its element {name!r} has corners that are no whole numbers")
+        counts = np.fromiter(map(len, rows), np.int64, len(rows))
+        triangles.append(as_triangles(source, positions, corners.astype(np.int64), counts))
+    return positions, np.concatenate(triangles)
+
+
+def _of_strips(rows: Column) -> npt.NDArray[Any]:
+    """Triangles (k, 3) of strips that -1 ends, without those that only join others."""
+    from trimesh.util import triangle_strips_to_faces
+
+    parts = (part for row in rows for part in np.split(row, np.flatnonzero(row == -1)))
+    strips = [strip.astype(int) for part in parts if len(strip := part[part != -1]) > 2]
+    triangles: Ints = triangle_strips_to_faces(strips or [np.empty(0, int)])
+    return np.asarray(triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)])
+
+
+def scalars(columns: Columns) -> dict[str, Floats]:
+    """The columns that are no lists, as floating-point numbers."""
+    return {
+        name: column.astype(np.float64)
+        for name, column in columns.items()
+        if isinstance(column, np.ndarray) and column.ndim == 1
+    }
+
+
+def read_elements(ply: PlyFile) -> dict[str, Columns]:
+    """Read the columns of all elements by name.
+
+    Numbers have the type that the header declares; whole numbers of a text are float64. Raises
+    MeshError.
+    """
+    data, elements, start = ply.body, dict[str, Columns](), 0
+    if not ply.order:
+        try:  # the numbers of a text, as those of a binary file that are all of 64 bits
+            data = np.array(data.split(), dtype=np.float64).tobytes()
+        except ValueError as error:
+            raise ply.source.damaged(f"its numbers cannot be read ({reason_of(error)})") from error
+    for name, element in ply.elements.items():
+        try:
+            elements[name], start = _columns(element, ply.order, data, start)
+        except (ValueError, OverflowError) as error:
+            raise ply.source.unexpected(
+                f"declares {element.count:,} elements {name!r}, but has no data for so many"
+            ) from error
+    if not ply.order and start < len(data):
+        raise ply.source.damaged("has more numbers than its header declares")
+    return elements
+
+
+def _columns(element: Element, order: str, data: bytes, start: int) -> tuple[Columns, int]:
+    """The columns of an element, and where it ends. Raises ValueError, OverflowError."""
+    kinds = {
+        name: [one and (order + one if order else "f8") for one in types]
+        for name, types in element.properties.items()
+    }
+    if not (element.count and kinds):
+        return {
+            name: np.empty((0, 0) if length else 0) for name, (_, length) in kinds.items()
+        }, start
+
+    def record(at: int) -> tuple[dict[str, npt.NDArray[Any]], int]:
+        """The numbers of the record that begins there, and where it ends."""
+        values = {}
+        for name, (kind, length) in kinds.items():
+            count = 1.0
+            if length:
+                (count,) = np.frombuffer(data, length, 1, at).tolist()
+                at += np.dtype(length).itemsize
+                if count < 0 or count % 1:
+                    raise ValueError(count)
+            values[name] = np.frombuffer(data, kind, int(count), at)
+            at += values[name].nbytes
+        return values, at
+
+    first, _ = record(start)
+    lists = [name for name, (_, length) in kinds.items() if length]
+    layout = list[Any]()  # most often all lists are as long as the first
+    for name, (kind, length) in kinds.items():
+        layout += [(LENGTH + name, length)] if length else []
+        layout.append((name, kind, first[name].shape if length else ()))
+    with suppress(ValueError):
+        rows = np.frombuffer(data, layout, element.count, start)
+        if all((rows[LENGTH + name] == len(first[name])).all() for name in lists):
+            return {name: rows[name] for name in kinds}, start + rows.nbytes
+    if not lists:
+        raise ValueError(element.count)
+    records = []
+    for _ in range(element.count):
+        values, start = record(start)
+        records.append(values)
+    columns: Columns = {name: [one[name] for one in records] for name in kinds}
+    return columns | {
+        name: np.concatenate(columns[name]) for name in kinds.keys() - set(lists)
+    }, start
