@@ -99,7 +99,7 @@ def read_ply(source: Source) -> Stored | None:
                 raise damaged(source, f"its property {names[0]!r} is not {_KINDS[field.ply]}")
         columns, faces = read_tables(file)
         values = unpacked(source, settings.pop(PACKED)) | {"faces": faces}
-    except (OSError, MemoryError, ValueError) as error:
+    except (OSError, MemoryError, ValueError, OverflowError) as error:
         reason = getattr(error, "strerror", None) or str(error) or "memory is too small"
         raise damaged(source, f"it cannot be read ({' '.join(reason.split())[:200]})") from error
     values |= {field.name: field.from_columns(columns, fingers) for field in fields}
@@ -124,7 +124,7 @@ def read_tables(file: PlyFile) -> tuple[Arrays, Ints]:
     if [*kinds] != ["vertex", "face"] or lists != [*[False] * len(kinds["vertex"]), True]:
         raise damaged(source, "its elements are not vertices with numbers, then triangles")
     elements = read_elements(file)
-    (corners,) = elements["face"].values()
+    (corners,) = elements.get("face", {}).values()
     if not isinstance(corners, np.ndarray) or corners.shape[1:] != (3,):
         raise damaged(source, "its faces are not all triangles")
     faces = _exact(corners, "i8")

@@ -29,7 +29,6 @@ from grasp3d.mesh.repair.cleaning import is_face
 from grasp3d.mesh.repair.holes import fan_area, holes_of
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.settings import (
-    AnySampling,
     GivenModel,
     GivenSampling,
     GraspModel,
@@ -152,6 +151,7 @@ def check_mesh(
     model: GivenModel = None,
     sampling: GivenSampling = None,
     options: MeshOptions | None = None,
+    force: bool = False,
     **fields: Any,
 ) -> MeshDiagnosis:
     """Diagnose a mesh before labelling: defects, repairs, and the cost of labelling.
@@ -162,6 +162,7 @@ def check_mesh(
         model: Model for labelling; used for the cost, and to find lengths in a wrong unit.
         sampling: Settings of the grasp search; used in the same way.
         options: How the mesh is read and prepared; None: the defaults.
+        force: Trust labels with care where a length cannot be meant for an object of this size.
         fields: Fields of `MeshOptions` that differ from `options`, as in `load_mesh`.
 
     Returns:
@@ -185,24 +186,9 @@ def check_mesh(
         holes: 1, ...: grasps with contacts there are not found; repair full (--repair full) ...
     """
     own = source.options if isinstance(source, ObjectMesh) else None
-    settings = MeshOptions.of(options or own, fields)
+    options = MeshOptions.of(options or own, fields)
     model = GraspModel.given("model", model) or GraspModel()
     sampling = given_sampling(model, sampling) or Sampling().fitted(model.fingers)
-    return diagnose(source, model, sampling, settings)
-
-
-def diagnose(
-    source: MeshSource,
-    model: GraspModel,
-    sampling: AnySampling,
-    options: MeshOptions,
-    *,
-    force: bool = False,
-) -> MeshDiagnosis:
-    """Diagnose a mesh, as `check_mesh` does, with all settings given.
-
-    With `force` lengths that cannot be meant for an object of this size are accepted.
-    """
     prepared = prepare(source, options)
     given, repaired, mesh = prepared.given, prepared.repaired, prepared.mesh
     mesh.check_units(model, sampling)
@@ -214,8 +200,9 @@ def diagnose(
     fraction = float(surface.areas[crossing].sum() / surface.areas.sum())
     noise, bodies = normal_noise(surface), _count_bodies(surface)
     lengths = length_warnings(mesh, model, sampling)
+    inside = Trust.NO if repaired.closed and math.isnan(mesh.volume) else Trust.CARE
     warnings = (
-        *(MeshWarning(Trust.CARE, message) for message in mesh.report.warnings),
+        *(MeshWarning(inside, message) for message in mesh.report.warnings),
         *_hole_warnings(prepared, options),
         *_surface_warnings(len(crossing), fraction, bodies, noise),
         *(MeshWarning(Trust.CARE if force else Trust.NO, message) for message in lengths),
@@ -269,12 +256,8 @@ def _count_bodies(surface: Triangles) -> int:
 
 
 def _hole_warnings(prepared: PreparedMesh, options: MeshOptions) -> Iterator[MeshWarning]:
-    """Warn about a surface without an interior, and about holes, open or closed by repair."""
+    """Warn about holes, open or closed by repair."""
     repaired = prepared.repaired
-    if repaired.closed and math.isnan(prepared.mesh.volume):
-        yield MeshWarning(
-            Trust.NO, "the surface has no interior, so that no contact can be pushed against it"
-        )
     filled = any(step.name == "closed" for step in repaired.steps)
     if filled:
         repaired = repair_given(prepared.given, replace(options, repair="safe"))

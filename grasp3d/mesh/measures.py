@@ -239,13 +239,6 @@ class Triangles:
         return np.asarray(np.arctan2(sine, np.einsum("fij,fij->fi", after, before)))
 
     @cached_property
-    def sides(self) -> Floats:
-        """Length of the side opposite each corner, shape (F, 3)."""
-        corners = self.vertices[self.faces]
-        across = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
-        return np.ascontiguousarray(np.linalg.norm(across, axis=2))
-
-    @cached_property
     def pairs(self) -> tuple[Ints, Ints]:
         """Both half-edges of each edge with exactly two faces; see `measures.paired_edges`."""
         return paired_edges(self.faces)

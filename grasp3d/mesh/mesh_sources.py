@@ -88,15 +88,12 @@ Surface: TypeAlias = tuple[Any, Any, str | None]
 
 def _of_arrays(pair: Any) -> Surface:
     vertices, faces = (np.asarray(one) for one in pair)
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or vertices.dtype.kind not in "fiu":
-        raise MeshError(
-            f"vertices must be real numbers of shape (V, 3); got {vertices.dtype} {vertices.shape}"
-        )
-    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
-        raise MeshError(
-            "faces must be triangles: whole numbers, those of their corners, of shape (F, 3); got "
-            f"{faces.dtype} {faces.shape}"
-        )
+    for array, kinds, what in (
+        (vertices, "fiu", "vertices must be real numbers of shape (V, 3)"),
+        (faces, "iu", "faces must be whole numbers of shape (F, 3), the corners of triangles"),
+    ):
+        if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in kinds:
+            raise MeshError(f"{what}; got {array.dtype} {array.shape}")
     return vertices, faces, None
 
 

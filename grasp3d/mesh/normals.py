@@ -47,7 +47,7 @@ def corner_normals(surface: Triangles, crease_angle: float) -> CornerNormals:
     faces, flat = surface.faces, surface.normals
     one, two = surface.pairs
     smooth = surface.bends <= crease_angle + 1e-9
-    patch = _patches(faces, one[smooth], two[smooth])
+    patch = connected(faces.size, *_matched_corners(faces, one[smooth], two[smooth]))
     face_of_corner = np.repeat(np.arange(len(faces)), 3)
     weights = surface.angles.ravel()
     sums = [np.bincount(patch, weights * flat[face_of_corner, k]) for k in range(3)]
@@ -78,12 +78,6 @@ def _matched_corners(faces: Ints, one: Ints, two: Ints) -> tuple[Ints, Ints]:
     swap = flat[left[0]] != flat[right[0]]
     right[:, swap] = right[::-1, swap]
     return left, right
-
-
-def _patches(faces: Ints, one: Ints, two: Ints) -> Ints:
-    """Number the patches of corners that pairs of half-edges connect at vertices, shape (3 F,)."""
-    left, right = _matched_corners(faces, one, two)
-    return connected(3 * len(faces), left, right)
 
 
 def crease_twins(faces: Ints, corners: Ints) -> Ints:

@@ -96,7 +96,7 @@ def length_warnings(
             continue  # a longest edge above the size divides none
         text = describe_length(length) if isinstance(length, Metres) else f"{length:.4g}{unit}"
         yield (
-            f"{name} is {text}, {ratio:,.4g} times the size of {mesh.report.source}, "
+            f"{name} is {text}, {float(f'{ratio:.3g}'):,g} times the size of {mesh.report.source}, "
             f"{mesh.size:.4g}{unit}: {remedy or 'check its number and its unit'}"
         )
 

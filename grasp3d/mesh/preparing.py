@@ -161,10 +161,9 @@ def _refined(source: RawMesh, repaired: RepairedSurface, options: MeshOptions) -
         center_mass = (np.array(options.center_of_mass) / metres - center) / size
         center_from = "given"
     warnings = [
-        *_volume_warnings(repaired, volume, center_from),
-        *_unit_warnings(source, size, unit),
+        *_warnings(source, repaired, unit, volume, center_from),
+        *filter(None, [unit_warning(size, unit)]),
         *_center_warnings(surface, center_mass, center_from, where),
-        *repaired.warnings,
     ]
     added = np.arange(len(repaired.vertices), len(refined.vertices))
     points = np.concatenate([repaired.vertices, refined.vertices[added] * size + center])
@@ -194,22 +193,27 @@ def _refined(source: RawMesh, repaired: RepairedSurface, options: MeshOptions) -
     return restricted(mesh, options)
 
 
-def _volume_warnings(surface: RepairedSurface, volume: float, center_from: str) -> Iterator[str]:
-    """Warn about a surface without an inside."""
+def _warnings(
+    source: RawMesh, repaired: RepairedSurface, unit: Unit | None, volume: float, center_from: str
+) -> Iterator[str]:
+    """Warn about a surface without an inside, and about its unit.
+
+    Args:
+        source: The surface as it was read.
+        repaired: The repaired surface.
+        unit: Its unit; None: not known.
+        volume: Its volume; nan: it has none.
+        center_from: What the centre of mass follows from.
+    """
     if math.isnan(volume):
         what = "encloses no volume, though it is closed"
-        if not surface.closed:
+        if not repaired.closed:
             what = "is open: inside and outside are taken from the winding of its faces"
         center = "; the centre of mass is the surface's" if center_from == "surface" else ""
         yield f"the surface {what}{center}"
-
-
-def _unit_warnings(given: RawMesh, size: float, unit: Unit | None) -> Iterator[str]:
-    """Warn about a unit that the mesh does not state, and a size that hardly any object has."""
-    if given.unit not in {None, unit}:
-        yield f"the mesh states the unit {given.unit}, but {unit} was requested"
-    if text := unit_warning(size, unit):
-        yield text
+    if source.unit not in {None, unit}:
+        yield f"the mesh states the unit {source.unit}, but {unit} was requested"
+    yield from repaired.warnings
 
 
 def _center_warnings(
@@ -222,14 +226,13 @@ def _center_warnings(
     """
     points = surface.vertices[surface.used]
     beyond = np.maximum(points.min(axis=0) - center_mass, center_mass - points.max(axis=0)).max()
-    text = f"the centre of mass is outside the bounding box of {where} by {beyond:.3g} of its size"
     remedy = "is it in the mesh's frame, with its unit (10mm,0,-2mm)?"
-    if not beyond <= FAR:
-        raise SettingError(f"{text}: {remedy}")
     if center_from != "given":
         remedy = (
-            "the surface crosses itself, and is inside out beyond; mend it, or give the centre of "
-            "mass (--center-of-mass)"
+            "the surface crosses itself; mend it, or give its centre of mass (--center-of-mass)"
         )
+    text = f"the centre of mass is outside the bounding box of {where} by {beyond:.3g} of its size"
+    if center_from == "given" and not beyond <= FAR:
+        raise SettingError(f"{text}: {remedy}")
     if beyond > OUTSIDE:
         yield f"{text}: {remedy}"

@@ -81,7 +81,8 @@ def check_refinement(surface: Triangles, max_edge: float, max_memory: float, whe
     Raises:
         MeshError: The mesh would be too large.
     """
-    count, longest = len(surface.faces), surface.sides.max(axis=1)
+    count, corners = len(surface.faces), surface.vertices[surface.faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     faces = 2.0 * surface.areas.sum() / max_edge**2 + (2.0 * longest / max_edge).sum() + count
     added = int(min(faces, MANY)) - count
     expected = max(len(surface.used), count // 2) + added // 2

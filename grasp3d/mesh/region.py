@@ -11,7 +11,7 @@ from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.surface_points import nearest_surface_points
 from grasp3d.reading.mesh_files import read_mesh
-from grasp3d.reading.ply import open_ply, read_elements, scalars
+from grasp3d.reading.ply import open_ply, read_elements
 from grasp3d.reading.sources import find_source
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.regions import Box, Mask
@@ -50,7 +50,12 @@ def restricted(mesh: ObjectMesh, options: MeshOptions) -> ObjectMesh:
     mesh, part = replace(mesh, options=options, region=None), options.region
     if part is None:
         return mesh
-    inside = _in_box(mesh, part) if isinstance(part, Box) else _on_paint(mesh, part)
+    if isinstance(part, Box):
+        low, high = np.array(part.corners).reshape(2, 3)
+        beyond = np.maximum(low - mesh.vertices, mesh.vertices - high)
+        inside = (beyond <= ROUNDING * mesh.size).all(axis=1)
+    else:
+        inside = _on_paint(mesh, part)
     region = np.zeros(len(mesh.vertices), dtype=bool)
     region[mesh.canonical[inside & mesh.on_surface]] = True  # vertices at one position alike
     mesh = replace(mesh, region=locked(region[mesh.canonical]))
@@ -87,13 +92,6 @@ def _extent(mesh: ObjectMesh) -> str:
     return f"the object lies from {low} to {high}{f' {mesh.unit}' if mesh.unit else ''}"
 
 
-def _in_box(mesh: ObjectMesh, box: Box) -> Bools:
-    """Mask of the vertices in a box, shape (V,)."""
-    low, high = np.array(box.corners, dtype=np.float64).reshape(2, 3)
-    beyond = np.maximum(low - mesh.vertices, mesh.vertices - high)
-    return np.asarray((beyond <= ROUNDING * mesh.size).all(axis=1))
-
-
 def _on_paint(mesh: ObjectMesh, mask: Mask) -> Bools:
     """Mask of the vertices whose nearest point on a painted surface is painted, shape (V,)."""
     where = printable(str(mask.path))
@@ -115,7 +113,8 @@ def _on_paint(mesh: ObjectMesh, mask: Mask) -> Bools:
 
 def _vertex_columns(path: Path) -> dict[str, Floats]:
     """Numbers of the vertices of a PLY, by name."""
-    return scalars(read_elements(open_ply(find_source(path, {".ply"})))["vertex"])
+    columns = read_elements(open_ply(find_source(path)))["vertex"]
+    return {name: np.asarray(one, float) for name, one in columns.items() if not np.ndim(one[0])}
 
 
 def _paint(columns: dict[str, Floats], name: str, where: str) -> Bools:

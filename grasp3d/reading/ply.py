@@ -11,7 +11,6 @@ import numpy.typing as npt
 from grasp3d.arrays import Floats, Ints
 from grasp3d.reading.polygons import as_triangles
 from grasp3d.reading.sources import Source
-from grasp3d.system.names import reason_of
 
 _TYPES = {
     "char": "i1", "uchar": "u1", "int8": "i1", "uint8": "u1", "short": "i2", "ushort": "u2",
@@ -60,7 +59,7 @@ def open_ply(source: Source) -> PlyFile:
     data = source.path.read_bytes()
     head = re.match(rb"ply\s(.*?)\nend_header[ \r]*\n", data, re.DOTALL)
     if head is None:
-        raise source.unexpected("cannot be read as PLY: no header")
+        raise source.unexpected("cannot be read as PLY (it has no header)")
     order, elements, properties = "", dict[str, Element](), dict[str, tuple[str, str]]()
     for line in re.split(r"\r?\n", head[1].decode("utf-8", "replace")):
         try:
@@ -81,29 +80,27 @@ def open_ply(source: Source) -> PlyFile:
 
 
 def read_ply(source: Source) -> tuple[Floats, Ints]:
-    """Read the vertices (V, 3) and triangles (F, 3) of a PLY. Raises MeshError."""
+    """Read the vertices (V, 3) and triangles (F, 3) of a PLY.
+
+    Raises:
+        MeshError: A line of its header, or a face, is not valid. ValueError: Its columns are not.
+    """
     file = open_ply(source)
     elements = read_elements(file)
-    vertices = scalars(elements.get("vertex", {}))
+    vertices = elements.get("vertex", {})
     if not vertices.keys() >= set("xyz"):
-        raise source.damaged("its vertices have no x, y and z")
-    positions = np.stack([vertices[axis] for axis in "xyz"], axis=1)
-    if file.elements["vertex"].properties["x"][0] == "f4":  # also in a text
-        positions = positions.astype(np.float32).astype(np.float64)
-    triangles = [np.empty((0, 3), dtype=np.int64)]
-    for name in ("face", "tristrips"):
-        if name not in elements:
-            continue
-        lists = {key: one for key, one in elements[name].items() if len(np.shape(one[:1])) == 2}
+        raise ValueError("its vertices have no x, y and z")
+    kind = np.float32 if file.elements["vertex"].properties["x"][0] == "f4" else np.float64
+    positions = np.stack([np.asarray(vertices[axis], dtype=kind) for axis in "xyz"], axis=1)
+    positions, triangles = positions.astype(np.float64), [np.empty((0, 3), dtype=np.int64)]
+    for name in elements.keys() & {"face", "tristrips"}:
+        columns = elements[name]
+        lists = [key for key, one in columns.items() if len(np.shape(one[:1])) == 2]
         known = [key for key in ("vertex_indices", "vertex_index", *lists) if key in lists]
-        if not known:
-            raise source.damaged(f"its element {name!r} has no corners")
-        rows = lists[known[0]]
-        if name == "tristrips":
-            rows = _of_strips(rows)
+        rows = columns[known[0]] if name == "face" else _of_strips(columns[known[0]])
         corners = np.concatenate([*rows, []])
         if (corners % 1 != 0).any():
-            raise source.damaged(f"its element {name!r} has corners that are no whole numbers")
+            raise ValueError(f"its element {name!r} has corners that are no whole numbers")
         counts = np.fromiter(map(len, rows), np.int64, len(rows))
         triangles.append(as_triangles(source, positions, corners.astype(np.int64), counts))
     return positions, np.concatenate(triangles)
@@ -119,36 +116,22 @@ def _of_strips(rows: Column) -> npt.NDArray[Any]:
     return np.asarray(triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)])
 
 
-def scalars(columns: Columns) -> dict[str, Floats]:
-    """The columns that are no lists, as floating-point numbers."""
-    return {
-        name: column.astype(np.float64)
-        for name, column in columns.items()
-        if isinstance(column, np.ndarray) and column.ndim == 1
-    }
-
-
 def read_elements(ply: PlyFile) -> dict[str, Columns]:
-    """Read the columns of all elements by name.
+    """Read the columns of all elements that have any records, by name.
 
-    Numbers have the type that the header declares; whole numbers of a text are float64. Raises
-    MeshError.
+    Numbers have the type that the header declares; those of a text are float64.
+
+    Raises:
+        ValueError: There are not so many numbers, or in a text more. OverflowError: As well.
     """
     data, elements, start = ply.body, dict[str, Columns](), 0
-    if not ply.order:
-        try:  # the numbers of a text, as those of a binary file that are all of 64 bits
-            data = np.array(data.split(), dtype=np.float64).tobytes()
-        except ValueError as error:
-            raise ply.source.damaged(f"its numbers cannot be read ({reason_of(error)})") from error
+    if not ply.order:  # the numbers of a text, as those of a binary file that are all of 64 bits
+        data = np.array(data.split(), dtype=np.float64).tobytes()
     for name, element in ply.elements.items():
-        try:
+        if element.count and element.properties:
             elements[name], start = _columns(element, ply.order, data, start)
-        except (ValueError, OverflowError) as error:
-            raise ply.source.unexpected(
-                f"declares {element.count:,} elements {name!r}, but has no data for so many"
-            ) from error
     if not ply.order and start < len(data):
-        raise ply.source.damaged("has more numbers than its header declares")
+        raise ValueError("it has more numbers than its header declares")
     return elements
 
 
@@ -158,10 +141,6 @@ def _columns(element: Element, order: str, data: bytes, start: int) -> tuple[Col
         name: [one and (order + one if order else "f8") for one in types]
         for name, types in element.properties.items()
     }
-    if not (element.count and kinds):
-        return {
-            name: np.empty((0, 0) if length else 0) for name, (_, length) in kinds.items()
-        }, start
 
     def record(at: int) -> tuple[dict[str, npt.NDArray[Any]], int]:
         """The numbers of the record that begins there, and where it ends."""
@@ -172,7 +151,7 @@ def _columns(element: Element, order: str, data: bytes, start: int) -> tuple[Col
                 (count,) = np.frombuffer(data, length, 1, at).tolist()
                 at += np.dtype(length).itemsize
                 if count < 0 or count % 1:
-                    raise ValueError(count)
+                    raise ValueError(f"a list has {count} numbers")
             values[name] = np.frombuffer(data, kind, int(count), at)
             at += values[name].nbytes
         return values, at
@@ -188,7 +167,7 @@ def _columns(element: Element, order: str, data: bytes, start: int) -> tuple[Col
         if all((rows[LENGTH + name] == len(first[name])).all() for name in lists):
             return {name: rows[name] for name in kinds}, start + rows.nbytes
     if not lists:
-        raise ValueError(element.count)
+        raise ValueError(f"there is no data for {element.count:,} records")
     records = []
     for _ in range(element.count):
         values, start = record(start)

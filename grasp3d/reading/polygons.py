@@ -2,7 +2,6 @@
 
 import re
 from array import array
-from collections.abc import Callable, Iterable
 
 import mapbox_earcut
 import numpy as np
@@ -24,76 +23,46 @@ _OFF = re.compile(
 alone on a line it cannot be a vertex."""
 
 
-class _Polygons:
-    """Vertices, and polygons of any number of corners, of which lines of a text are read."""
-
-    def __init__(self, source: Source) -> None:
-        self.source = source
-        self.positions, self.corners, self.counts = array("d"), array("q"), array("q")
-
-    def read(self, lines: Iterable[bytes], add: Callable[[list[bytes]], None]) -> None:
-        """Add the words of each line. Raises MeshError."""
-        for line in lines:
-            try:
-                add(line.split())
-            except (ValueError, IndexError, OverflowError) as error:
-                text = line.decode("utf-8", "replace")[:40]
-                raise self.source.damaged(f"its line {text!r} cannot be read ({error})") from error
-
-    def add_vertex(self, words: list[bytes]) -> None:
-        """Add a vertex of three coordinates, which colours may follow."""
-        self.positions.extend([float(words[k]) for k in range(3)])
-
-    def add_polygon(self, corners: list[int]) -> None:
-        """Add a polygon of the numbers of its corners."""
-        self.corners.extend(corners)
-        self.counts.append(len(corners))
-
-    def surface(self) -> tuple[Floats, Ints]:
-        """Vertices (V, 3) and triangles (F, 3). Raises MeshError."""
-        vertices = np.array(self.positions, np.float64).reshape(-1, 3)
-        corners, counts = np.array(self.corners, int), np.array(self.counts, int)
-        return vertices, as_triangles(self.source, vertices, corners, counts)
-
-
 def read_obj(source: Source) -> tuple[Floats, Ints]:
-    """Read the vertices (V, 3) and triangles (F, 3) of all parts of an OBJ. Raises MeshError."""
-    found = _Polygons(source)
+    """Read the vertices (V, 3) and triangles (F, 3) of all parts of an OBJ.
 
-    def add(words: list[bytes]) -> None:
-        if words[:1] == [b"v"]:
-            found.add_vertex(words[1:])
-        elif words[:1] == [b"f"]:
-            count = len(found.positions) // 3
-            numbers = [int(word.split(b"/", 1)[0]) for word in words[1:]]  # of `v/vt/vn`
+    Raises:
+        MeshError: A face has too few corners, or such as do not exist. ValueError: It is no OBJ.
+    """
+    positions, corners, counts = array("d"), array("q"), array("q")
+    text = re.sub(rb"\\\r?\n|#[^\r\n]*", b" ", source.path.read_bytes())
+    for kind, *words in filter(None, map(bytes.split, text.splitlines())):
+        if kind == b"v":
+            x, y, z = words[:3]
+            positions.extend((float(x), float(y), float(z)))
+        elif kind == b"f":
+            numbers = [int(word.split(b"/", 1)[0]) for word in words]  # of `v/vt/vn`
             if 0 in numbers:
                 raise ValueError("there is no vertex 0")
-            found.add_polygon([k - 1 if k > 0 else count + k for k in numbers])  # or backwards
-
-    text = re.sub(rb"\\\r?\n", b" ", source.path.read_bytes())
-    found.read(re.sub(rb"#[^\r\n]*", b"", text).splitlines(), add)
-    return found.surface()
+            count = len(positions) // 3  # from which numbers below 0 count backwards
+            corners.extend([k - 1 if k > 0 else count + k for k in numbers])
+            counts.append(len(numbers))
+    vertices = np.array(positions).reshape(-1, 3)
+    return vertices, as_triangles(source, vertices, np.array(corners), np.array(counts))
 
 
 def read_off(source: Source) -> tuple[Floats, Ints]:
-    """Read the vertices (V, 3) and triangles (F, 3) of a text OFF. Raises MeshError."""
+    """Read the vertices (V, 3) and triangles (F, 3) of a text OFF; raises as `read_obj`."""
     data = re.sub(rb"#[^\r\n]*", b"", source.path.read_bytes())
     header = _OFF.match(data)
     if header is None:
-        raise source.unexpected("cannot be read as OFF: expected a text that begins OFF, counts")
-    vertices, faces = int(header[1][:18]), int(header[2][:18])
-    lines = [line for line in data[header.end() :].splitlines() if line.strip()]
-    if len(lines) < vertices + faces:
-        raise source.unexpected(
-            f"declares {vertices:,} vertices and {faces:,} faces, but contains {len(lines):,} lines"
-        )
-    found = _Polygons(source)
-    found.read(lines[:vertices], found.add_vertex)
-    found.read(
-        lines[vertices : vertices + faces],
-        lambda words: found.add_polygon([int(words[k + 1]) for k in range(int(words[0]))]),
-    )
-    return found.surface()
+        raise ValueError("expected a text that begins OFF, counts")
+    count, faces = int(header[1]), int(header[2])
+    lines = [words for line in data[header.end() :].splitlines() if (words := line.split())]
+    if len(lines) < count + faces:
+        raise ValueError(f"{count:,} vertices and {faces:,} faces on {len(lines):,} lines")
+    vertices = np.array([words[:3] for words in lines[:count]], dtype=np.float64).reshape(-1, 3)
+    rows = [[int(word) for word in words[: int(words[0]) + 1]] for words in lines[count:][:faces]]
+    if any(row[0] != len(row) - 1 for row in rows):
+        raise ValueError("a face has fewer corners than it declares")
+    corners = [corner for row in rows for corner in row[1:]]
+    counts = [row[0] for row in rows]
+    return vertices, as_triangles(source, vertices, np.array(corners, int), np.array(counts, int))
 
 
 def as_triangles(source: Source, vertices: Floats, corners: Ints, counts: Ints) -> Ints:

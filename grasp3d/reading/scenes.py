@@ -186,13 +186,11 @@ def _unsupported(tree: Tree, meshes: list[list[Tree]], shown: list[Tree]) -> dic
     parts = [part for mesh in meshes for part in mesh]
     used = {part["attributes"]["POSITION"] for part in parts}
     used |= {part["indices"] for part in parts if "indices" in part}
-    accessors = [tree["accessors"][number] for number in used]
+    data = [tree["accessors"][number] for number in used]
     posed = [*shown, *(tree["meshes"][node["mesh"]] for node in shown)]
     return {
         "triangle fans": any(part.get("mode") == _FAN for part in parts),
-        "sparse or compressed numbers": any(
-            "sparse" in one or "bufferView" not in one for one in accessors
-        ),
+        "sparse or compressed numbers": any("sparse" in a or "bufferView" not in a for a in data),
         "a skeleton": any("skin" in node for node in shown),
         "morph targets": any(any(one.get("weights", [])) for one in posed),
         "instances": any("EXT_mesh_gpu_instancing" in one.get("extensions", {}) for one in shown),

@@ -9,7 +9,7 @@ import numpy as np
 from grasp3d.arrays import Floats, Ints, short_repr
 from grasp3d.errors import MeshError
 from grasp3d.settings.units import METRES, Unit
-from grasp3d.system.documents import is_folder, problem_of_file
+from grasp3d.system.documents import problem_of_file
 from grasp3d.system.names import printable, unsupported
 
 SUFFIXES = (".3mf", ".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
@@ -138,8 +138,6 @@ def find_source(path: Path, suffixes: Iterable[str] = SUFFIXES) -> Source:
         MeshError: It does not exist, is not a file, is empty, or its suffix is unknown.
     """
     where, suffix = printable(str(path)), path.suffix.lower()
-    if is_folder(path):
-        raise MeshError(f"{where}: is a folder, not a mesh file; `grasp3d batch` takes folders")
     if problem := problem_of_file(path):
         raise MeshError(f"{where}: {problem}")
     if suffix not in suffixes:

@@ -35,7 +35,7 @@ label ball.ply --at 0,0 | at must be three finite lengths, x,y,z | got '0,0'
 label box.stl --unit mm --at 0,0,90mm | at 0.0,0.0,90 mm is 50 mm from the surface of box.stl, more
 label ball.ply --best 0 | best must be at least 1
 label box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not known | add --unit mm
-label box.stl --unit mm --max-opening 70 | is 70 m, 649.9 times the size of box.stl, 0.1077 m: if
+label box.stl --unit mm --max-opening 70 | is 70 m, 650 times the size of box.stl, 0.1077 m: if
 label box.stl --hand franka | hands and grippers are given in metres, but the unit of box.stl
 label box.stl --unit mm --hand franka --table stable --up y | up does not
 label box.stl --unit mm --table as-is | applies to grippers only

@@ -222,7 +222,7 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     "nothing": (lambda: None, "type NoneType is no mesh; give a path, an ObjectMesh, a trimesh"),
     "a list of paths": (lambda: ["a.stl", "b.stl"], "vertices must be real numbers of shape"),
     "vertices alone": (lambda: shapes.box()[0], "an object of type numpy.ndarray is no mesh"),
-    "quadrilaterals": (quads, r"faces must be triangles.* got int64 \(6, 4\)"),
+    "quadrilaterals": (quads, r"of shape \(F, 3\), the corners of triangles; got int64 \(6, 4\)"),
     "a tensor": (Tensor, "an object of type torch.Tensor is no mesh"),
     "a point cloud": (lambda: trimesh.PointCloud(np.eye(3)), "type trimesh.PointCloud is no mesh"),
     "an empty scene": (trimesh.Scene, "trimesh.Scene: holds no triangles"),

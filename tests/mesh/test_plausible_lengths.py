@@ -85,7 +85,7 @@ def test_a_longest_edge_that_divides_none_is_refused_where_another_unit_is_likel
 
 
 def test_the_message_has_the_length_with_its_unit() -> None:
-    with pytest.raises(SettingError, match=r"^location_error is 500 mm, 3.472 times the size of a"):
+    with pytest.raises(SettingError, match=r"^location_error is 500 mm, 3.47 times the size of a"):
         refuse_lengths(ball(0.144, "m"), **parsed({"location_error": "50 cm"}))
     refuse_lengths(ball(0.144, "m"), **parsed({"location_error": "100 mm"}))
     with pytest.raises(SettingError, match="a length is 1 mm, but the unit of"):

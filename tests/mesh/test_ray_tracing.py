@@ -7,7 +7,8 @@ from grasp3d import ObjectMesh, Sampling, label_surface, load_mesh
 from grasp3d._kernels.search.antipodal_candidates import FOUND, NO_PARTNER, BestPairs
 from grasp3d._kernels.search.rays import STEP, Rays
 from grasp3d.mesh import ray_tracing
-from grasp3d.mesh.ray_tracing import FaceRays, SurfaceRays
+from grasp3d.mesh.ray_tracing import FaceRays
+from grasp3d.surface.sampling.surface_rays import SurfaceRays
 from tests.helpers import oracles, shapes
 from tests.helpers.shapes import Surface
 

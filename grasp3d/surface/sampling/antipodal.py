@@ -37,10 +37,10 @@ from grasp3d.arrays import Bools, Bytes, Floats, Ints
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.ray_tracing import SurfaceRays
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import Sampling
 from grasp3d.surface.sampling.reachable import ReachSearch
+from grasp3d.surface.sampling.surface_rays import SurfaceRays
 from grasp3d.surface.sampling.vertices import contact_tree, neighbours, tangents
 from grasp3d.system.context import report_progress, thread_count
 

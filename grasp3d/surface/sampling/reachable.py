@@ -24,7 +24,7 @@ from grasp3d.hand.jaw_reach import NormalizedScene
 from grasp3d.hand.reach import Reach, Reachability
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.ray_tracing import SurfaceRays
+from grasp3d.surface.sampling.surface_rays import SurfaceRays
 from grasp3d.surface.sampling.vertices import contact_tree
 
 NOT_REACHED = 5
