@@ -2,18 +2,17 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Literal
 
 import numpy as np
 
-from grasp3d.arrays import first_at_position
+from grasp3d.arrays import Ints, first_at_position
 from grasp3d.mesh.measures import (
     Triangles,
     center_and_volume,
     edge_counts,
-    face_areas,
     is_closed,
     part_volumes,
     parts_of,
@@ -23,7 +22,7 @@ from grasp3d.mesh.noise import normal_noise
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import length_warnings
 from grasp3d.mesh.plausible_units import UnitGuess, guess_unit
-from grasp3d.mesh.preparing import PreparedMesh, prepare, repair_given
+from grasp3d.mesh.preparing import prepare
 from grasp3d.mesh.ray_tracing import crossing_faces
 from grasp3d.mesh.repair.cleaning import is_face
 from grasp3d.mesh.repair.holes import fan_area, holes_of
@@ -120,8 +119,6 @@ class MeshDiagnosis:
     repairs: tuple[RepairStep, ...]
     crossing_faces: int
     """Faces that certainly intersect others; faces that only touch are not counted."""
-    self_intersecting_fraction: float
-    """Area fraction of these faces."""
     noise: float
     """Median error of contact normals due to the roughness of the surface [rad]."""
     label_vertices: int
@@ -196,15 +193,12 @@ def check_mesh(
     surface = Triangles((scale * repaired.vertices - mesh.center) / mesh.size, repaired.faces)
     given_points = (scale * given.vertices - mesh.center) / mesh.size
     joined = first_at_position(given.vertices)  # vertices at equal positions count once
-    crossing = crossing_faces(surface)
-    fraction = float(surface.areas[crossing].sum() / surface.areas.sum())
-    noise, bodies = normal_noise(surface), _count_bodies(surface)
+    crossing, bodies, noise = crossing_faces(surface), _count_bodies(surface), normal_noise(surface)
     lengths = length_warnings(mesh, model, sampling)
     inside = Trust.NO if repaired.closed and math.isnan(mesh.volume) else Trust.CARE
     warnings = (
         *(MeshWarning(inside, message) for message in mesh.report.warnings),
-        *_hole_warnings(prepared, options),
-        *_surface_warnings(len(crossing), fraction, bodies, noise),
+        *_warnings(surface, crossing, bodies, noise),
         *(MeshWarning(Trust.CARE if force else Trust.NO, message) for message in lengths),
     )
     extents = np.ptp(repaired.vertices[repaired.faces].reshape(-1, 3), axis=0)
@@ -222,7 +216,6 @@ def check_mesh(
         after=_measure(surface, mesh),
         repairs=repaired.steps,
         crossing_faces=len(crossing),
-        self_intersecting_fraction=fraction,
         noise=noise,
         label_vertices=len(mesh.vertices),
         cost=labelling_cost(len(mesh.vertices), model, sampling, threads=available_processors()),
@@ -255,34 +248,25 @@ def _count_bodies(surface: Triangles) -> int:
     return int((volumes >= 0.0).sum()) if is_solid else len(volumes)
 
 
-def _hole_warnings(prepared: PreparedMesh, options: MeshOptions) -> Iterator[MeshWarning]:
-    """Warn about holes, open or closed by repair."""
-    repaired = prepared.repaired
-    filled = any(step.name == "closed" for step in repaired.steps)
-    if filled:
-        repaired = repair_given(prepared.given, replace(options, repair="safe"))
-    holes = holes_of(repaired.faces)
-    lids = sum(fan_area(repaired.vertices, hole) for hole in holes)
-    missing = lids / (lids + float(face_areas(repaired.vertices, repaired.faces).sum()))
+def _warnings(
+    surface: Triangles, crossing: Ints, bodies: int, noise: float
+) -> Iterator[MeshWarning]:
+    """Warn about holes, intersecting faces, separate bodies and inaccurate normals."""
+    holes, area = holes_of(surface.faces), float(surface.areas.sum())
     if holes:
-        remark = "grasps with contacts there are not found; repair full (--repair full) closes them"
-        if filled:
-            remark = "closed by repair with a guessed surface"
+        lids = sum(fan_area(surface.vertices, hole) for hole in holes)
+        missing = lids / (lids + area)
         yield MeshWarning(
             Trust.NO if missing > MISSING else Trust.CARE,
-            f"holes: {len(holes)}, {100.0 * missing:.2g} % of the surface: {remark}",
+            f"holes: {len(holes)}, {100.0 * missing:.2g} % of the surface: grasps with contacts "
+            "there are not found; repair full (--repair full) closes them with a guess",
         )
-
-
-def _surface_warnings(
-    crossing: int, fraction: float, bodies: int, noise: float
-) -> Iterator[MeshWarning]:
-    """Warn about intersecting faces, separate bodies and inaccurate normals."""
-    if crossing:
+    if len(crossing):
+        fraction = float(surface.areas[crossing].sum()) / area
         yield MeshWarning(
             Trust.NO if fraction > SELF_INTERSECTING else Trust.CARE,
-            f"faces that intersect others: {crossing:,}, {100.0 * fraction:.2g} % of the area: "
-            "contacts there may be inside the object",
+            f"faces that intersect others: {len(crossing):,}, {100.0 * fraction:.2g} % of the "
+            "area: contacts there may be inside the object",
         )
     if bodies > 1:
         yield MeshWarning(

@@ -14,18 +14,18 @@ from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows, used_indices
 from grasp3d.mesh.measures import face_areas, paired_edges
 from grasp3d.mesh.normals import CornerNormals, crease_twins, normal_sets
-from grasp3d.mesh.plausible_units import refuse_units, unknown_unit
+from grasp3d.mesh.plausible_units import unknown_unit
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.touched_surface import touched_surface
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.units import (
     METRES,
     GivenLength,
-    Metres,
     Unit,
     parse_length,
     small_length,
     with_lengths_scaled,
+    with_units,
 )
 
 if TYPE_CHECKING:
@@ -144,8 +144,8 @@ class ObjectMesh:
         Raises:
             SettingError: There is such a length, as in `needs_metres`.
         """
-        if self.unit is None:
-            refuse_units(self.report.source, self.extent, *settings)
+        for name, length in with_units("", settings):
+            self.needs_metres(f"{name or 'a length'} is {length}")
 
     def length(self, name: str, value: GivenLength) -> float:
         """A length of this mesh.
@@ -158,7 +158,7 @@ class ObjectMesh:
             SettingError: It is no length, or has a unit, but that of the mesh is not known.
         """
         length = parse_length(name, value)
-        if isinstance(length, Metres):
+        for _ in with_units(name, length):
             self.needs_metres(f"{name} is {value}")
         return float(length)
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import get_args
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.units import METRES, Unit, with_units
+from grasp3d.settings.units import METRES, Unit
 
 PLAUSIBLE = (0.002, 2.0)
 """Sizes of objects that a hand can hold [m]."""
@@ -81,22 +81,6 @@ def unknown_unit(what: str, source: str, size: float) -> SettingError:
         f"{what}, but the unit of {source} is not known ({guess.reason}): add {option} "
         f"(in Python unit={guess.unit or '...'!r})"
     )
-
-
-def refuse_units(source: str, size: float, *settings: object) -> None:
-    """Refuse lengths that are stated with a unit, for a mesh that has none.
-
-    Args:
-        source: Name of the mesh.
-        size: Its largest extent, in its unit.
-        settings: Settings, or tuples of lengths.
-
-    Raises:
-        SettingError: There is such a length, as in `unknown_unit`.
-    """
-    for one in settings:
-        for name, length in with_units("", one):
-            raise unknown_unit(f"{name or 'a length'} is {length}", source, size)
 
 
 def length_text(metres: float) -> str:

@@ -13,7 +13,7 @@ from grasp3d.mesh.measures import Triangles, center_and_volume, rounding_of, sur
 from grasp3d.mesh.mesh_sources import MeshSource, read_source
 from grasp3d.mesh.normals import corner_normals
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh, scale_of
-from grasp3d.mesh.plausible_units import refuse_units, unit_warning
+from grasp3d.mesh.plausible_units import unit_warning, unknown_unit
 from grasp3d.mesh.refinement import DEFAULT_EDGE, check_refinement, refine
 from grasp3d.mesh.region import restricted
 from grasp3d.mesh.repair.work import MOST_ROUNDING, RepairedSurface, repair_surface
@@ -21,7 +21,7 @@ from grasp3d.mesh.work_bounds import bounds_of
 from grasp3d.reading.sources import RawMesh
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.costs import check_cost
-from grasp3d.settings.units import Unit
+from grasp3d.settings.units import Unit, with_units
 
 OUTSIDE = 1e-6
 """Distance from the bounding box, as a fraction of the size, from which a point is outside it."""
@@ -122,24 +122,12 @@ def prepare(source: MeshSource | RawMesh, options: MeshOptions) -> PreparedMesh:
     """
     given = read_source(source)
     if (options.unit or given.unit) is None:
-        refuse_units(given.name, given.extent, options)
+        for name, length in with_units("", options):
+            raise unknown_unit(f"{name} is {length}", given.name, given.extent)
     check_cost(len(given.faces) // 2, options.max_memory, given.where, "simplify the mesh")
-    repaired = repair_given(given, options)
+    with bounds_of(given.where):
+        repaired = repair_surface(given.vertices, given.faces, options.repair, given.where)
     return PreparedMesh(given, repaired, _refined(given, repaired, options))
-
-
-def repair_given(mesh: RawMesh, options: MeshOptions) -> RepairedSurface:
-    """Repair a surface.
-
-    Args:
-        mesh: The surface.
-        options: How much is repaired.
-
-    Raises:
-        MeshError: Repair would take too long.
-    """
-    with bounds_of(mesh.where):
-        return repair_surface(mesh.vertices, mesh.faces, options.repair, mesh.where)
 
 
 def _refined(source: RawMesh, repaired: RepairedSurface, options: MeshOptions) -> ObjectMesh:

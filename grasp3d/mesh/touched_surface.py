@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.hands.touched_surface import TouchedSurface, fill_grid
-from grasp3d._kernels.surface.box_tree import HEIGHT, RADIUS, THICKNESS, box_tree
+from grasp3d._kernels.surface.box_tree import RADIUS, THICKNESS, box_tree
 from grasp3d.arrays import Floats, Ints, locked, unit_rows
 from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.normals import CornerNormals
@@ -65,11 +65,6 @@ def touched_surface(
 
 def _small_boxes(boxes: Floats) -> npt.NDArray[np.float32]:
     """Boxes in single precision that contain those of a tree."""
-    small = boxes.astype(np.float32)
-    off = np.abs(small[:, :3] - boxes[:, :3])
-    away = np.linalg.norm(off, axis=1)
-    small[:, 3:6] = (boxes[:, 3:6] + off) * (1.0 + 1e-6)
-    small[:, RADIUS] = (boxes[:, RADIUS] + away) * (1.0 + 1e-6)
-    wide = boxes[:, THICKNESS] + away + 1e-6 * (boxes[:, RADIUS] + np.abs(boxes[:, HEIGHT]))
-    small[:, THICKNESS] = wide * (1.0 + 1e-6)
-    return small
+    small = boxes.copy()
+    small[:, [3, 4, 5, RADIUS, THICKNESS]] += 1e-6 * np.abs(boxes).max()  # above any rounding
+    return small.astype(np.float32)

@@ -7,6 +7,7 @@ import re
 import struct
 import warnings
 import zipfile
+from collections.abc import Iterable, Iterator
 from functools import cache
 from itertools import chain
 from pathlib import Path
@@ -101,9 +102,8 @@ def read_gltf(source: Source) -> tuple[Floats, Ints, Unit]:
     files = {name: _content(source, name) if name else data for name in names if _is_file(name)}
     meshes = [mesh["primitives"] for mesh in tree.get("meshes", [])]
     shown = [node for node in _shown(source, tree) if "mesh" in node]
-    for what, is_there in _unsupported(tree, meshes, shown).items():
-        if is_there:
-            raise source.error(f"has {what}, which is not supported; export it without")
+    for what in _unsupported(tree, chain(*meshes), shown):
+        raise source.error(f"has {what}, which is not supported; export it without")
     text = json.dumps(tree).encode()
     scene = load_scene(text, "gltf", resolver=files, skip_materials=True)
     read = [[part for part in mesh if part.get("mode", 4) in _READ] for mesh in meshes]
@@ -181,23 +181,22 @@ def _shown(source: Source, tree: Tree) -> list[Tree]:
     return list(found.values())
 
 
-def _unsupported(tree: Tree, meshes: list[list[Tree]], shown: list[Tree]) -> dict[str, bool]:
+def _unsupported(tree: Tree, parts: Iterable[Tree], shown: list[Tree]) -> Iterator[str]:
     """What trimesh would leave out of the parts of meshes, and of the nodes that show them."""
-    parts = [part for mesh in meshes for part in mesh]
-    used = {part["attributes"]["POSITION"] for part in parts}
-    used |= {part["indices"] for part in parts if "indices" in part}
-    data = [tree["accessors"][number] for number in used]
-    posed = [*shown, *(tree["meshes"][node["mesh"]] for node in shown)]
-    return {
-        "triangle fans": any(part.get("mode") == _FAN for part in parts),
-        "sparse or compressed numbers": any("sparse" in a or "bufferView" not in a for a in data),
-        "a skeleton": any("skin" in node for node in shown),
-        "morph targets": any(any(one.get("weights", [])) for one in posed),
-        "instances": any("EXT_mesh_gpu_instancing" in one.get("extensions", {}) for one in shown),
-    } | {
-        f"the extension {name!a:.60}": _HARMLESS.match(name) is None
-        for name in tree.get("extensionsRequired", [])
-    }
+    for name in tree.get("extensionsRequired", []):
+        if not _HARMLESS.match(name):
+            yield f"the extension {name!a:.60}"
+    for part in parts:
+        if part.get("mode") == _FAN:
+            yield "triangle fans"
+        position = part["attributes"]["POSITION"]
+        data = [tree["accessors"][one] for one in (position, part.get("indices", position))]
+        if any("sparse" in one or "bufferView" not in one for one in data):
+            yield "sparse or compressed numbers"
+    for node in shown:
+        posed = [*node.get("weights", []), *tree["meshes"][node["mesh"]].get("weights", [])]
+        if "skin" in node or any(posed) or "EXT_mesh_gpu_instancing" in node.get("extensions", {}):
+            yield "a mesh that is posed by a skeleton, by morph targets or by instancing"
 
 
 _Id = tuple[str, str]

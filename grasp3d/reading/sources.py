@@ -142,12 +142,7 @@ def find_source(path: Path, suffixes: Iterable[str] = SUFFIXES) -> Source:
         raise MeshError(f"{where}: {problem}")
     if suffix not in suffixes:
         raise MeshError(unsupported(path, sorted(suffixes)))
-    try:
-        with path.open("rb") as stream:
-            is_empty = not stream.read(1)
-    except OSError as error:
-        raise MeshError(f"{where}: cannot be opened ({error.strerror})") from error
-    if is_empty:
+    if not path.stat().st_size:
         raise MeshError(f"{where}: the file is empty; export the mesh again")
     return Source(path, suffix.removeprefix("."), where)
 

@@ -175,6 +175,7 @@ def at(path: str, value: object) -> Callable[[Tree], None]:
 
 
 PART = "meshes.0.primitives.0"
+POSED = "is posed by a skeleton, by morph targets or by instancing, which is not supported"
 MISREAD: dict[str, tuple[Callable[[Tree], None], str]] = {
     "fans": (at(f"{PART}.mode", 6), "has triangle fans"),
     "sparse": (at("accessors.0.sparse", {"count": 1}), "has sparse or compressed numbers"),
@@ -186,10 +187,10 @@ MISREAD: dict[str, tuple[Callable[[Tree], None], str]] = {
         at("extensionsRequired", ["KHR_draco_mesh_compression"]),
         "has the extension 'KHR_",
     ),
-    "skin": (at("nodes.0.skin", 0), "has a skeleton"),
-    "weights": (at("nodes.0.weights", [0.5]), "has morph targets"),
-    "morph": (at("meshes.0.weights", [0, 0.5]), "has morph targets"),
-    "many": (at("nodes.0.extensions", {"EXT_mesh_gpu_instancing": {}}), "has instances"),
+    "skin": (at("nodes.0.skin", 0), POSED),
+    "weights": (at("nodes.0.weights", [0.5]), POSED),
+    "morph": (at("meshes.0.weights", [0, 0.5]), POSED),
+    "many": (at("nodes.0.extensions", {"EXT_mesh_gpu_instancing": {}}), POSED),
     "from the end": (at("nodes.0.mesh", -1), "shows 1 parts, of which 0 can be read"),
     "short": (at("accessors.0.count", 5), "cannot be read as GLB"),
     "corners": (at("accessors.1.count", 11), "cannot be read as GLB"),

@@ -333,10 +333,6 @@ def test_an_unreadable_file_and_an_invalid_name_are_reported(
     with pytest.raises(MeshError, match=r"cannot be opened \(File name too long\)"):
         read_mesh(tmp_path / ("x" * 300 + ".ply"))
     exported(tmp_path / "locked.ply")
-
-    def refuse(path: Path, *_: object) -> None:
-        raise PermissionError(13, "Permission denied", str(path))
-
-    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr(os, "access", lambda *_: False)
     with pytest.raises(MeshError, match=r"cannot be opened \(Permission denied\)"):
         read_mesh(tmp_path / "locked.ply")
