@@ -57,7 +57,7 @@ ENGINES = {
     "embreex": {"mesh.ray_tracing"},
     "numba": {"_kernels"},
     "trimesh": {"mesh", "export", "hand", "paper", "reading", "surface"},
-    "mapbox_earcut": {"reading.polygons"},
+    "mapbox_earcut": {"reading.polygon_files"},
     "distributed": {"batch"},
     "dask": {"batch"},
     "fsspec": {"batch.storage"},

@@ -186,8 +186,7 @@ def check_mesh(
     options = MeshOptions.of(options or own, fields)
     model = GraspModel.given("model", model) or GraspModel()
     sampling = given_sampling(model, sampling) or Sampling().fitted(model.fingers)
-    prepared = prepare(source, options)
-    given, repaired, mesh = prepared.given, prepared.repaired, prepared.mesh
+    mesh, repaired, given = prepare(source, options)
     mesh.check_units(model, sampling)
     scale = mesh.file_scale
     surface = Triangles((scale * repaired.vertices - mesh.center) / mesh.size, repaired.faces)

@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import Floats, locked, short_repr
+from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import Triangles, center_and_volume, rounding_of, surface_extent
 from grasp3d.mesh.mesh_sources import MeshSource, read_source
@@ -31,19 +31,6 @@ FAR = 100.0
 
 FLAT_VOLUME = 1e-9
 """Volume, as a fraction of the size cubed, below which a closed surface encloses none."""
-
-
-@dataclass(frozen=True, eq=False)
-class PreparedMesh:
-    """A mesh, and the surfaces that it was made of."""
-
-    given: RawMesh
-    """As it was read."""
-    repaired: RepairedSurface
-    """Repaired, before long edges are divided; in the file's coordinates."""
-    mesh: ObjectMesh
-
-    __repr__ = short_repr
 
 
 def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: Any) -> ObjectMesh:
@@ -105,15 +92,21 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
             return source
         if replace(settings, region=source.options.region) == own:
             return restricted(source, settings)
-    return prepare(source, settings).mesh
+    return prepare(source, settings)[0]
 
 
-def prepare(source: MeshSource | RawMesh, options: MeshOptions) -> PreparedMesh:
+def prepare(
+    source: MeshSource | RawMesh, options: MeshOptions
+) -> tuple[ObjectMesh, RepairedSurface, RawMesh]:
     """Prepare a mesh, as `load_mesh` does, and keep the surfaces that it was made of.
 
     Args:
         source: As in `load_mesh`; an `ObjectMesh` is prepared again; or a mesh that was read.
         options: How the mesh is read and prepared.
+
+    Returns:
+        The mesh; its surface before long edges were divided, and as it was read, in the file's
+        coordinates.
 
     Raises:
         MeshError: For the same reasons as in `load_mesh`.
@@ -127,7 +120,7 @@ def prepare(source: MeshSource | RawMesh, options: MeshOptions) -> PreparedMesh:
     check_cost(len(given.faces) // 2, options.max_memory, given.where, "simplify the mesh")
     with bounds_of(given.where):
         repaired = repair_surface(given.vertices, given.faces, options.repair, given.where)
-    return PreparedMesh(given, repaired, _refined(given, repaired, options))
+    return _refined(given, repaired, options), repaired, given
 
 
 def _refined(source: RawMesh, repaired: RepairedSurface, options: MeshOptions) -> ObjectMesh:

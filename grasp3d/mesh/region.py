@@ -11,7 +11,7 @@ from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.surface_points import nearest_surface_points
 from grasp3d.reading.mesh_files import read_mesh
-from grasp3d.reading.ply import open_ply, read_elements
+from grasp3d.reading.polygon_files import open_ply, read_elements
 from grasp3d.reading.sources import find_source
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.regions import Box, Mask

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from grasp3d.mesh.measures import Triangles
 from grasp3d.reading.mesh_files import read_mesh
-from grasp3d.reading.polygons import as_triangles
+from grasp3d.reading.polygon_files import as_triangles
 from grasp3d.reading.sources import Source
 from tests.helpers import shapes
 
