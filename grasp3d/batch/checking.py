@@ -40,11 +40,17 @@ def check_file(mesh: MeshFile, settings: BatchSettings, *, force: bool = False) 
         force: Accept lengths that cannot be meant for an object of this size.
     """
     # Imported here: the process that plans needs neither ray tracing nor the compiler.
-    from grasp3d.mesh.diagnosis import diagnose
+    from grasp3d.mesh.diagnosis import check_mesh
 
     try:
         with local_copy(mesh.source) as path:
-            report = diagnose(path, settings.model, settings.sampling, settings.mesh, force=force)
+            report = check_mesh(
+                path,
+                model=settings.model,
+                sampling=settings.sampling,
+                options=settings.mesh,
+                force=force,
+            )
     except GraspError as error:
         return CheckedMesh(mesh.name, mesh.source, refusal=str(error))
     return CheckedMesh(mesh.name, mesh.source, report)

@@ -110,11 +110,9 @@ def _facts(diagnosis: MeshDiagnosis) -> Iterator[tuple[str, str]]:
     extents = (length_with_unit(one, "m" if diagnosis.unit else None) for one in diagnosis.extents)
     yield "extents", " x ".join(one.removesuffix(" (unit not stated)") for one in extents)
     yield "size", f"{length_with_unit(diagnosis.size, diagnosis.unit)}, of the ball around it"
-    cavities = f", {diagnosis.cavities} cavities" if diagnosis.cavities else ""
-    yield "bodies", f"{diagnosis.bodies}{cavities}"
+    yield "bodies", str(diagnosis.bodies)
     yield "self-intersecting faces", f"{diagnosis.crossing_faces:,}"
     yield "noise of normals", exact_angle(diagnosis.noise)
-    yield "manifold", "yes" if diagnosis.manifold == "NoError" else f"no ({diagnosis.manifold})"
     cost = diagnosis.cost
     time = "a second" if cost.seconds < 1.0 else duration_text(cost.seconds)
     vertices = counted(diagnosis.label_vertices, "vertices")

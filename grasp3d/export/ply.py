@@ -9,7 +9,7 @@ import numpy.typing as npt
 from grasp3d.arrays import Ints
 from grasp3d.export.npz import packed, unpacked
 from grasp3d.export.stored import Stored, damaged, fingers_of
-from grasp3d.reading.polygon_files import Column, PlyHeader, read_elements, read_ply_header
+from grasp3d.reading.polygon_files import Column, Element, PlyFile, open_ply, read_elements
 from grasp3d.reading.sources import Source, check_corners
 from grasp3d.surface.fields import DECIDED, EPSILONS, FLOAT, Arrays, present
 from grasp3d.surface.label_settings import complete_settings
@@ -74,12 +74,12 @@ _KINDS = {"u1": "a uchar", "f8": "a double"}
 
 def read_ply(source: Source) -> Stored | None:
     """Read a labelled PLY; None: it has no labels. Raises MeshError."""
-    header = read_ply_header(source)
-    vertex = header.element("vertex")
-    kinds = {one.name: "list" if one.length else one.type for one in vertex.properties}
+    file = open_ply(source)
+    vertex = file.elements.get("vertex", Element(0, {}))
+    kinds = {name: "list" if length else kind for name, (kind, length) in vertex.properties.items()}
     if not set(LABELLED) & set(kinds):
         return None
-    settings = settings_of_header(header.text)
+    settings = settings_of_header(file.header)
     missing = next((name for name in LABELLED if name not in kinds), None)
     if missing is not None:
         name = next(name for name in LABELLED if name in kinds)
@@ -97,46 +97,40 @@ def read_ply(source: Source) -> Stored | None:
         for field, names in fields.items():
             if {kinds[name] for name in names} != {field.ply}:
                 raise damaged(source, f"its property {names[0]!r} is not {_KINDS[field.ply]}")
-        columns, faces = read_tables(source, header)
+        columns, faces = read_tables(file)
         values = unpacked(source, settings.pop(PACKED)) | {"faces": faces}
-    except (OSError, MemoryError, ValueError) as error:
+    except (OSError, MemoryError, ValueError, OverflowError) as error:
         reason = getattr(error, "strerror", None) or str(error) or "memory is too small"
         raise damaged(source, f"it cannot be read ({' '.join(reason.split())[:200]})") from error
     values |= {field.name: field.from_columns(columns, fingers) for field in fields}
     return Stored(source, settings, values)
 
 
-def read_tables(source: Source, header: PlyHeader) -> tuple[Arrays, Ints]:
+def read_tables(file: PlyFile) -> tuple[Arrays, Ints]:
     """Read a PLY whose vertices have only scalar properties and whose faces are triangles.
 
     Args:
-        source: The file.
-        header: Its header.
+        file: The file.
 
     Returns:
         Properties of the vertices by name, shape (V,) each, and the triangles, (F, 3).
 
     Raises:
         MeshError: The file has other elements, is incomplete, or has invalid faces.
+        ValueError: Numbers do not have the type that the header gives.
     """
-    vertex, face = header.element("vertex"), header.element("face")
-    lists = [one.length is not None for one in (*vertex.properties, *face.properties)]
-    expected = [False] * len(vertex.properties) + [True]
-    if [element.name for element in header.elements] != ["vertex", "face"] or lists != expected:
+    source, kinds = file.source, {name: one.properties for name, one in file.elements.items()}
+    lists = [length != "" for properties in kinds.values() for _, length in properties.values()]
+    if [*kinds] != ["vertex", "face"] or lists != [*[False] * len(kinds["vertex"]), True]:
         raise damaged(source, "its elements are not vertices with numbers, then triangles")
-    elements, more = read_elements(source, header)
-    (corners,) = elements["face"].values()
+    elements = read_elements(file)
+    (corners,) = elements.get("face", {}).values()
     if not isinstance(corners, np.ndarray) or corners.shape[1:] != (3,):
         raise damaged(source, "its faces are not all triangles")
-    if more:
-        kind = "bytes" if header.order else "numbers"
-        raise damaged(source, f"{more} {kind} follow its faces: is it complete?")
-    if (corners % 1 != 0).any():
-        raise damaged(source, "its faces have corners that are not whole numbers")
-    faces = corners.astype(np.int64)
-    check_corners(faces, vertex.count, source.where, "; label the mesh again")
+    faces = _exact(corners, "i8")
+    check_corners(faces, file.elements["vertex"].count, source.where)
     columns = elements["vertex"]
-    return {one.name: _exact(columns[one.name], one.type) for one in vertex.properties}, faces
+    return {name: _exact(columns[name], kind) for name, (kind, _) in kinds["vertex"].items()}, faces
 
 
 def _exact(values: Column, kind: str) -> npt.NDArray[Any]:

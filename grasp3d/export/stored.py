@@ -20,7 +20,6 @@ from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh.measures import Triangles
-from grasp3d.mesh.mesh_sources import LARGEST
 from grasp3d.quality.loads import Load, load_from
 from grasp3d.reading.sources import Source, check_finite
 from grasp3d.settings import (
@@ -359,8 +358,6 @@ def _check_surface(stored: Stored) -> None:
     check_finite(vertices, stored.source.where)
     if not len(faces):
         stored.reject("it contains no faces")
-    if np.abs(vertices).max() > LARGEST:
-        stored.reject(f"its coordinates exceed {LARGEST:g}")
     rows = {
         **dict.fromkeys(("faces", "canonical"), len(vertices)),
         **dict.fromkeys(("partner_faces", "best_partner_faces"), len(faces)),

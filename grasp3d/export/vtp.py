@@ -45,12 +45,12 @@ def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
 
 def read_vtp(source: Source) -> Stored | None:
     """Read a VTP of labels; None: it has none of grasp3d. Raises MeshError."""
-    if b"VTKFile" not in source.head():
-        raise source.error(f"is no VTP; {source.hint}")
+    if b"VTKFile" not in source.path.read_bytes():
+        raise source.unexpected("is no VTP")
     try:
         arrays = vtp_arrays(source.path)
         if not arrays:
-            raise source.error(f"is no surface of triangles, or incomplete; {source.hint}")
+            raise source.unexpected("is no surface of triangles, or incomplete")
         points, fields = dict(arrays["points"]), arrays["fields"]
         settings = settings_in(fields)
         if not settings:

@@ -31,7 +31,7 @@ from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.object_mesh import scale_of
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.mesh.repair.work import RepairStep
-from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points
+from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.loads import GivenLoad, Load
 from grasp3d.settings import (
@@ -374,9 +374,7 @@ def _check_near(mesh: ObjectMesh, array: Floats, distances: Floats, limit: float
     if not len(off):
         return
     grasp, contact = off[0]
-    point = (array[grasp, contact] - mesh.center) / mesh.size
-    nearest, _, _ = nearest_surface_point(mesh, point)
-    distance = float(np.linalg.norm(nearest - point)) * mesh.size
+    distance = nearest_surface_points(mesh, array[grasp, contact][None])[2][0]
     unit = mesh.unit or "(unit not stated)"
     raise ContactError(
         f"{_name(grasp, contact)} at {numbers_text(array[grasp, contact])} is "

@@ -1,19 +1,18 @@
 """Diagnosis of meshes, before and after repair: defects, and whether labels can be trusted."""
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Literal
 
 import numpy as np
 
-from grasp3d.arrays import first_at_position
-from grasp3d.errors import SettingError
+from grasp3d.arrays import Ints, first_at_position
 from grasp3d.mesh.measures import (
     Triangles,
+    center_and_volume,
     edge_counts,
-    face_areas,
     is_closed,
     part_volumes,
     parts_of,
@@ -21,15 +20,13 @@ from grasp3d.mesh.measures import (
 from grasp3d.mesh.mesh_sources import MeshSource
 from grasp3d.mesh.noise import normal_noise
 from grasp3d.mesh.object_mesh import ObjectMesh
-from grasp3d.mesh.plausible_lengths import length_warnings, refuse_lengths
-from grasp3d.mesh.plausible_units import UnitGuess, guess_unit, impossible_size
-from grasp3d.mesh.preparing import PreparedMesh, prepare, repair_given
-from grasp3d.mesh.ray_tracing import crossings
+from grasp3d.mesh.plausible_lengths import length_warnings
+from grasp3d.mesh.plausible_units import UnitGuess, guess_unit
+from grasp3d.mesh.preparing import prepare
+from grasp3d.mesh.ray_tracing import crossing_faces
 from grasp3d.mesh.repair.cleaning import is_face
-from grasp3d.mesh.repair.holes import close_holes, fan_area, holes_of
-from grasp3d.mesh.repair.solids import manifold_status
+from grasp3d.mesh.repair.holes import fan_area, holes_of
 from grasp3d.mesh.repair.work import RepairStep
-from grasp3d.mesh.work_bounds import WorkBoundError
 from grasp3d.settings import (
     GivenModel,
     GivenSampling,
@@ -50,12 +47,6 @@ SELF_INTERSECTING = 0.1
 ROUGH = math.radians(3.0)
 """Noise of normals above which a warning is given [rad]: about a quarter of the tilt, alpha / 2,
 of the paper's fingertip."""
-
-STRAY = 0.01
-"""Largest area fraction of a part that counts as stray."""
-
-LARGER, FAR_LARGER = 1.5, 3.0
-"""Factors by which stray parts enlarge the object: for a warning, and for no trust in labels."""
 
 
 class Trust(StrEnum):
@@ -120,19 +111,13 @@ class MeshDiagnosis:
     """Edge lengths of the axis-aligned bounding box."""
     bodies: int
     """Connected parts after repair, without cavities."""
-    cavities: int
-    """Closed parts that are oriented inward."""
     before: SurfaceMeasures
     """The surface as it was given."""
     after: SurfaceMeasures
     """The surface after repair, before long edges are divided."""
     repairs: tuple[RepairStep, ...]
-    manifold: str
-    """Status of the repaired surface in the library Manifold: NoError, NotManifold, ..."""
     crossing_faces: int
     """Faces that certainly intersect others; faces that only touch are not counted."""
-    self_intersecting_fraction: float
-    """Area fraction of these faces."""
     noise: float
     """Median error of contact normals due to the roughness of the surface [rad]."""
     label_vertices: int
@@ -162,6 +147,7 @@ def check_mesh(
     model: GivenModel = None,
     sampling: GivenSampling = None,
     options: MeshOptions | None = None,
+    force: bool = False,
     **fields: Any,
 ) -> MeshDiagnosis:
     """Diagnose a mesh before labelling: defects, repairs, and the cost of labelling.
@@ -172,6 +158,7 @@ def check_mesh(
         model: Model for labelling; used for the cost, and to find lengths in a wrong unit.
         sampling: Settings of the grasp search; used in the same way.
         options: How the mesh is read and prepared; None: the defaults.
+        force: Trust labels with care where a length cannot be meant for an object of this size.
         fields: Fields of `MeshOptions` that differ from `options`, as in `load_mesh`.
 
     Returns:
@@ -195,50 +182,22 @@ def check_mesh(
         holes: 1, ...: grasps with contacts there are not found; repair full (--repair full) ...
     """
     own = source.options if isinstance(source, ObjectMesh) else None
-    settings = MeshOptions.of(options or own, fields)
+    options = MeshOptions.of(options or own, fields)
     model = GraspModel.given("model", model) or GraspModel()
     sampling = Sampling.given("sampling", sampling) or Sampling()
-    return diagnose(source, model, sampling, settings)
-
-
-def diagnose(
-    source: MeshSource,
-    model: GraspModel,
-    sampling: Sampling,
-    options: MeshOptions,
-    *,
-    force: bool = False,
-) -> MeshDiagnosis:
-    """Diagnose a mesh, as `check_mesh` does, with all settings given.
-
-    With `force` lengths that cannot be meant for an object of this size are accepted.
-    """
-    prepared = prepare(source, options)
-    given, repaired, mesh = prepared.given, prepared.repaired, prepared.mesh
+    mesh, repaired, given = prepare(source, options)
     mesh.check_units(model, sampling)
-    lengths = model.lengths() | sampling.lengths() | mesh.options.lengths()
     scale = mesh.file_scale
     surface = Triangles((scale * repaired.vertices - mesh.center) / mesh.size, repaired.faces)
     given_points = (scale * given.vertices - mesh.center) / mesh.size
     joined = first_at_position(given.vertices)  # vertices at equal positions count once
-    given_surface = Triangles(given_points, joined[given.faces])
-    crossing = np.unique(crossings(surface.vertices, surface.faces))
-    fraction = float(surface.areas[crossing].sum() / surface.areas.sum())
-    noise = normal_noise(surface)
-    bodies, cavities = _count_parts(surface)
-    impossible = impossible_size(
-        mesh.file_size, mesh.file_unit
-    )  # then it is not the object that is meant
+    crossing, bodies, noise = crossing_faces(surface), _count_bodies(surface), normal_noise(surface)
+    lengths = length_warnings(mesh, model, sampling)
+    inside = Trust.NO if repaired.closed and math.isnan(mesh.volume) else Trust.CARE
     warnings = (
-        *(
-            MeshWarning(Trust.NO if message == impossible else Trust.CARE, message)
-            for message in mesh.report.warnings
-        ),
-        *_hole_warnings(prepared, options),
-        *self_intersection_warnings(len(crossing), fraction),
-        *_body_warnings(surface, bodies),
-        *_noise_warnings(noise),
-        *_length_warnings(mesh, lengths, force=force),
+        *(MeshWarning(inside, message) for message in mesh.report.warnings),
+        *_warnings(surface, crossing, bodies, noise),
+        *(MeshWarning(Trust.CARE if force else Trust.NO, message) for message in lengths),
     )
     extents = np.ptp(repaired.vertices[repaired.faces].reshape(-1, 3), axis=0)
     return MeshDiagnosis(
@@ -251,13 +210,10 @@ def diagnose(
         size=mesh.size,
         extents=tuple((scale * extents).tolist()),
         bodies=bodies,
-        cavities=cavities,
-        before=_measure(given_surface, mesh),
+        before=_measure(Triangles(given_points, joined[given.faces]), mesh),
         after=_measure(surface, mesh),
         repairs=repaired.steps,
-        manifold=manifold_status(surface.vertices, surface.faces),
         crossing_faces=len(crossing),
-        self_intersecting_fraction=fraction,
         noise=noise,
         label_vertices=len(mesh.vertices),
         cost=labelling_cost(len(mesh.vertices), model, sampling, threads=available_processors()),
@@ -267,131 +223,59 @@ def diagnose(
 
 def _measure(surface: Triangles, mesh: ObjectMesh) -> SurfaceMeasures:
     """Measure a surface in the mesh's normalised frame."""
-    count, faces = len(surface.faces), surface.faces[is_face(surface.faces)]
-    proper = Triangles(surface.vertices, faces)
-    corners, areas = surface.vertices[faces], proper.areas
-    closed, volume = is_closed(faces), float(proper.volumes.sum())
-    center = (areas[:, None] * corners.mean(axis=1)).sum(axis=0) / areas.sum()
-    if closed and volume:
-        weighted = proper.volumes[:, None] * corners.sum(axis=1)
-        center = weighted.sum(axis=0) / (4.0 * volume)
-    boundary, nonmanifold = edge_counts(faces)
+    proper = Triangles(surface.vertices, surface.faces[is_face(surface.faces)])
+    center, volume = center_and_volume(proper)
+    boundary, crowded = edge_counts(proper.faces)
     x, y, z = mesh.from_normalized(center).tolist()
     return SurfaceMeasures(
         vertices=len(proper.used),
-        faces=count,
-        closed=closed,
+        faces=len(surface.faces),
+        closed=not math.isnan(volume),
         boundary_edges=boundary,
-        crowded_edges=nonmanifold,
-        area=float(areas.sum()) * mesh.size**2,
-        volume=volume * mesh.size**3 if closed else None,
+        crowded_edges=crowded,
+        area=float(proper.areas.sum()) * mesh.size**2,
+        volume=None if math.isnan(volume) else volume * mesh.size**3,
         center_mass=(x, y, z),
     )
 
 
-def _length_warnings(
-    mesh: ObjectMesh, lengths: Mapping[str, float | None], *, force: bool
+def _count_bodies(surface: Triangles) -> int:
+    """Number of connected parts, without cavities: parts of a closed surface oriented inward."""
+    volumes = part_volumes(surface.vertices, surface.faces, parts_of(surface.faces))
+    is_solid = is_closed(surface.faces) and (volumes > 0.0).any()
+    return int((volumes >= 0.0).sum()) if is_solid else len(volumes)
+
+
+def _warnings(
+    surface: Triangles, crossing: Ints, bodies: int, noise: float
 ) -> Iterator[MeshWarning]:
-    """Warn about lengths that are probably in another unit; some of them cannot be meant."""
-    try:
-        if not force:
-            refuse_lengths(mesh, **lengths)
-    except SettingError as error:
-        yield MeshWarning(Trust.NO, str(error))
-        return
-    for message in length_warnings(lengths, mesh):
-        yield MeshWarning(Trust.CARE, message)
-
-
-def _hole_warnings(prepared: PreparedMesh, options: MeshOptions) -> Iterator[MeshWarning]:
-    """Warn about a surface without an interior, and about holes, open or closed by repair."""
-    repaired, mesh = prepared.repaired, prepared.mesh
-    if repaired.closed and math.isnan(mesh.volume):
+    """Warn about holes, intersecting faces, separate bodies and inaccurate normals."""
+    holes, area = holes_of(surface.faces), float(surface.areas.sum())
+    if holes:
+        lids = sum(fan_area(surface.vertices, hole) for hole in holes)
+        missing = lids / (lids + area)
         yield MeshWarning(
-            Trust.NO, "the surface has no interior, so that no contact can be pushed against it"
+            Trust.NO if missing > MISSING else Trust.CARE,
+            f"holes: {len(holes)}, {100.0 * missing:.2g} % of the surface: grasps with contacts "
+            "there are not found; repair full (--repair full) closes them with a guess",
         )
-    filled = any(step.name == "closed" for step in repaired.steps)
-    if filled:
-        repaired = repair_given(prepared.given, replace(options, repair="safe"))
-    count, missing = _missing_fraction(Triangles(repaired.vertices, repaired.faces))
-    if not count:
-        return
-    trust = Trust.NO if missing > MISSING else Trust.CARE
-    area = f"{100.0 * missing:.2g} % of the surface"
-    if filled:
-        remark = "closed by repair with a guessed surface"
-    elif trust is Trust.NO:
-        remark = (
-            "is it a sheet that should have a thickness? Repair full (--repair full) closes them "
-            "with a guessed surface"
-        )
-    else:
-        remark = "grasps with contacts there are not found; repair full (--repair full) closes them"
-    yield MeshWarning(trust, f"holes: {count}, {area}: {remark}")
-
-
-def _missing_fraction(surface: Triangles) -> tuple[int, float]:
-    """Return the number of holes, and their area fraction of the closed surface."""
-    points, holes = surface.vertices, holes_of(surface.faces)
-    try:
-        closing = close_holes(points, holes)
-    except WorkBoundError:
-        lids = sum(fan_area(points, hole) for hole in holes)
-    else:
-        lids = sum(float(face_areas(points, lid).sum()) for lid in closing)
-    return len(holes), lids / (lids + float(surface.areas.sum()))
-
-
-def self_intersection_warnings(count: int, fraction: float) -> Iterator[MeshWarning]:
-    """Warn about faces that intersect others; `fraction` is their area fraction."""
-    if count:
+    if len(crossing):
+        fraction = float(surface.areas[crossing].sum()) / area
         yield MeshWarning(
             Trust.NO if fraction > SELF_INTERSECTING else Trust.CARE,
-            f"faces that intersect others: {count:,}, {100.0 * fraction:.2g} % of the area: "
-            "contacts there may be inside the object",
+            f"faces that intersect others: {len(crossing):,}, {100.0 * fraction:.2g} % of the "
+            "area: contacts there may be inside the object",
         )
-
-
-def _count_parts(surface: Triangles) -> tuple[int, int]:
-    """Return (bodies, cavities); cavities are parts of a closed surface oriented inward."""
-    faces = surface.faces
-    volumes = part_volumes(surface.vertices, faces, parts_of(faces))
-    solid = is_closed(faces) and (volumes > 0.0).any()
-    cavities = int((volumes < 0.0).sum()) if solid else 0
-    return len(volumes) - cavities, cavities
-
-
-def _body_warnings(surface: Triangles, bodies: int) -> Iterator[MeshWarning]:
-    """Warn about bodies that are not connected, and about small ones that enlarge the object."""
     if bodies > 1:
         yield MeshWarning(
             Trust.CARE,
             f"separate bodies: {bodies}, treated as one rigid object: the contacts of a grasp may "
-            "be on different bodies",
+            "be on different bodies; remove those that are not part of the object",
         )
-    part, areas = parts_of(surface.faces), surface.areas
-    stray = np.bincount(part, areas)[part] <= STRAY * areas.sum()
-    if not stray.any() or stray.all():
-        return
-    whole, rest = (
-        float(np.linalg.norm(np.ptp(surface.vertices[chosen].reshape(-1, 3), axis=0)))
-        for chosen in (surface.faces, surface.faces[~stray])
-    )
-    if whole > LARGER * rest:
-        percent = 100.0 * areas[stray].sum() / areas.sum()
-        yield MeshWarning(
-            Trust.NO if whole > FAR_LARGER * rest else Trust.CARE,
-            f"stray parts: {len(np.unique(part[stray]))}, {percent:.2g} % of the area: they make "
-            f"the object {whole / rest:.3g} times larger; remove them",
-        )
-
-
-def _noise_warnings(noise: float) -> Iterator[MeshWarning]:
-    """Warn about inaccurate normals of a rough surface."""
     if noise > ROUGH:
-        degrees = math.degrees(noise)
         yield MeshWarning(
             Trust.CARE,
-            f"the surface is rough: its normals have errors of about {degrees:.2g} degrees; smooth "
-            f"it, or add twice that to the sensor resolution (--sensor-resolution)",
+            "the surface is rough: its normals have errors of about "
+            f"{math.degrees(noise):.2g} degrees; smooth it, or add twice that to the sensor "
+            "resolution (--sensor-resolution)",
         )

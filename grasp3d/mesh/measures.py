@@ -3,6 +3,7 @@
 `Triangles` computes each quantity of a surface once.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -105,15 +106,8 @@ def _by_edge(faces: Ints) -> tuple[Ints, Ints, Ints]:
     """
     start, end = faces[:, [1, 2, 0]].ravel(), faces[:, [2, 0, 1]].ravel()
     keys = np.minimum(start, end) * (int(faces.max(initial=0)) + 1) + np.maximum(start, end)
-    order = np.argsort(keys)  # several times as fast as a stable order
-    ordered = keys[order]
-    first = np.flatnonzero(np.diff(ordered, prepend=-1))
-    size = np.diff(np.append(first, len(ordered)))
-    pairs = first[size == 2]
-    order[pairs], order[pairs + 1] = np.sort([order[pairs], order[pairs + 1]], axis=0)
-    crowded = np.repeat(size > 2, size)
-    rows = order[crowded]
-    order[crowded] = rows[np.lexsort((rows, keys[rows]))]
+    order = np.argsort(keys, kind="stable")
+    _, first, size = np.unique(keys[order], return_index=True, return_counts=True)
     return order, first, size
 
 
@@ -133,6 +127,19 @@ def is_closed(faces: Ints) -> bool:
     Then the signed volume does not depend on the origin, even where more than two faces meet.
     """
     return not edges_of(faces).balance.any()
+
+
+def center_and_volume(surface: "Triangles") -> tuple[Floats, float]:
+    """Centre of mass at uniform density, and volume; of an open surface that of its area, and nan.
+
+    The volume is negative where the faces are oriented inward.
+    """
+    corners, areas = surface.vertices[surface.faces], surface.areas
+    volume = float(surface.volumes.sum()) if is_closed(surface.faces) else math.nan
+    if not abs(volume) > 0.0:
+        return (areas[:, None] * corners.mean(axis=1)).sum(axis=0) / areas.sum(), volume
+    weighted = surface.volumes[:, None] * (corners.sum(axis=1) / 4.0)
+    return weighted.sum(axis=0) / volume, volume
 
 
 def connected(count: int, one: Ints, two: Ints) -> Ints:
@@ -230,13 +237,6 @@ class Triangles:
         before = np.roll(corners, 1, axis=1) - corners
         sine = np.linalg.norm(np.cross(after, before), axis=2)
         return np.asarray(np.arctan2(sine, np.einsum("fij,fij->fi", after, before)))
-
-    @cached_property
-    def sides(self) -> Floats:
-        """Length of the side opposite each corner, shape (F, 3)."""
-        corners = self.vertices[self.faces]
-        across = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
-        return np.ascontiguousarray(np.linalg.norm(across, axis=2))
 
     @cached_property
     def pairs(self) -> tuple[Ints, Ints]:

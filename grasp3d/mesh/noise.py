@@ -62,7 +62,8 @@ def _median_deviation(surface: Triangles, normals: CornerNormals) -> float:
     sine = np.linalg.norm(np.cross(own, expected), axis=1)
     angles = np.arctan2(sine, (own * expected).sum(axis=1)) / np.sqrt(1.0 + spread)
     areas = np.bincount(normals.corners.ravel(), np.repeat(surface.areas, 3), count)
-    return _median(angles[usable], (areas / (1.0 + spread))[usable])
+    weights = (areas / (1.0 + spread))[usable]
+    return float(np.quantile(angles[usable], 0.5, weights=weights, method="inverted_cdf"))
 
 
 def _neighbours(corners: Ints, count: int) -> tuple[Ints, Ints]:
@@ -97,9 +98,3 @@ def _weights(offsets: Floats, own: Floats, one: Ints) -> Floats:
     factors = np.zeros((count, 3))
     factors[spread_out] = np.linalg.inv(moments[spread_out])[:, 0]
     return np.asarray((basis * factors[one]).sum(axis=1))
-
-
-def _median(values: Floats, weights: Floats) -> float:
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(total, total[-1] / 2.0)])

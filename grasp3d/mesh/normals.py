@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp3d._kernels.surface.surface_contacts import ANY_NORMAL, order_normal_sets
+from grasp3d._kernels.surface.surface_contacts import ANY_NORMAL, ContactNormals, order_normal_sets
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
 from grasp3d.mesh.measures import Triangles, connected, crowded_edges, paired_edges
 
@@ -33,24 +33,6 @@ class CornerNormals:
         return CornerNormals(*map(locked, (self.corners, self.normals, self.vertices)))
 
 
-@dataclass(frozen=True, eq=False)
-class NormalSets:
-    """All normals that a contact at a vertex may have (one where smooth, a polygon at creases)."""
-
-    start: Ints
-    """First row of each vertex in `normals`, shape (V + 1,)."""
-    counts: Ints
-    """Corners of each polygon, shape (V,); 0 with a radius of pi: any direction."""
-    normals: Floats
-    """Inward unit normals, shape (K, 3)."""
-    centres: Floats
-    """Middle of each set, shape (V, 3)."""
-    radii: Floats
-    """Largest angle from the middle to a normal [rad], shape (V,); -1 without any normal."""
-
-    __repr__ = short_repr
-
-
 def corner_normals(surface: Triangles, crease_angle: float) -> CornerNormals:
     """Average the face normals around each vertex, but never across a crease.
 
@@ -65,7 +47,7 @@ def corner_normals(surface: Triangles, crease_angle: float) -> CornerNormals:
     faces, flat = surface.faces, surface.normals
     one, two = surface.pairs
     smooth = surface.bends <= crease_angle + 1e-9
-    patch = _patches(faces, one[smooth], two[smooth])
+    patch = connected(faces.size, *_matched_corners(faces, one[smooth], two[smooth]))
     face_of_corner = np.repeat(np.arange(len(faces)), 3)
     weights = surface.angles.ravel()
     sums = [np.bincount(patch, weights * flat[face_of_corner, k]) for k in range(3)]
@@ -98,12 +80,6 @@ def _matched_corners(faces: Ints, one: Ints, two: Ints) -> tuple[Ints, Ints]:
     return left, right
 
 
-def _patches(faces: Ints, one: Ints, two: Ints) -> Ints:
-    """Number the patches of corners that pairs of half-edges connect at vertices, shape (3 F,)."""
-    left, right = _matched_corners(faces, one, two)
-    return connected(3 * len(faces), left, right)
-
-
 def crease_twins(faces: Ints, corners: Ints) -> Ints:
     """Rows of the corner normals on the other side of each crease, shape (F, 3, 2).
 
@@ -125,23 +101,29 @@ def crease_twins(faces: Ints, corners: Ints) -> Ints:
     return twins.reshape(-1, 3, 2)
 
 
-def normal_sets(count: int, normals: CornerNormals) -> NormalSets:
+def normal_sets(count: int, normals: CornerNormals) -> tuple[ContactNormals, Floats, Floats]:
     """Collect the distinct corner normals at each vertex into a convex polygon of normals.
 
     Args:
         count: Number of vertices.
         normals: The corner normals.
+
+    Returns:
+        The sets (one normal where the surface is smooth; none with a radius of pi: any direction),
+        the middle of each, shape (V, 3), and its radius about that, shape (V,).
     """
     order = np.argsort(normals.vertices, kind="stable")
     vertex, rows = normals.vertices[order], normals.normals[order]
     distinct = _distinct(vertex, rows)
     vertex, rows = vertex[distinct], np.ascontiguousarray(rows[distinct])
     start = np.searchsorted(vertex, np.arange(count + 1)).astype(np.int64)
-    counts = np.zeros(count, dtype=np.int64)
-    centres = np.zeros((count, 3))
-    radii = np.zeros(count)
-    order_normal_sets(start, rows, counts, centres, radii)
-    return NormalSets(*(locked(array) for array in (start, counts, rows, centres, radii)))
+    counts, middles, radii = np.zeros(count, np.int64), np.zeros((count, 3)), np.zeros(count)
+    order_normal_sets(start, rows, counts, middles, radii)
+    return (
+        ContactNormals(locked(start), locked(counts), locked(rows)),
+        locked(middles),
+        locked(radii),
+    )
 
 
 def _distinct(vertex: Ints, rows: Floats) -> Bools:

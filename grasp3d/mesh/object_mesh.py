@@ -12,10 +12,9 @@ from grasp3d._kernels.surface.box_tree import BoxTree, box_tree
 from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
 from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows, used_indices
-from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import face_areas, paired_edges
-from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins, normal_sets
-from grasp3d.mesh.plausible_units import guess_unit
+from grasp3d.mesh.normals import CornerNormals, crease_twins, normal_sets
+from grasp3d.mesh.plausible_units import unknown_unit
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.touched_surface import touched_surface
 from grasp3d.settings import MeshOptions
@@ -44,13 +43,8 @@ class MeshReport:
     """Suffix of the file, name of the other library ('trimesh'), or 'arrays'."""
     unit: Unit | None
     """Unit of the file's coordinates; None if neither the file nor the user states it."""
-    file_vertices: int
-    file_faces: int
-    vertices: int
-    """Vertices after refinement, the file's own included."""
-    faces: int
-    """Faces after cleaning and refinement."""
     bodies: int
+    """Connected parts after repair."""
     closed: bool
     """Whether the faces bound a volume: equally many run along every edge in both directions."""
     center_mass_from: str
@@ -127,6 +121,11 @@ class ObjectMesh:
         """The object's size in the file's coordinates."""
         return self.size / self.file_scale
 
+    @property
+    def extent(self) -> float:
+        """Largest extent of the surface along an axis."""
+        return float(np.ptp(self.vertices[self.faces].reshape(-1, 3), axis=0).max())
+
     def needs_metres(self, what: str) -> None:
         """Refuse a mesh whose unit is not known; `what` needs it, for the error.
 
@@ -134,8 +133,7 @@ class ObjectMesh:
             SettingError: It is not known; the message names the plausible one.
         """
         if self.unit is None:
-            extents = np.ptp(self.vertices[self.faces].reshape(-1, 3), axis=0)
-            raise unknown_unit(what, self.report.source, float(extents.max()))
+            raise unknown_unit(what, self.report.source, self.extent)
 
     def check_units(self, *settings: object) -> None:
         """Refuse lengths that are stated with a unit for a mesh that has none.
@@ -146,9 +144,8 @@ class ObjectMesh:
         Raises:
             SettingError: There is such a length, as in `needs_metres`.
         """
-        for one in settings:
-            for name, length in with_units("", one):
-                self.needs_metres(f"{name or 'a length'} is {length}")
+        for name, length in with_units("", settings):
+            self.needs_metres(f"{name or 'a length'} is {length}")
 
     def length(self, name: str, value: GivenLength) -> float:
         """A length of this mesh.
@@ -211,14 +208,28 @@ class ObjectMesh:
         return (f"contacts may be on {share} of the surface only, of which fractions are stated",)
 
     @cached_property
-    def normal_sets(self) -> NormalSets:
-        """All normals that a contact at each vertex may have."""
+    def _normal_sets(self) -> tuple[ContactNormals, Floats, Floats]:
         return normal_sets(len(self.vertices), self.corner_normals)
+
+    @property
+    def contact_normals(self) -> ContactNormals:
+        """All normals that a contact at each vertex may have, as the kernels take them."""
+        return self._normal_sets[0]
+
+    @property
+    def normal_centres(self) -> Floats:
+        """Middle of the normals of each of these sets, shape (V, 3); 0 where they cancel out."""
+        return self._normal_sets[1]
+
+    @property
+    def normal_radii(self) -> Floats:
+        """Largest angle from it to a normal of the set [rad], shape (V,); -1 without any normal."""
+        return self._normal_sets[2]
 
     @cached_property
     def normals(self) -> Floats:
         """Inward unit normal at each vertex, the middle of its set at creases, shape (V, 3)."""
-        return locked(unit_rows(self.normal_sets.centres)[self.canonical])
+        return locked(unit_rows(self.normal_centres)[self.canonical])
 
     @cached_property
     def vertex_areas(self) -> Floats:
@@ -234,7 +245,7 @@ class ObjectMesh:
     @cached_property
     def crease_fraction(self) -> float:
         """Area fraction of the vertices on creases; it shrinks on a finer mesh."""
-        on_crease = self.normal_sets.counts != 1
+        on_crease = self.contact_normals.counts != 1
         return float(self.vertex_areas[on_crease].sum() / self.vertex_areas.sum())
 
     @cached_property
@@ -247,13 +258,6 @@ class ObjectMesh:
     def normalized(self) -> Floats:
         """Positions centred and divided by `size`, shape (V, 3)."""
         return locked((self.vertices - self.center) / self.size)
-
-    @cached_property
-    def contact_normals(self) -> ContactNormals:
-        """The vertices' normal sets, as the kernels take them."""
-        return ContactNormals(
-            self.normal_sets.start, self.normal_sets.counts, self.normal_sets.normals
-        )
 
     @cached_property
     def contact_surface(self) -> Surface:
@@ -292,14 +296,8 @@ class ObjectMesh:
     @cached_property
     def touched_surface(self) -> TouchedSurface:
         """The surface as the kernels of hands take it; the mesh must be in metres."""
-        corners = self.corner_normals
-        return touched_surface(
-            self.vertices,
-            self.faces,
-            corners.corners,
-            corners.normals,
-            closed=self.report.closed,
-        )
+        closed = self.report.closed
+        return touched_surface(self.vertices, self.faces, self.corner_normals, closed=closed)
 
     def scaled(self, factor: float) -> "ObjectMesh":
         """The same object at another size.
@@ -343,7 +341,10 @@ class ObjectMesh:
 
     def to_polydata(self) -> "pyvista.PolyData":
         """Return the prepared surface as a `pyvista.PolyData`, with outward normals as `normal`."""
-        data = polydata_of(self.vertices, self.faces)
+        import pyvista
+
+        faces = self.faces.astype(int)
+        data: pyvista.PolyData = pyvista.PolyData.from_regular_faces(self.vertices, faces)
         data.point_data["normal"] = -self.normals
         return data
 
@@ -366,32 +367,3 @@ class ObjectMesh:
 def scale_of(unit: Unit | None) -> float:
     """Factor from coordinates in a unit to metres; 1 where it is not known."""
     return 1.0 if unit is None else METRES[unit]
-
-
-def unknown_unit(what: str, source: str, size: float) -> SettingError:
-    """The error of a mesh whose unit must be known.
-
-    Args:
-        what: What needs it.
-        source: Name of the mesh.
-        size: Its largest extent, in its unit.
-    """
-    guess = guess_unit(size)
-    option = f"--unit {guess.unit}" if guess.unit else "--unit"
-    return SettingError(
-        f"{what}, but the unit of {source} is not known ({guess.reason}): add {option} "
-        f"(in Python unit={guess.unit or '...'!r})"
-    )
-
-
-def polydata_of(vertices: Floats, faces: Ints) -> "pyvista.PolyData":
-    """A surface of triangles as PyVista data.
-
-    Args:
-        vertices: Positions, shape (V, 3).
-        faces: Numbers of their vertices, shape (F, 3).
-    """
-    import pyvista
-
-    data: pyvista.PolyData = pyvista.PolyData.from_regular_faces(vertices, faces.astype(int))
-    return data

@@ -1,16 +1,13 @@
 """Units in which an object is plausible."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import get_args
 
+from grasp3d.errors import SettingError
 from grasp3d.settings.units import METRES, Unit
 
 PLAUSIBLE = (0.002, 2.0)
 """Sizes of objects that a hand can hold [m]."""
-
-POSSIBLE = (2e-6, 2e3)
-"""Sizes beyond which a wrong unit is no explanation [m]: the units differ by up to 1000."""
 
 USUAL = (0.01, 0.5)
 """Sizes of most such objects [m]."""
@@ -37,52 +34,52 @@ def guess_unit(size: float) -> UnitGuess:
     Args:
         size: Largest extent of the object, in the unknown unit.
     """
-    usual = fitting_units(size, USUAL)
-    likely = tuple(unit for unit in PREFERRED if unit in usual)
-    if not likely:
-        plausible = fitting_units(size, PLAUSIBLE)
-        likely = tuple(unit for unit in plausible if unit in usual or unit in PREFERRED)
+    usual, plausible = _fitting(size, USUAL), _fitting(size, PLAUSIBLE)
+    likely = [unit for unit in PREFERRED if unit in usual]
+    likely = likely or [unit for unit in plausible if unit in (*usual, *PREFERRED)]
     unit, units, remark = None, get_args(Unit), "; no hand holds any of these"
     if len(likely) > 1:
-        units, remark = likely, "; these are equally plausible"
+        units, remark = tuple(likely), "; these are equally plausible"
     elif likely:
         unit, units, remark = likely[0], tuple(dict.fromkeys((*likely, *PREFERRED))), ""
     sizes = ", ".join(f"{length_text(size * METRES[one])} if {one}" for one in units)
     return UnitGuess(unit, f"largest extent {size:.4g}: {sizes}{remark}")
 
 
-def unit_warning(size: float, unit: Unit) -> str:
-    """Warning that a stated unit is implausible; empty where it is plausible.
+def unit_warning(size: float, unit: Unit | None) -> str:
+    """Warning that a stated unit is implausible; empty where it is plausible, or not stated.
 
     Args:
         size: Size of the object, in that unit.
         unit: The unit that the file or the user states.
     """
-    if unit in fitting_units(size, PLAUSIBLE):
+    if unit is None or unit in _fitting(size, PLAUSIBLE):
         return ""
     text = f"the object is {length_text(size * METRES[unit])} large if its unit is {unit}"
     guess = guess_unit(size).unit
-    better = fitting_units(size, PLAUSIBLE) if guess is None else (guess,)
+    better = _fitting(size, PLAUSIBLE) if guess is None else [guess]
     if not better:
-        return f"{text}; no unit (m, cm, mm, in) makes it one that a hand may hold"
-    sizes = _listed([length_text(size * METRES[other]) for other in better])
-    return f"{text}: is the unit right? If its unit were {_listed(better)} it would be {sizes}"
+        return (
+            f"{text}; no unit (m, cm, mm, in) makes it one that a hand may hold: is a vertex, or "
+            "the transform of a part, wrong?"
+        )
+    sizes = " or ".join(length_text(size * METRES[other]) for other in better)
+    return f"{text}: is the unit right? If its unit were {' or '.join(better)} it would be {sizes}"
 
 
-def impossible_size(size: float, unit: Unit | None) -> str:
-    """Warning that an object cannot have a size; empty where it can.
+def unknown_unit(what: str, source: str, size: float) -> SettingError:
+    """The error of a mesh whose unit must be known.
 
     Args:
-        size: Size of the object, in its unit.
-        unit: The unit; None: not stated.
+        what: What needs it.
+        source: Name of the mesh.
+        size: Its largest extent, in its unit.
     """
-    least, most = POSSIBLE
-    if any(least <= size * METRES[one] <= most for one in ((unit,) if unit else get_args(Unit))):
-        return ""
-    text = length_text(size * METRES[unit]) if unit else f"{size:.2g} in any unit"
-    return (
-        f"the object is {text} large: no object to grasp is; is the transform of a part or a "
-        "vertex of the file wrong?"
+    guess = guess_unit(size)
+    option = f"--unit {guess.unit}" if guess.unit else "--unit"
+    return SettingError(
+        f"{what}, but the unit of {source} is not known ({guess.reason}): add {option} "
+        f"(in Python unit={guess.unit or '...'!r})"
     )
 
 
@@ -95,11 +92,7 @@ def length_text(metres: float) -> str:
     return f"{rounded:g} {unit}"
 
 
-def fitting_units(size: float, limits: tuple[float, float]) -> tuple[Unit, ...]:
+def _fitting(size: float, limits: tuple[float, float]) -> list[Unit]:
     """Units in which a size is within limits [m]."""
     least, most = limits[0] * (1.0 - _ROUNDING), limits[1] * (1.0 + _ROUNDING)
-    return tuple(unit for unit in get_args(Unit) if least <= size * METRES[unit] <= most)
-
-
-def _listed(words: Sequence[str]) -> str:
-    return " or ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+    return [unit for unit in get_args(Unit) if least <= size * METRES[unit] <= most]

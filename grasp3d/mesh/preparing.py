@@ -2,26 +2,26 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Any, get_args
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import Floats, locked, short_repr
+from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.mesh.measures import Triangles, rounding_of, surface_extent
-from grasp3d.mesh.mesh_sources import MeshSource, check_surface, read_source
+from grasp3d.mesh.measures import Triangles, center_and_volume, rounding_of, surface_extent
+from grasp3d.mesh.mesh_sources import MeshSource, read_source
 from grasp3d.mesh.normals import corner_normals
-from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh, scale_of, unknown_unit
-from grasp3d.mesh.plausible_units import impossible_size, unit_warning
-from grasp3d.mesh.refinement import check_refinement, longest_edge, refine
+from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh, scale_of
+from grasp3d.mesh.plausible_units import unit_warning, unknown_unit
+from grasp3d.mesh.refinement import DEFAULT_EDGE, check_refinement, refine
 from grasp3d.mesh.region import restricted
 from grasp3d.mesh.repair.work import MOST_ROUNDING, RepairedSurface, repair_surface
 from grasp3d.mesh.work_bounds import bounds_of
 from grasp3d.reading.sources import RawMesh
 from grasp3d.settings import MeshOptions
+from grasp3d.settings.costs import check_cost
 from grasp3d.settings.units import Unit, with_units
-from grasp3d.system.names import printable
 
 OUTSIDE = 1e-6
 """Distance from the bounding box, as a fraction of the size, from which a point is outside it."""
@@ -31,19 +31,6 @@ FAR = 100.0
 
 FLAT_VOLUME = 1e-9
 """Volume, as a fraction of the size cubed, below which a closed surface encloses none."""
-
-
-@dataclass(frozen=True, eq=False)
-class PreparedMesh:
-    """A mesh, and the surfaces that it was made of."""
-
-    given: RawMesh
-    """As it was read."""
-    repaired: RepairedSurface
-    """Repaired, before long edges are divided; in the file's coordinates."""
-    mesh: ObjectMesh
-
-    __repr__ = short_repr
 
 
 def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: Any) -> ObjectMesh:
@@ -105,98 +92,60 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
             return source
         if replace(settings, region=source.options.region) == own:
             return restricted(source, settings)
-    return prepare(source, settings).mesh
+    return prepare(source, settings)[0]
 
 
-def prepare(source: MeshSource | RawMesh, options: MeshOptions) -> PreparedMesh:
+def prepare(
+    source: MeshSource | RawMesh, options: MeshOptions
+) -> tuple[ObjectMesh, RepairedSurface, RawMesh]:
     """Prepare a mesh, as `load_mesh` does, and keep the surfaces that it was made of.
 
     Args:
         source: As in `load_mesh`; an `ObjectMesh` is prepared again; or a mesh that was read.
         options: How the mesh is read and prepared.
 
+    Returns:
+        The mesh; its surface before long edges were divided, and as it was read, in the file's
+        coordinates.
+
     Raises:
         MeshError: For the same reasons as in `load_mesh`.
         SettingError: A length has a unit, but that of the mesh is not known; or the centre of mass
             is far away.
     """
-    mesh = read_source(source)
-    check_unit(mesh, options)
-    repaired = repair_given(mesh, options)
-    return PreparedMesh(mesh, repaired, refined_mesh(mesh, repaired, options))
+    given = read_source(source)
+    if (options.unit or given.unit) is None:
+        for name, length in with_units("", options):
+            raise unknown_unit(f"{name} is {length}", given.name, given.extent)
+    check_cost(len(given.faces) // 2, options.max_memory, given.where, "simplify the mesh")
+    with bounds_of(given.where):
+        repaired = repair_surface(given.vertices, given.faces, options.repair, given.where)
+    return _refined(given, repaired, options), repaired, given
 
 
-def check_unit(
-    mesh: RawMesh, options: MeshOptions, *settings: object, needed_by: str | None = None
-) -> None:
-    """Ask for the unit of a surface, before any work, where it must be known and is not.
-
-    Args:
-        mesh: The surface as it was read.
-        options: How it is prepared; they may state the unit.
-        settings: Further settings.
-        needed_by: Whatever else needs it, as the beginning of a sentence; None: nothing.
-
-    Raises:
-        SettingError: A length in them has a unit, or it is needed, but it is not known.
-        MeshError: It is not a surface.
-    """
-    if mesh.unit is None and options.unit is None:
-        every = (options, *settings)
-        lengths = (f"{name} is {one}" for each in every for name, one in with_units("", each))
-        if what := needed_by or next(lengths, None):
-            check_surface(mesh, options.max_memory)
-            extents = np.ptp(mesh.vertices[mesh.faces].reshape(-1, 3), axis=0)
-            raise unknown_unit(what, mesh.name, float(extents.max()))
-
-
-def repair_given(mesh: RawMesh, options: MeshOptions) -> RepairedSurface:
-    """Check and repair a surface.
-
-    Args:
-        mesh: The surface.
-        options: How much is repaired, and how large it may be.
-
-    Raises:
-        MeshError: It is not a surface, or too large.
-    """
-    check_surface(mesh, options.max_memory)
-    with bounds_of(mesh.where):
-        return repair_surface(mesh.vertices, mesh.faces, options.repair, mesh.where)
-
-
-def refined_mesh(source: RawMesh, repaired: RepairedSurface, options: MeshOptions) -> ObjectMesh:
-    """Make the mesh of a repaired surface: contact normals, refinement, mass properties.
-
-    Args:
-        source: The surface as it was read.
-        repaired: The repaired surface.
-        options: Longest edge, crease angle, unit and memory limit.
-
-    Raises:
-        MeshError: It would become too large.
-        SettingError: A length has a unit, but that of the mesh is not known; or the centre of mass
-            is far away.
-    """
-    unit = options.unit or source.unit
-    metres = scale_of(unit)
-    error = rounding_of(source.vertices)
+def _refined(source: RawMesh, repaired: RepairedSurface, options: MeshOptions) -> ObjectMesh:
+    """The mesh of a repaired surface: contact normals, refinement, mass properties; see prepare."""
+    unit, where = options.unit or source.unit, source.where
+    metres, error = scale_of(unit), rounding_of(source.vertices)
     center, size = surface_extent(repaired.vertices, repaired.faces)
     surface = Triangles((repaired.vertices - center) / size, repaired.faces)
     normals = corner_normals(surface, options.crease_angle)
-    edge = longest_edge(options, metres * size)
-    check_refinement(surface, edge, options.max_memory, source.where)
-    with bounds_of(source.where):
+    edge = DEFAULT_EDGE if options.max_edge is None else options.max_edge / (metres * size)
+    check_refinement(surface, edge, options.max_memory, where)
+    with bounds_of(where):
         refined, normals = refine(surface, normals, edge, min(error / size, MOST_ROUNDING))
-    center_mass, volume = center_and_volume(surface, closed=repaired.closed)
-    warnings = [
-        *_surface_warnings(repaired, volume, given=options.center_of_mass is not None),
-        *_size_warnings(source, metres * size / metres, unit),
-    ]
+    center_mass, volume = center_and_volume(surface)
+    center_from = "volume"
+    if not volume > FLAT_VOLUME:
+        center_mass, volume, center_from = np.zeros(3), math.nan, "surface"
     if options.center_of_mass is not None:
         center_mass = (np.array(options.center_of_mass) / metres - center) / size
-        _check_distance(center_mass, source.where)
-    warnings += _center_warnings(surface, center_mass, given=options.center_of_mass is not None)
+        center_from = "given"
+    warnings = [
+        *_warnings(source, repaired, unit, volume, center_from),
+        *filter(None, [unit_warning(size, unit)]),
+        *_center_warnings(surface, center_mass, center_from, where),
+    ]
     added = np.arange(len(repaired.vertices), len(refined.vertices))
     points = np.concatenate([repaired.vertices, refined.vertices[added] * size + center])
     mesh = ObjectMesh(
@@ -215,102 +164,56 @@ def refined_mesh(source: RawMesh, repaired: RepairedSurface, options: MeshOption
             source=source.name,
             format=source.format,
             unit=unit,
-            file_vertices=len(source.vertices),
-            file_faces=len(source.faces),
-            vertices=len(refined.vertices),
-            faces=len(refined.faces),
             bodies=repaired.bodies,
             closed=repaired.closed,
-            center_mass_from=center_mass_from(options, volume),
+            center_mass_from=center_from,
             repairs=repaired.steps,
-            warnings=(*warnings, *repaired.warnings),
+            warnings=tuple(warnings),
         ),
     )
     return restricted(mesh, options)
 
 
-def center_mass_from(options: MeshOptions, volume: float) -> str:
-    """What the centre of mass follows from, as `MeshReport.center_mass_from`."""
-    if options.center_of_mass is not None:
-        return "given"
-    return "surface" if math.isnan(volume) else "volume"
-
-
-def center_and_volume(surface: Triangles, *, closed: bool) -> tuple[Floats, float]:
-    """Centre of mass and volume of a surface in the normalised frame; 0 and nan if it is open."""
-    if closed:
-        volume = float(surface.volumes.sum())
-        if volume > FLAT_VOLUME:
-            corners = surface.vertices[surface.faces].sum(axis=1) / 4.0
-            return (surface.volumes[:, None] * corners).sum(axis=0) / volume, volume
-    return np.zeros(3), math.nan
-
-
-def _surface_warnings(surface: RepairedSurface, volume: float, *, given: bool) -> Iterator[str]:
-    """Warn about a surface without an inside.
+def _warnings(
+    source: RawMesh, repaired: RepairedSurface, unit: Unit | None, volume: float, center_from: str
+) -> Iterator[str]:
+    """Warn about a surface without an inside, and about its unit.
 
     Args:
-        surface: The repaired surface.
-        volume: Its volume; nan: none.
-        given: Whether the centre of mass is given.
+        source: The surface as it was read.
+        repaired: The repaired surface.
+        unit: Its unit; None: not known.
+        volume: Its volume; nan: it has none.
+        center_from: What the centre of mass follows from.
     """
-    if not surface.closed:
-        yield (
-            "the surface is open: inside and outside are taken from the winding of its faces"
-            f"{'' if given else ', and the centre of mass from the surface'}"
-        )
-    elif math.isnan(volume):
-        center = "" if given else "; the centre of mass is the surface's"
-        yield f"the surface is closed but encloses no volume{center}"
+    if math.isnan(volume):
+        what = "encloses no volume, though it is closed"
+        if not repaired.closed:
+            what = "is open: inside and outside are taken from the winding of its faces"
+        center = "; the centre of mass is the surface's" if center_from == "surface" else ""
+        yield f"the surface {what}{center}"
+    if source.unit not in {None, unit}:
+        yield f"the mesh states the unit {source.unit}, but {unit} was requested"
+    yield from repaired.warnings
 
 
-def _size_warnings(raw: RawMesh, size: float, unit: Unit | None) -> Iterator[str]:
-    """Warn about a doubtful unit, and a size that no object to grasp has.
-
-    Args:
-        raw: The surface as it was read, with the unit that it states.
-        size: The object's size, in the file's coordinates.
-        unit: Their unit; None: unknown.
-    """
-    if raw.unit not in {None, unit}:
-        yield f"the mesh states the unit {raw.unit}, but {unit} was requested"
-    if raw.unknown_unit and unit is None:
-        yield (
-            f"the mesh states the unit {printable(raw.unknown_unit)!r}, which is none of "
-            f"{', '.join(get_args(Unit))}: its unit is taken as not stated (--unit)"
-        )
-    implausible = impossible_size(size, unit) or (unit and unit_warning(size, unit))
-    if implausible:
-        yield implausible
-
-
-def _check_distance(center_mass: Floats, where: str) -> None:
-    """Refuse a given centre of mass, in the normalised frame, that cannot be meant.
+def _center_warnings(
+    surface: Triangles, center_mass: Floats, center_from: str, where: str
+) -> Iterator[str]:
+    """Warn about a centre of mass outside the surface's bounding box, in the normalised frame.
 
     Raises:
-        SettingError: It is far away.
+        SettingError: It is too far away to be meant.
     """
-    away = float(np.linalg.norm(center_mass))
-    if not away <= FAR:
-        raise SettingError(
-            f"center_of_mass is {away:.3g} times the object's size away from {where}: give it in "
-            "the mesh's frame, with its unit (10mm,0,-2mm)"
-        )
-
-
-def _center_warnings(surface: Triangles, center_mass: Floats, *, given: bool) -> Iterator[str]:
-    """Warn about a centre of mass outside the surface's bounding box, in the normalised frame."""
     points = surface.vertices[surface.used]
-    low, high = points.min(axis=0), points.max(axis=0)
-    beyond = float(np.maximum(low - center_mass, center_mass - high).max())
+    beyond = np.maximum(points.min(axis=0) - center_mass, center_mass - points.max(axis=0)).max()
+    remedy = "is it in the mesh's frame, with its unit (10mm,0,-2mm)?"
+    if center_from != "given":
+        remedy = (
+            "the surface crosses itself; mend it, or give its centre of mass (--center-of-mass)"
+        )
+    text = f"the centre of mass is outside the bounding box of {where} by {beyond:.3g} of its size"
+    if center_from == "given" and not beyond <= FAR:
+        raise SettingError(f"{text}: {remedy}")
     if beyond > OUTSIDE:
-        reason = (
-            "is it in the mesh's frame? Lengths without a unit are in metres"
-            if given
-            else "the surface crosses itself, and is inside out beyond; mend it, or give the "
-            "centre of mass (--center-of-mass)"
-        )
-        yield (
-            f"the centre of mass is outside the object's bounding box by {beyond:.3g} of its "
-            f"size: {reason}"
-        )
+        yield f"{text}: {remedy}"

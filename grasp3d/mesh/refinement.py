@@ -6,7 +6,6 @@ from grasp3d.arrays import Floats, Ints, first_at_position, unit_rows
 from grasp3d.mesh.measures import Triangles, first_connected
 from grasp3d.mesh.normals import CornerNormals
 from grasp3d.mesh.work_bounds import close_pairs
-from grasp3d.settings import MeshOptions
 from grasp3d.settings.costs import check_cost
 
 MAX_ROUNDS = 40
@@ -16,16 +15,6 @@ DEFAULT_EDGE = 1.0 / 32.0
 
 MANY = 1e15
 """Upper bound of estimated face counts, so that they fit an integer."""
-
-
-def longest_edge(options: MeshOptions, size: float) -> float:
-    """Longest edge after refinement, as a fraction of the object's size.
-
-    Args:
-        options: How the mesh is prepared.
-        size: The object's size.
-    """
-    return DEFAULT_EDGE if options.max_edge is None else options.max_edge / size
 
 
 def refine(
@@ -92,7 +81,8 @@ def check_refinement(surface: Triangles, max_edge: float, max_memory: float, whe
     Raises:
         MeshError: The mesh would be too large.
     """
-    count, longest = len(surface.faces), surface.sides.max(axis=1)
+    count, corners = len(surface.faces), surface.vertices[surface.faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     faces = 2.0 * surface.areas.sum() / max_edge**2 + (2.0 * longest / max_edge).sum() + count
     added = int(min(faces, MANY)) - count
     expected = max(len(surface.used), count // 2) + added // 2

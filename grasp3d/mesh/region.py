@@ -11,7 +11,7 @@ from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.surface_points import nearest_surface_points
 from grasp3d.reading.mesh_files import read_mesh
-from grasp3d.reading.polygon_files import read_elements, read_ply_header, scalars
+from grasp3d.reading.polygon_files import open_ply, read_elements
 from grasp3d.reading.sources import find_source
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.regions import Box, Mask
@@ -31,8 +31,6 @@ HALF = 0.5
 """Scalar above which a vertex is painted, and fraction of paint above which a point is."""
 
 RGB = ("red", "green", "blue")
-NO_PAINT = {"x", "y", "z", "nx", "ny", "nz", *RGB, "alpha", "s", "t", "u", "v"}
-"""Properties of vertices that are no scalars to be painted with."""
 
 
 def restricted(mesh: ObjectMesh, options: MeshOptions) -> ObjectMesh:
@@ -51,7 +49,12 @@ def restricted(mesh: ObjectMesh, options: MeshOptions) -> ObjectMesh:
     mesh, part = replace(mesh, options=options, region=None), options.region
     if part is None:
         return mesh
-    inside = _in_box(mesh, part) if isinstance(part, Box) else _on_paint(mesh, part)
+    if isinstance(part, Box):
+        low, high = np.array(part.corners).reshape(2, 3)
+        beyond = np.maximum(low - mesh.vertices, mesh.vertices - high)
+        inside = (beyond <= ROUNDING * mesh.size).all(axis=1)
+    else:
+        inside = _on_paint(mesh, part)
     region = np.zeros(len(mesh.vertices), dtype=bool)
     region[mesh.canonical[inside & mesh.on_surface]] = True  # vertices at one position alike
     mesh = replace(mesh, region=locked(region[mesh.canonical]))
@@ -89,13 +92,6 @@ def _extent(mesh: ObjectMesh) -> str:
     return f"the object lies from {low} to {high}{f' {mesh.unit}' if mesh.unit else ''}"
 
 
-def _in_box(mesh: ObjectMesh, box: Box) -> Bools:
-    """Mask of the vertices in a box, shape (V,)."""
-    low, high = np.array(box.corners, dtype=np.float64).reshape(2, 3)
-    beyond = np.maximum(low - mesh.vertices, mesh.vertices - high)
-    return np.asarray((beyond <= ROUNDING * mesh.size).all(axis=1))
-
-
 def _on_paint(mesh: ObjectMesh, mask: Mask) -> Bools:
     """Mask of the vertices whose nearest point on a painted surface is painted, shape (V,)."""
     where = printable(str(mask.path))
@@ -106,11 +102,9 @@ def _on_paint(mesh: ObjectMesh, mask: Mask) -> Bools:
     used, reach = np.flatnonzero(mesh.on_surface), OFF_MASK * mesh.size
     nearest, _, gaps = nearest_surface_points(surface, mesh.vertices[used], limit=reach)
     if np.isinf(gaps).any():
-        far = mesh.vertices[used[np.isinf(gaps)][:1]]
-        distance = nearest_surface_points(surface, far)[2][0]
         raise SettingError(
-            f"{where}: is no mask of {mesh.report.source}: one of its vertices is {distance:.4g} "
-            f"away from the mask, above {reach:.4g}; {_extent(mesh)}"
+            f"{where}: is no mask of {mesh.report.source}, of which vertices are farther than "
+            f"{reach:.4g} away from it; {_extent(mesh)}"
         )
     inside = np.zeros(len(mesh.vertices), dtype=bool)
     inside[used] = (paint[faces[nearest.faces]] * nearest.weights).sum(axis=1) > HALF
@@ -119,8 +113,8 @@ def _on_paint(mesh: ObjectMesh, mask: Mask) -> Bools:
 
 def _vertex_columns(path: Path) -> dict[str, Floats]:
     """Numbers of the vertices of a PLY, by name."""
-    source = find_source(path, {".ply"})
-    return scalars(read_elements(source, read_ply_header(source))[0]["vertex"])
+    columns = read_elements(open_ply(find_source(path)))["vertex"]
+    return {name: np.asarray(one, float) for name, one in columns.items() if not np.ndim(one[0])}
 
 
 def _paint(columns: dict[str, Floats], name: str, where: str) -> Bools:
@@ -128,28 +122,20 @@ def _paint(columns: dict[str, Floats], name: str, where: str) -> Bools:
 
     Args:
         columns: Numbers of its vertices by name.
-        name: The property to be painted with; empty: the colours, else the only scalar.
+        name: The property to be painted with; empty: the colours.
         where: The file.
     """
-    scalars = [one for one in columns if one not in NO_PAINT]
-    if name and name not in columns:
+    painted, how = np.zeros(1, dtype=bool), f"with {name} above {HALF:g}"
+    if name in columns:
+        painted = columns[name] > HALF
+    elif not name:
+        how = "in a colour other than white, grey and black"
+        if columns.keys() >= set(RGB):
+            colors = np.stack([columns[one] for one in RGB], axis=1)
+            painted = np.ptp(colors, axis=1) > COLORED * (255.0 if colors.max() > 1.0 else 1.0)
+    if not painted.any():
         raise SettingError(
-            f"{where}: its vertices have no {name!r}; they have {', '.join(columns)}"
+            f"{where}: no vertex is painted {how}; its vertices have {', '.join(columns)}: name "
+            "one of these after a colon (mask.ply:PROPERTY)"
         )
-    if not name and set(RGB) <= columns.keys():
-        colors = np.stack([columns[one] for one in RGB], axis=1)
-        least = COLORED * (255.0 if colors.max() > 1.0 else 1.0)
-        painted = np.asarray(np.ptp(colors, axis=1) > least)
-        if painted.any():
-            return painted
-    if not name and len(scalars) == 1:
-        name = scalars[0]
-    if name:
-        painted = np.asarray(columns[name] > HALF)
-        if painted.any():
-            return painted
-    hint = f"; name one of {', '.join(scalars)} after a colon" if len(scalars) > 1 else ""
-    raise SettingError(
-        f"{where}: no vertex is painted, with a colour other than white, grey and black or with a "
-        f"scalar above {HALF:g}{hint}"
-    )
+    return np.asarray(painted)

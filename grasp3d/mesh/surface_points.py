@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
 from grasp3d.settings.units import GivenLength
-from grasp3d.system.context import report_progress, thread_count
+from grasp3d.system.context import in_threads
 
 ON_BORDER = 1e-9
 """Distance, in object sizes, within which a point counts as on a corner or an edge."""
@@ -25,8 +25,8 @@ NEAR = 0.05
 WAYS_OUT = unit_rows(np.array([[0.36, 0.48, 0.8], [-0.81, 0.31, 0.49], [0.29, -0.87, -0.41]]))
 """Directions of rays from a point, along no axis of an object."""
 
-POINTS = 1 << 14
-"""Points whose nearest surface points are searched at once."""
+CHUNK = 1024
+"""Points whose nearest surface points a thread searches at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,19 +63,21 @@ def nearest_surface_points(
         The surface points (k,); their positions (k, 3) in the mesh's frame; the distances
         (k,). Points farther away than `limit` have face -1, nan and inf.
     """
-    numbers, weights = np.full(len(points), -1, dtype=np.int64), np.zeros((len(points), 3))
-    reach = limit / mesh.size
-    for start in range(0, len(points), POINTS):
-        part = slice(start, start + POINTS)
-        normalized = (points[part] - mesh.center) / mesh.size
-        numbers[part], weights[part] = _nearest(mesh, normalized, reach)
-        report_progress(min(part.stop / len(points), 1.0))
-    surface_points = SurfacePoints(numbers, weights)
-    missing = numbers < 0
-    positions = np.where(missing[:, None], math.nan, surface_points.positions(mesh))
-    distances = np.where(missing, math.inf, np.linalg.norm(positions - points, axis=1))
+    normalized = (points - mesh.center) / mesh.size
+    faces, weights = np.full(len(points), -1, dtype=np.int64), np.zeros((len(points), 3))
+
+    def search(rows: slice, _: Any) -> None:
+        nearest_faces(normalized, limit / mesh.size, rows.start, rows.stop, mesh.boxes, faces)
+
+    in_threads(search, len(points), CHUNK)
+    near = faces >= 0
+    corners = mesh.normalized[mesh.faces[faces[near]]]
+    weights[near] = _weights(corners, _closest(corners, normalized[near]))
+    surface_points = SurfacePoints(faces, weights)
+    positions = np.where(near[:, None], surface_points.positions(mesh), math.nan)
+    distances = np.where(near, np.linalg.norm(positions - points, axis=1), math.inf)
     far = distances > limit
-    numbers[far], weights[far], positions[far], distances[far] = -1, 0.0, math.nan, math.inf
+    faces[far], weights[far], positions[far], distances[far] = -1, 0.0, math.nan, math.inf
     return surface_points, positions, distances
 
 
@@ -100,21 +102,6 @@ def contains(mesh: ObjectMesh, points: Floats) -> Bools:
     return np.asarray(2 * votes > len(WAYS_OUT))
 
 
-def nearest_surface_point(mesh: ObjectMesh, point: Floats) -> tuple[Floats, int, Floats]:
-    """Find the surface point that is nearest to a point.
-
-    Args:
-        mesh: The surface.
-        point: Position in the normalised frame, shape (3,).
-
-    Returns:
-        Its position (3,) in the normalised frame, its face, and its barycentric coordinates (3,).
-    """
-    faces, weights = _nearest(mesh, np.array(point[None], dtype=np.float64), math.inf)
-    face = int(faces[0])
-    return weights[0] @ mesh.normalized[mesh.faces[face]], face, weights[0]
-
-
 def nearest_vertex(mesh: ObjectMesh, name: str, position: Sequence[GivenLength]) -> int:
     """The vertex of a surface that is nearest to a position on it.
 
@@ -130,8 +117,7 @@ def nearest_vertex(mesh: ObjectMesh, name: str, position: Sequence[GivenLength])
             has a unit, but that of the mesh is not known.
     """
     point = np.array([mesh.length(name, one) for one in position])
-    nearest, face, weights = nearest_surface_point(mesh, (point - mesh.center) / mesh.size)
-    distance = float(np.linalg.norm(mesh.from_normalized(nearest) - point))
+    nearest, _, (distance,) = nearest_surface_points(mesh, point[None])
     if distance > NEAR * mesh.size:
         at = ",".join(map(str, position))
         raise SettingError(
@@ -139,26 +125,7 @@ def nearest_vertex(mesh: ObjectMesh, name: str, position: Sequence[GivenLength])
             f"{mesh.report.source}, more than the allowed {mesh.length_text(NEAR * mesh.size)}: "
             "give a point on the surface, in its frame with its unit"
         )
-    return int(mesh.faces[face, np.argmax(weights)])
-
-
-def _nearest(mesh: ObjectMesh, points: Floats, limit: float) -> tuple[Ints, Floats]:
-    """Face nearest to each point (k,) and barycentric coordinates of the nearest point (k, 3).
-
-    Points and limit are in the normalised frame; points beyond the limit have face -1.
-    """
-    faces, weights = np.full(len(points), -1, dtype=np.int64), np.zeros((len(points), 3))
-    part = -(-len(points) // max(1, thread_count()))
-
-    def search(first: int) -> None:
-        nearest_faces(points, limit, first, min(first + part, len(points)), mesh.boxes, faces)
-
-    with ThreadPoolExecutor(thread_count()) as executor:
-        list(executor.map(search, range(0, len(points), max(1, part))))
-    near = faces >= 0
-    corners = mesh.normalized[mesh.faces[faces[near]]]
-    weights[near] = _weights(corners, _closest(corners, points[near]))
-    return faces, weights
+    return int(mesh.faces[nearest.faces[0], np.argmax(nearest.weights[0])])
 
 
 def _closest(corners: Floats, points: Floats) -> Floats:

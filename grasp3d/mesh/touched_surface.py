@@ -4,9 +4,10 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.hands.touched_surface import TouchedSurface, fill_grid
-from grasp3d._kernels.surface.box_tree import HEIGHT, RADIUS, THICKNESS, box_tree
+from grasp3d._kernels.surface.box_tree import RADIUS, THICKNESS, box_tree
 from grasp3d.arrays import Floats, Ints, locked, unit_rows
 from grasp3d.mesh.measures import Triangles
+from grasp3d.mesh.normals import CornerNormals
 
 STEPS = 48
 """Nodes of the grid of distances along the longest side."""
@@ -16,15 +17,14 @@ MARGIN = 0.006
 
 
 def touched_surface(
-    vertices: Floats, faces: Ints, corners: Ints, normals: Floats, *, closed: bool
+    vertices: Floats, faces: Ints, normals: CornerNormals, *, closed: bool
 ) -> TouchedSurface:
     """Prepare a surface; 20,480 faces took 0.5 s of CPU time.
 
     Args:
         vertices: Positions [m], shape (V, 3).
         faces: Shape (F, 3), counter-clockwise from outside.
-        corners: Rows of `normals` of the corners of the faces, shape (F, 3).
-        normals: Inward unit normals, shape (C, 3).
+        normals: Inward unit normals at the corners of the faces.
         closed: Whether the surface bounds a volume; if not, distances have no sign.
     """
     surface = Triangles(vertices, faces)
@@ -52,7 +52,7 @@ def touched_surface(
         corners=np.ascontiguousarray(faces[tree.order]),
         across=np.where(across < 0, -1, place[across]).reshape(-1, 3)[tree.order],
         outward=outward[tree.order].reshape(-1, 21),
-        inward=normals[corners[tree.order]].reshape(-1, 9),
+        inward=normals.normals[normals.corners[tree.order]].reshape(-1, 9),
         box=np.concatenate([0.5 * (low + high), 0.5 * (high - low)]),
         origin=origin,
         step=step,
@@ -65,11 +65,6 @@ def touched_surface(
 
 def _small_boxes(boxes: Floats) -> npt.NDArray[np.float32]:
     """Boxes in single precision that contain those of a tree."""
-    small = boxes.astype(np.float32)
-    off = np.abs(small[:, :3] - boxes[:, :3])
-    away = np.linalg.norm(off, axis=1)
-    small[:, 3:6] = (boxes[:, 3:6] + off) * (1.0 + 1e-6)
-    small[:, RADIUS] = (boxes[:, RADIUS] + away) * (1.0 + 1e-6)
-    wide = boxes[:, THICKNESS] + away + 1e-6 * (boxes[:, RADIUS] + np.abs(boxes[:, HEIGHT]))
-    small[:, THICKNESS] = wide * (1.0 + 1e-6)
-    return small
+    small = boxes.copy()
+    small[:, [3, 4, 5, RADIUS, THICKNESS]] += 1e-6 * np.abs(boxes).max()  # above any rounding
+    return small.astype(np.float32)

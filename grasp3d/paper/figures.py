@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import trimesh
 
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh, load_mesh
-from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.planar import Circle, Square, scan
 from grasp3d.plots.cones import combinations_figure, cone_figure, tips_figure
@@ -72,9 +72,28 @@ class ScannedObject:
 
 def solids(settings: PaperSettings) -> Iterator[ScannedObject]:
     """Scan the sphere, the box and the cylinder, one after another."""
-    yield _scanned("sphere", sphere_mesh(), BELOW, settings, FROM_BELOW, SphereAngles())
-    yield _scanned("box", box_mesh(), BELOW, settings, FROM_BELOW)
-    yield _scanned("cylinder", cylinder_mesh(), BELOW, settings, FROM_BELOW)
+    sphere = load_mesh(trimesh.creation.icosphere(5), max_edge=4.0)
+    box = load_mesh(trimesh.creation.box((2.0, 2.0, 2.0)), max_edge=2.0 / 64.0)
+    yield _scanned("sphere", sphere, BELOW, settings, FROM_BELOW, SphereAngles())
+    yield _scanned("box", box, BELOW, settings, FROM_BELOW)
+    yield _scanned("cylinder", _cylinder(), BELOW, settings, FROM_BELOW)
+
+
+def _cylinder() -> ObjectMesh:
+    """A cylinder about x of radius 1 and length 3, without slivers; its sides are 2.5 degrees."""
+    across = np.linspace(0.0, 1.0, 21, endpoint=False)
+    along = np.linspace(-1.5, 1.5, 64)
+    ends = np.full_like(across, 1.5)
+    profile = np.concatenate(
+        [
+            np.column_stack([across, -ends]),
+            np.column_stack([np.ones_like(along), along]),
+            np.column_stack([across[::-1], ends]),
+        ]
+    )
+    cylinder = trimesh.creation.revolve(profile, sections=144)
+    cylinder.vertices = cylinder.vertices[:, [2, 0, 1]]
+    return load_mesh(cylinder, max_edge=3.0 / 64.0)
 
 
 def load_object(path: Path) -> ObjectMesh:

@@ -3,16 +3,21 @@
 import re
 from array import array
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+import mapbox_earcut
 import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Floats, Ints
-from grasp3d.reading.polygons import as_triangles
-from grasp3d.reading.sources import Source
-from grasp3d.system.names import reason_of
+from grasp3d.reading.sources import Source, check_corners
+
+MOST_CORNERS = 1000
+"""Largest number of corners of a face; round lids have a few hundred."""
+
+FOLDED = 1e-6
+"""Area that a triangle may have on the wrong side of its face, as a fraction of the face's."""
 
 _OFF = re.compile(
     rb"(?:\xef\xbb\xbf)?\s*(?:(?:ST)?C?N?OFF|off)\s+(\d+)\s+(\d+)"
@@ -23,78 +28,45 @@ alone on a line it cannot be a vertex."""
 
 
 def read_obj(source: Source) -> tuple[Floats, Ints]:
-    """Read the vertices (V, 3) and triangles (F, 3) of all parts of an OBJ. Raises MeshError."""
-    lines = re.sub(rb"\\\r?\n", b" ", source.path.read_bytes()).splitlines()
-    total = sum(line.split(None, 1)[:1] == [b"v"] for line in lines)
+    """Read the vertices (V, 3) and triangles (F, 3) of all parts of an OBJ.
+
+    Raises:
+        MeshError: A face has too few corners, or such as do not exist. ValueError: It is no OBJ.
+    """
     positions, corners, counts = array("d"), array("q"), array("q")
-    for number, line in enumerate(lines, 1):
-        kind, *words = line.partition(b"#")[0].split() or [b""]
-        try:
-            if kind == b"v":
-                positions.extend(_position(words))
-            elif kind == b"f":
-                count = len(positions) // 3
-                corners.extend([_vertex(word, count, total) for word in words])
-                counts.append(len(words))
-        except ValueError as error:
-            text = line.decode("utf-8", "replace")[:40]
-            raise source.damaged(f"line {number}, {text!r}, cannot be read ({error})") from error
-    return _surface(source, positions, corners, counts)
-
-
-def _position(words: list[bytes]) -> list[float]:
-    """The three coordinates of a vertex, which colours may follow."""
-    position = [float(word) for word in words[:3]]
-    if len(position) < 3:
-        raise ValueError("a vertex needs three coordinates")
-    return position
-
-
-def _vertex(corner: bytes, count: int, total: int) -> int:
-    """The vertex of a face's corner `v/vt/vn`, of which numbers below 0 count backwards."""
-    number = int(corner.split(b"/", 1)[0])
-    absolute = number if number > 0 else count + 1 + number
-    if number == 0 or absolute < 1:
-        raise ValueError(f"a face uses vertex {number}")
-    if absolute > total:
-        raise ValueError(f"there are {total:,} vertices")
-    return absolute - 1
+    text = re.sub(rb"\\\r?\n|#[^\r\n]*", b" ", source.path.read_bytes())
+    for kind, *words in filter(None, map(bytes.split, text.splitlines())):
+        if kind == b"v":
+            x, y, z = words[:3]
+            positions.extend((float(x), float(y), float(z)))
+        elif kind == b"f":
+            numbers = [int(word.split(b"/", 1)[0]) for word in words]  # of `v/vt/vn`
+            if 0 in numbers:
+                raise ValueError("there is no vertex 0")
+            count = len(positions) // 3  # from which numbers below 0 count backwards
+            corners.extend([k - 1 if k > 0 else count + k for k in numbers])
+            counts.append(len(numbers))
+    vertices = np.array(positions).reshape(-1, 3)
+    return vertices, as_triangles(source, vertices, np.array(corners), np.array(counts))
 
 
 def read_off(source: Source) -> tuple[Floats, Ints]:
-    """Read the vertices (V, 3) and triangles (F, 3) of a text OFF. Raises MeshError."""
+    """Read the vertices (V, 3) and triangles (F, 3) of a text OFF; raises as `read_obj`."""
     data = re.sub(rb"#[^\r\n]*", b"", source.path.read_bytes())
     header = _OFF.match(data)
     if header is None:
-        raise source.unexpected("cannot be read as OFF: expected a text that begins OFF, counts")
-    vertices, faces = int(header[1][:18]), int(header[2][:18])
-    lines = [line for line in data[header.end() :].splitlines() if line.strip()]
-    if len(lines) < vertices + faces:
-        raise source.incomplete(
-            f"declares {vertices:,} vertices and {faces:,} faces, but contains {len(lines):,} lines"
-        )
-    positions, corners, counts = array("d"), array("q"), array("q")
-    for number, line in enumerate(lines[: vertices + faces]):
-        words = line.split()
-        try:
-            if number < vertices:
-                positions.extend(_position(words))
-                continue
-            counts.append(int(words[0]))
-            corners.extend([int(words[k]) for k in range(1, counts[-1] + 1)])
-        except (ValueError, IndexError, OverflowError) as error:
-            what = f"vertex {number}" if number < vertices else f"face {number - vertices}"
-            text = line.decode("utf-8", "replace")[:40]
-            raise source.damaged(f"{what}, {text!r}, cannot be read ({error})") from error
-    return _surface(source, positions, corners, counts)
-
-
-def _surface(
-    source: Source, positions: "array[float]", corners: "array[int]", counts: "array[int]"
-) -> tuple[Floats, Ints]:
-    vertices = np.array(positions, np.float64).reshape(-1, 3)
-    faces = as_triangles(source, vertices, np.array(corners, int), np.array(counts, int))
-    return vertices, faces
+        raise ValueError("expected a text that begins OFF, counts")
+    count, faces = int(header[1]), int(header[2])
+    lines = [words for line in data[header.end() :].splitlines() if (words := line.split())]
+    if len(lines) < count + faces:
+        raise ValueError(f"{count:,} vertices and {faces:,} faces on {len(lines):,} lines")
+    vertices = np.array([words[:3] for words in lines[:count]], dtype=np.float64).reshape(-1, 3)
+    rows = [[int(word) for word in words[: int(words[0]) + 1]] for words in lines[count:][:faces]]
+    if any(row[0] != len(row) - 1 for row in rows):
+        raise ValueError("a face has fewer corners than it declares")
+    corners = [corner for row in rows for corner in row[1:]]
+    counts = [row[0] for row in rows]
+    return vertices, as_triangles(source, vertices, np.array(corners, int), np.array(counts, int))
 
 
 _TYPES = {
@@ -104,6 +76,9 @@ _TYPES = {
 }  # fmt: skip
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
+LENGTH = "length of "
+"""Beginning of the name of a column of lengths of lists."""
+
 Column: TypeAlias = npt.NDArray[Any] | list[npt.NDArray[Any]]
 """A property of all records: numbers (N,), lists of one length (N, k), or lists that differ."""
 
@@ -112,208 +87,201 @@ Columns: TypeAlias = dict[str, Column]
 
 
 @dataclass(frozen=True)
-class Property:
-    """A number, or a list of numbers, of each record of an element."""
-
-    name: str
-    type: str
-    """NumPy type of one number, without byte order."""
-    length: str | None
-    """NumPy type of a list's length; None: a single number."""
-
-
-@dataclass(frozen=True)
 class Element:
     """An element of a PLY: a table of records."""
 
-    name: str
     count: int
-    properties: list[Property] = field(default_factory=list)
-
-    @property
-    def plural(self) -> str:
-        """Its records, for messages."""
-        plurals = {"vertex": "vertices", "face": "faces"}
-        return plurals.get(self.name, f"elements {self.name[:20]!r}")
-
-    def corners(self) -> str | None:
-        """Name of the list of the corners of each record; None: there is none."""
-        lists = [one.name for one in self.properties if one.length is not None]
-        named = {"vertex_indices", "vertex_index"}
-        only = len(self.properties) == 1
-        return next((name for name in lists if only or name in named), None)
+    properties: dict[str, tuple[str, str]]
+    """By name the NumPy types, without byte order, of a number, and of the length of a list; empty:
+    it is no list."""
 
 
-@dataclass(frozen=True)
-class PlyHeader:
-    """Header of a PLY file."""
+@dataclass(frozen=True, eq=False)
+class PlyFile:
+    """A PLY file, of which the header is read."""
 
+    source: Source
     order: str
     """Byte order in NumPy's notation; empty: the file is text."""
-    elements: tuple[Element, ...]
-    text: bytes
+    elements: dict[str, Element]
+    """By name, in the order of the file."""
+    header: bytes
     """All of it, with the comments."""
-
-    def element(self, name: str) -> Element:
-        """The element of a name; an empty one if there is none."""
-        return next((one for one in self.elements if one.name == name), Element(name, 0))
+    body: bytes
+    """What follows the header."""
 
 
-def read_ply_header(source: Source) -> PlyHeader:
+def open_ply(source: Source) -> PlyFile:
     """Read the header of a PLY. Raises MeshError."""
-    for size in (65_536, source.size):  # labels are partly in comments
-        head = re.match(rb"ply\s(.*?)\nend_header[ \r]*\n", source.head(size), re.DOTALL)
-        if head is not None:
-            break
-    else:
-        raise source.unexpected("cannot be read as PLY: no header")
-    order, elements = "ascii", list[Element]()
+    data = source.path.read_bytes()
+    head = re.match(rb"ply\s(.*?)\nend_header[ \r]*\n", data, re.DOTALL)
+    if head is None:
+        raise source.unexpected("cannot be read as PLY (it has no header)")
+    order, elements, properties = "", dict[str, Element](), dict[str, tuple[str, str]]()
     for line in re.split(r"\r?\n", head[1].decode("utf-8", "replace")):
         try:
-            order = _with_line(line.split(), elements) or order
+            match line.split():
+                case ["format", name, *_]:
+                    order = _ORDERS[name]
+                case ["element", name, count] if count.isdecimal() and name not in elements:
+                    elements[name] = Element(int(count), properties := {})
+                case ["property", "list", length, kind, name] if _TYPES[length][0] != "f":
+                    properties[name] = _TYPES[kind], _TYPES[length]
+                case ["property", kind, name] if name not in properties:
+                    properties[name] = _TYPES[kind], ""
+                case ["element" | "property", *_]:
+                    raise ValueError(line)  # noqa: TRY301
         except (ValueError, LookupError) as error:
             raise source.damaged(f"a line of its header ({line[:60]!r}) is not valid") from error
-    if order not in _ORDERS:
-        raise source.damaged(f"its format {order[:40]!r} is not known")
-    names = [[each.name for each in one.properties] for one in elements]
-    for listed in ([one.name for one in elements], *names):
-        if len(set(listed)) < len(listed) or any(one.count < 0 for one in elements):
-            raise source.damaged("its header has a name twice, or a count below 0")
-    return PlyHeader(_ORDERS[order], tuple(elements), head[0])
-
-
-def _with_line(words: list[str], elements: list[Element]) -> str:
-    """Add a line of a header to its elements; returns the format, if it states one.
-
-    Raises:
-        ValueError: It is not valid. LookupError: As well.
-    """
-    match words:
-        case ["format", name, *_]:
-            return name
-        case ["element", name, count]:
-            elements.append(Element(name, int(count[:18])))
-        case ["property", "list", length, kind, name] if _TYPES[length][0] != "f":
-            elements[-1].properties.append(Property(name, _TYPES[kind], _TYPES[length]))
-        case ["property", kind, name]:
-            elements[-1].properties.append(Property(name, _TYPES[kind], None))
-        case ["element" | "property", *_]:
-            raise ValueError(words)
-    return ""
+    return PlyFile(source, order, elements, head[0], data[head.end() :])
 
 
 def read_ply(source: Source) -> tuple[Floats, Ints]:
-    """Read the vertices (V, 3) and triangles (F, 3) of a PLY. Raises MeshError."""
-    header = read_ply_header(source)
-    elements, rest = read_elements(source, header)
-    if rest and not header.order:
-        raise source.damaged(f"has {rest:,} numbers more than its header declares")
-    vertices, triangles = scalars(elements.get("vertex", {})), [np.empty((0, 3), dtype=np.int64)]
+    """Read the vertices (V, 3) and triangles (F, 3) of a PLY.
+
+    Raises:
+        MeshError: A line of its header, or a face, is not valid. ValueError: Its columns are not.
+    """
+    file = open_ply(source)
+    elements = read_elements(file)
+    vertices = elements.get("vertex", {})
     if not vertices.keys() >= set("xyz"):
-        raise source.damaged("its vertices have no x, y and z")
-    positions = np.stack([vertices[axis] for axis in "xyz"], axis=1)
-    for element in (one for one in header.elements if one.name in {"face", "tristrips"}):
-        name = element.corners()
-        if name is None:
-            raise source.damaged(f"its {element.plural} have no corners")
-        rows = elements[element.name][name]
-        if element.name == "tristrips" and element.count:
-            rows = np.concatenate([_of_strips(np.asarray(row)) for row in rows])
-        corners = rows.ravel() if isinstance(rows, np.ndarray) else np.concatenate(rows)
+        raise ValueError("its vertices have no x, y and z")
+    kind = np.float32 if file.elements["vertex"].properties["x"][0] == "f4" else np.float64
+    positions = np.stack([np.asarray(vertices[axis], dtype=kind) for axis in "xyz"], axis=1)
+    positions, triangles = positions.astype(np.float64), [np.empty((0, 3), dtype=np.int64)]
+    for name in elements.keys() & {"face", "tristrips"}:
+        columns = elements[name]
+        lists = [key for key, one in columns.items() if len(np.shape(one[:1])) == 2]
+        known = [key for key in ("vertex_indices", "vertex_index", *lists) if key in lists]
+        rows = columns[known[0]] if name == "face" else _of_strips(columns[known[0]])
+        corners = np.concatenate([*rows, []])
         if (corners % 1 != 0).any():
-            raise source.damaged(f"its {element.plural} have corners that are no whole numbers")
+            raise ValueError(f"its element {name!r} has corners that are no whole numbers")
         counts = np.fromiter(map(len, rows), np.int64, len(rows))
         triangles.append(as_triangles(source, positions, corners.astype(np.int64), counts))
     return positions, np.concatenate(triangles)
 
 
-def _of_strips(row: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Triangles (k, 3) of strips that -1 ends; every second one is wound the other way."""
-    found = []
-    for strip in np.split(row, np.flatnonzero(row == -1)):
-        corners = strip[strip != -1]
-        three = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)
-        three[1::2] = three[1::2, ::-1]
-        found.append(three[(three != np.roll(three, 1, axis=1)).all(axis=1)])
-    return np.concatenate(found)
+def _of_strips(rows: Column) -> npt.NDArray[Any]:
+    """Triangles (k, 3) of strips that -1 ends, without those that only join others."""
+    from trimesh.util import triangle_strips_to_faces
+
+    parts = (part for row in rows for part in np.split(row, np.flatnonzero(row == -1)))
+    strips = [strip.astype(int) for part in parts if len(strip := part[part != -1]) > 2]
+    triangles: Ints = triangle_strips_to_faces(strips or [np.empty(0, int)])
+    return np.asarray(triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)])
 
 
-def scalars(columns: Columns) -> dict[str, Floats]:
-    """The columns that are no lists, as floating-point numbers."""
-    return {
-        name: column.astype(np.float64)
-        for name, column in columns.items()
-        if isinstance(column, np.ndarray) and column.ndim == 1
-    }
+def read_elements(ply: PlyFile) -> dict[str, Columns]:
+    """Read the columns of all elements that have any records, by name.
 
+    Numbers have the type that the header declares; those of a text are float64.
 
-def read_elements(source: Source, header: PlyHeader) -> tuple[dict[str, Columns], int]:
-    """Read the columns of all elements by name, and how many bytes, or numbers of a text, follow.
-
-    Numbers have the type that the header declares; whole numbers of a text are float64. Raises
-    MeshError.
+    Raises:
+        ValueError: There are not so many numbers, or in a text more. OverflowError: As well.
     """
-    data, elements, start = source.path.read_bytes()[len(header.text) :], dict[str, Columns](), 0
-    if not header.order:
-        try:  # the numbers of a text, as those of a binary file that are all of 64 bits
-            data = np.array(data.split(), dtype=np.float64).tobytes()
-        except ValueError as error:
-            raise source.damaged(f"its numbers cannot be read ({reason_of(error)})") from error
-    for element in header.elements:
-        try:
-            columns, start = _columns(element, header.order, data, start)
-        except (ValueError, OverflowError) as error:
-            raise source.incomplete(
-                f"declares {element.count:,} {element.plural}, but has no data for so many"
-            ) from error
-        for one in element.properties if not header.order else ():
-            if one.length is None and one.type[0] == "f":
-                with np.errstate(over="ignore"):  # overflow gives inf, which is checked later
-                    columns[one.name] = np.asarray(columns[one.name]).astype(one.type)
-        elements[element.name] = columns
-    return elements, (len(data) - start) // (1 if header.order else 8)
+    data, elements, start = ply.body, dict[str, Columns](), 0
+    if not ply.order:  # the numbers of a text, as those of a binary file that are all of 64 bits
+        data = np.array(data.split(), dtype=np.float64).tobytes()
+    for name, element in ply.elements.items():
+        if element.count and element.properties:
+            elements[name], start = _columns(element, ply.order, data, start)
+    if not ply.order and start < len(data):
+        raise ValueError("it has more numbers than its header declares")
+    return elements
 
 
 def _columns(element: Element, order: str, data: bytes, start: int) -> tuple[Columns, int]:
     """The columns of an element, and where it ends. Raises ValueError, OverflowError."""
-    kinds = [
-        (one.name, one.length and (order + one.length if order else "f8"),
-         order + one.type if order else "f8")
-        for one in element.properties
-    ]  # fmt: skip
-    if not element.count:
-        return {
-            name: np.empty((0, 0) if length else 0, kind) for name, length, kind in kinds
-        }, start
+    kinds = {
+        name: [one and (order + one if order else "f8") for one in types]
+        for name, types in element.properties.items()
+    }
 
-    def count_at(length: str | None, at: int) -> tuple[int, int]:
-        """How many numbers a property has, and where these begin."""
-        if length is None:
-            return 1, at
-        (count,) = np.frombuffer(data, length, 1, at).tolist()
-        if count < 0 or count != int(count):
-            raise ValueError(count)
-        return int(count), at + np.dtype(length).itemsize
+    def record(at: int) -> tuple[dict[str, npt.NDArray[Any]], int]:
+        """The numbers of the record that begins there, and where it ends."""
+        values = {}
+        for name, (kind, length) in kinds.items():
+            count = 1.0
+            if length:
+                (count,) = np.frombuffer(data, length, 1, at).tolist()
+                at += np.dtype(length).itemsize
+                if count < 0 or count % 1:
+                    raise ValueError(f"a list has {count} numbers")
+            values[name] = np.frombuffer(data, kind, int(count), at)
+            at += values[name].nbytes
+        return values, at
 
-    with suppress(ValueError):  # most often all lists are as long as the first
-        layout, end = list[Any](), start
-        for name, length, kind in kinds:
-            layout += [(f"length of {name}", length)] if length else []
-            count, end = count_at(length, end)
-            layout.append((name, kind, (count,) if length else ()))
-            end += count * np.dtype(kind).itemsize
+    first, _ = record(start)
+    lists = [name for name, (_, length) in kinds.items() if length]
+    layout = list[Any]()  # most often all lists are as long as the first
+    for name, (kind, length) in kinds.items():
+        layout += [(LENGTH + name, length)] if length else []
+        layout.append((name, kind, first[name].shape if length else ()))
+    with suppress(ValueError):
         rows = np.frombuffer(data, layout, element.count, start)
-        lists = [rows[f"length of {name}"] for name, length, _ in kinds if length]
-        if all((one == one[0]).all() for one in lists):
-            return {name: rows[name] for name, *_ in kinds}, start + rows.nbytes
-    if not any(length for _, length, _ in kinds):
-        raise ValueError(element.count)
-    parts: dict[str, list[npt.NDArray[Any]]] = {name: [] for name, *_ in kinds}
+        if all((rows[LENGTH + name] == len(first[name])).all() for name in lists):
+            return {name: rows[name] for name in kinds}, start + rows.nbytes
+    if not lists:
+        raise ValueError(f"there is no data for {element.count:,} records")
+    records = []
     for _ in range(element.count):
-        for name, length, kind in kinds:
-            count, start = count_at(length, start)
-            parts[name].append(np.frombuffer(data, kind, count, start))
-            start += parts[name][-1].nbytes
-    return {
-        name: parts[name] if length else np.concatenate(parts[name]) for name, length, _ in kinds
+        values, start = record(start)
+        records.append(values)
+    columns: Columns = {name: [one[name] for one in records] for name in kinds}
+    return columns | {
+        name: np.concatenate(columns[name]) for name in kinds.keys() - set(lists)
     }, start
+
+
+def as_triangles(source: Source, vertices: Floats, corners: Ints, counts: Ints) -> Ints:
+    """Divide polygons into triangles, shape (F, 3).
+
+    They share the first corner of their polygon, unless one would then lie outside it, or on
+    another one: then its ears are cut.
+
+    Args:
+        source: The file.
+        vertices: Positions, shape (V, 3).
+        corners: Vertex numbers of the corners of one polygon after the other, shape (k,).
+        counts: How many are those of each polygon, shape (n,).
+
+    Raises:
+        MeshError: A polygon has too few or too many corners, or such as do not exist.
+    """
+    bad = np.flatnonzero((counts < 3) | (counts > MOST_CORNERS))
+    if len(bad):
+        raise source.error(
+            f"face {bad[0]} has {counts[bad[0]]:,} corners; 3 to {MOST_CORNERS:,} are allowed"
+        )
+    starts, polygons = np.cumsum(counts) - counts, np.repeat(np.arange(len(counts)), counts - 2)
+    first = starts[polygons]
+    step = np.arange(len(first)) - (first - 2 * polygons)
+    fans: Ints = corners[np.stack([first, first + step + 1, first + step + 2], axis=1)]
+    check_corners(fans, len(vertices), source.where)
+    if (counts == 3).all():
+        return fans
+    with np.errstate(over="ignore", invalid="ignore"):  # of coordinates that are refused later
+        one, two, three = np.moveaxis(vertices[fans], 1, 0)
+        normals = np.cross(two - one, three - one)
+        of_polygons = np.add.reduceat(normals, starts - 2 * np.arange(len(counts)))
+        areas = (normals * of_polygons[polygons]).sum(axis=1)
+        is_folded = areas < -FOLDED * (of_polygons**2).sum(axis=1)[polygons]
+    for polygon in np.unique(polygons[is_folded]):
+        own = corners[starts[polygon] : starts[polygon] + counts[polygon]]
+        ears = own[_ears(vertices[own], of_polygons[polygon])]
+        if len(ears) == len(own) - 2:  # otherwise it crosses itself
+            row = starts[polygon] - 2 * polygon
+            fans[row : row + len(ears)] = ears
+    return fans
+
+
+def _ears(points: Floats, normal: Floats) -> Ints:
+    """Triangles (k, 3) of a polygon, in numbers of its corners, cut on the plane of its normal."""
+    normal = normal / np.linalg.norm(normal)
+    side = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    side /= np.linalg.norm(side)
+    flat = (points - points[0]) @ np.stack([side, np.cross(normal, side)], axis=1)
+    ends = np.array([len(points)], dtype=np.uint32)
+    return mapbox_earcut.triangulate_float64(flat, ends).reshape(-1, 3).astype(np.int64)

@@ -1,15 +1,27 @@
-"""Scenes that trimesh reads of files, which become one surface."""
+"""glTF, GLB and 3MF, read by trimesh, and what it would leave out of them without a word."""
 
 import io
+import json
 import logging
+import re
+import struct
 import warnings
+import zipfile
+from collections.abc import Iterable, Iterator
+from functools import cache
+from itertools import chain
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
+from xml.parsers import expat
 
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints
 from grasp3d.errors import MeshError
-from grasp3d.reading.sources import Source, check_corners, check_finite
+from grasp3d.reading.sources import Source, check_corners, unit_called
+from grasp3d.settings.units import Unit
+from grasp3d.system.documents import is_file
 
 if TYPE_CHECKING:
     import trimesh
@@ -21,12 +33,12 @@ FLAT = 1e-9
 """Smallest scale of a transform, as a fraction of its largest, that does not flatten a mesh."""
 
 
-def load_scene(source: Source, data: bytes, **options: Any) -> "trimesh.Scene":
+def load_scene(data: bytes, kind: str, **options: Any) -> "trimesh.Scene":
     """What trimesh reads of a file.
 
     Args:
-        source: The file.
         data: Its content.
+        kind: Its suffix.
         options: Of trimesh's reader.
     """
     import trimesh
@@ -36,7 +48,7 @@ def load_scene(source: Source, data: bytes, **options: Any) -> "trimesh.Scene":
         # about trimesh itself.
         warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
         warnings.filterwarnings("error", category=RuntimeWarning, module="trimesh")
-        return trimesh.load_scene(io.BytesIO(data), source.kind, process=False, **options)
+        return trimesh.load_scene(io.BytesIO(data), kind, process=False, **options)
 
 
 def flattened(scene: "trimesh.Scene", where: str) -> tuple[Floats, Ints]:
@@ -49,29 +61,193 @@ def flattened(scene: "trimesh.Scene", where: str) -> tuple[Floats, Ints]:
         where: Its name in errors.
 
     Raises:
-        MeshError: A position is not finite, a face uses a vertex that is not there, or a transform
-            flattens a part.
+        MeshError: A face uses a vertex that is not there, or a transform flattens a part.
     """
     for part in scene.geometry.values():  # before they are concatenated
-        positions = np.asarray(part.vertices, dtype=np.float64)
-        check_finite(positions, where)
-        corners = np.asarray(getattr(part, "faces", ()), dtype=np.int64).reshape(-1, 3)
-        check_corners(corners, len(positions), where, "; export the mesh again")
+        check_corners(np.asarray(getattr(part, "faces", ())), len(part.vertices), where)
     for node in scene.graph.nodes_geometry:
-        if flattens(scene.graph[node][0]):
+        scales = np.linalg.svd(scene.graph[node][0][:3, :3], compute_uv=False)
+        if 0.0 < scales[0] * FLAT >= scales[2]:
             raise MeshError(
                 f"{where}: node {node!r} flattens its mesh: its transform, with those of the nodes "
                 "above it, is singular (a scale of 0 in some directions); correct it, or delete "
                 "the node"
             )
     mesh = scene.to_mesh()
-    vertices = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
-    faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
-    check_finite(vertices, where)
-    return vertices, faces
+    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
 
 
-def flattens(world: Floats) -> bool:
-    """Whether a transform, shape (4, 4), has a scale of 0 in some directions, but not in all."""
-    scales = np.linalg.svd(world[:3, :3], compute_uv=False)
-    return bool(scales[0] > 0.0 and scales[2] <= FLAT * scales[0])
+Tree = dict[str, Any]
+
+_HARMLESS = re.compile(r"KHR_mesh_quantization|[A-Z]+_(materials|texture|lights|xmp)")
+"""Beginnings of the names of extensions that do not change positions, or only their encoding."""
+
+_HEAD = struct.Struct("<4sIII4s")
+"""Of a GLB: its name, version and size, and size and name of the JSON."""
+
+_CHUNK = 8
+"""Bytes before the data of a GLB: their size and name."""
+
+_READ, _FAN = (0, 1, 4, 5), 6
+"""Modes of parts that become geometry of trimesh (points, lines, triangles, which is the default,
+and strips of these), and of one that does not."""
+
+
+def read_gltf(source: Source) -> tuple[Floats, Ints, Unit]:
+    """Read vertices (V, 3), faces (F, 3) and unit of a glTF with its files. Raises MeshError."""
+    tree, data = _parts(source.path)
+    for node in tree.get("nodes", []):
+        node.pop("camera", None)  # otherwise trimesh leaves out what its node holds
+    names = [one.setdefault("uri", "") for one in tree.get("buffers", [])]
+    files = {name: _content(source, name) if name else data for name in names if _is_file(name)}
+    meshes = [mesh["primitives"] for mesh in tree.get("meshes", [])]
+    shown = [node for node in _shown(source, tree) if "mesh" in node]
+    for what in _unsupported(tree, chain(*meshes), shown):
+        raise source.error(f"has {what}, which is not supported; export it without")
+    text = json.dumps(tree).encode()
+    scene = load_scene(text, "gltf", resolver=files, skip_materials=True)
+    read = [[part for part in mesh if part.get("mode", 4) in _READ] for mesh in meshes]
+    for part, geometry in zip(chain(*read), scene.geometry.values(), strict=True):
+        positions = tree["accessors"][part["attributes"]["POSITION"]]
+        if positions.get("normalized"):
+            kind = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2"}[positions["componentType"]]
+            geometry.vertices = np.maximum(geometry.vertices / float(np.iinfo(kind).max), -1.0)
+    count, found = sum(len(read[node["mesh"]]) for node in shown), scene.graph.nodes_geometry
+    if count != len(found):
+        raise source.damaged(f"shows {count} parts, of which {len(found)} can be read")
+    vertices, faces = flattened(scene, source.where)
+    return vertices + 0.0, faces, "m"  # there is no -0.0
+
+
+def _is_file(name: str) -> bool:
+    """Whether data is beside the JSON, and not in it."""
+    return not name.startswith("data:")
+
+
+def _content(source: Source, name: str) -> bytes:
+    """Data of a file in the folder of a glTF or below. Raises MeshError."""
+    folder = source.path.parent.resolve()
+    for file in (folder / name, folder / unquote(name)):
+        if file.resolve().is_relative_to(folder) and is_file(file):
+            return file.read_bytes()
+    raise source.error(
+        f"needs the file {ascii(name)[:60]}, which is not in its folder; put it there"
+    )
+
+
+def _parts(path: Path) -> tuple[Tree, bytes]:
+    """The JSON of a .gltf or .glb file, and the data after it. Raises ValueError, OSError."""
+    data = path.read_bytes()
+    if path.suffix.lower() != ".glb":
+        return json.loads(data), b""
+    magic, version, _, size, kind = _HEAD.unpack_from(data.ljust(_HEAD.size))
+    if (magic, version, kind) != (b"glTF", 2, b"JSON"):
+        raise ValueError("it does not begin as glTF 2.0")
+    end = _HEAD.size + size
+    return json.loads(data[_HEAD.size : end]), data[end + _CHUNK :]
+
+
+def side_names(path: Path) -> list[str]:
+    """Return the names of the files with the buffers of a glTF, if it can be read.
+
+    Args:
+        path: Any mesh file; only .gltf and .glb have side files.
+
+    Returns:
+        Paths relative to its folder with `/`, without duplicates; the files need not exist.
+
+    Raises:
+        OSError: The file cannot be read.
+    """
+    if path.suffix.lower() not in {".gltf", ".glb"}:
+        return []
+    try:
+        names = [str(one.get("uri", "data:")) for one in _parts(path)[0].get("buffers", [])]
+    except (ValueError, TypeError, AttributeError, RecursionError):  # which reading it will say
+        return []
+    return list(dict.fromkeys(unquote(name) for name in names if _is_file(name)))
+
+
+def _shown(source: Source, tree: Tree) -> list[Tree]:
+    """The nodes of the scene that is shown. Raises MeshError."""
+    scenes, nodes = tree.get("scenes", [{}]), tree.get("nodes", [])
+    queue, found = list(scenes[tree.get("scene", 0)].get("nodes", [])), dict[int, Tree]()
+    while queue:
+        number = queue.pop()
+        if number in found:
+            raise source.damaged(f"its nodes form a cycle, or node {number} has two parents")
+        found[number] = nodes[number]
+        queue += nodes[number].get("children", [])
+    return list(found.values())
+
+
+def _unsupported(tree: Tree, parts: Iterable[Tree], shown: list[Tree]) -> Iterator[str]:
+    """What trimesh would leave out of the parts of meshes, and of the nodes that show them."""
+    for name in tree.get("extensionsRequired", []):
+        if not _HARMLESS.match(name):
+            yield f"the extension {name!a:.60}"
+    for part in parts:
+        if part.get("mode") == _FAN:
+            yield "triangle fans"
+        position = part["attributes"]["POSITION"]
+        data = [tree["accessors"][one] for one in (position, part.get("indices", position))]
+        if any("sparse" in one or "bufferView" not in one for one in data):
+            yield "sparse or compressed numbers"
+    for node in shown:
+        posed = [*node.get("weights", []), *tree["meshes"][node["mesh"]].get("weights", [])]
+        if "skin" in node or any(posed) or "EXT_mesh_gpu_instancing" in node.get("extensions", {}):
+            yield "a mesh that is posed by a skeleton, by morph targets or by instancing"
+
+
+_Id = tuple[str, str]
+"""File in the archive, and number in it, of an object."""
+
+
+def read_3mf(source: Source) -> tuple[Floats, Ints, Unit | None]:
+    """Read the vertices (V, 3), faces (F, 3) and the unit of a 3MF. Raises MeshError."""
+    declared = _triangles(source.path)
+    scene = load_scene(source.path.read_bytes(), "3mf", postprocess=False)
+    vertices, faces = flattened(scene, source.where)
+    if len(faces) != declared:
+        raise source.error(
+            f"declares {declared:,} triangles, of which {len(faces):,} can be read; export it as "
+            "one model without nested parts, or as STL"
+        )
+    return vertices, faces, unit_called(scene.units, source.where)
+
+
+def _triangles(path: Path) -> int:
+    """Number of triangles that a 3MF builds, in all copies of its parts.
+
+    Raises:
+        KeyError: It uses an object that it does not have.
+        RecursionError: An object contains itself.
+        Exception: It is no such archive, or its XML is damaged.
+    """
+    own, inner, built = dict[_Id, int](), dict[_Id, list[_Id]](), list[_Id]()
+    current = "", ""
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        nonlocal current
+        kind = name.rpartition(":")[2]
+        if kind == "object":
+            current = model, attributes["id"]
+            own[current], inner[current] = 0, []
+        elif kind == "triangle":
+            own[current] += 1
+        elif kind in {"component", "item"}:
+            paths = (v.strip("/") for k, v in attributes.items() if k.endswith("path"))
+            parts = inner[current] if kind == "component" else built
+            parts.append((next(paths, model), attributes["objectid"]))
+
+    @cache
+    def total(part: _Id) -> int:
+        return own[part] + sum(map(total, inner[part]))
+
+    with zipfile.ZipFile(path) as archive:
+        for model in archive.namelist():
+            if model.lower().endswith(".model"):
+                parser = expat.ParserCreate()
+                parser.StartElementHandler = start
+                parser.Parse(archive.read(model), True)  # noqa: FBT003
+    return sum(map(total, built))

@@ -1,6 +1,5 @@
-"""Mesh files to read, their formats and units, and the surfaces read from them."""
+"""Mesh files to read, and the surfaces that are read from them or given."""
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,37 +8,31 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, short_repr
 from grasp3d.errors import MeshError
-from grasp3d.settings.units import Unit
-from grasp3d.system.documents import is_folder, problem_of_file
-from grasp3d.system.names import printable
+from grasp3d.settings.units import METRES, Unit
+from grasp3d.system.documents import problem_of_file
+from grasp3d.system.names import printable, unsupported
 
-SUFFIXES = (".3dxml", ".3mf", ".glb", ".gltf", ".obj", ".off", ".ply", ".stl", ".xaml")
+SUFFIXES = (".3mf", ".glb", ".gltf", ".obj", ".off", ".ply", ".stl")
 """Suffixes of mesh files that can be read."""
 
-_SIGNATURES = (
-    ("PLY", rb"ply\s"),
-    ("GLB", rb"glTF"),
-    ("a zip archive, such as 3MF", rb"PK\x03\x04"),
-    ("OFF", rb"\s*(ST)?C?N?OFF\s"),
-    ("STL", rb"(?i:\s*solid\b[^\x00]*\bfacet\s)"),
-    ("glTF", rb"\s*\{[^\x00]*\"asset\""),
-    ("HTML", rb"(?i:\s*<(!doctype html|html))"),
-    ("XML", rb"(\xef\xbb\xbf)?\s*<[?!\w]"),
-    ("STEP", rb"\s*ISO-10303-21"),
-    ("OBJ", rb"(?s:(.*\n)?v[ \t]+[-+.\d][^\n]*\nv[ \t])"),
-)
+LARGEST = 1e60
+"""Largest coordinate, and reciprocal of the smallest size, whose powers stay finite."""
 
 _UNIT_NAMES: dict[str, Unit] = {
-    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
-    "cm": "cm", "centimeter": "cm", "centimeters": "cm",
-    "mm": "mm", "millimeter": "mm", "millimeters": "mm",
-    "in": "in", "inch": "in", "inches": "in",
+    "m": "m", "meter": "m", "metre": "m", "cm": "cm", "centimeter": "cm", "mm": "mm",
+    "millimeter": "mm", "in": "in", "inch": "in", "inche": "in",
 }  # fmt: skip
+"""Units by their names without an `s` at the end."""
 
 
 @dataclass(frozen=True, eq=False)
 class RawMesh:
-    """The surface as stored in a mesh file, or given as an object of another library."""
+    """The surface as stored in a mesh file, or given as an object of another library.
+
+    Raises:
+        MeshError: There are no faces, or vertices that do not exist; or coordinates cannot be
+            computed with.
+    """
 
     vertices: Floats
     """Positions, shape (V, 3), in the order and unit of the file; of an STL, each position once."""
@@ -49,8 +42,6 @@ class RawMesh:
     """File suffix without its dot, in lower case; else the library, or 'arrays'."""
     unit: Unit | None
     """Unit that the file declares; None: it declares none."""
-    unknown_unit: str = ""
-    """Name of the declared unit if it is none of `Unit`."""
     name: str = "arrays"
     """Its name in reports: that of the file, the type, or 'arrays'."""
     path: Path | None = None
@@ -58,10 +49,26 @@ class RawMesh:
 
     __repr__ = short_repr
 
+    def __post_init__(self) -> None:
+        if not len(self.faces):
+            raise MeshError(f"{self.where}: holds no triangles; points and lines alone are no mesh")
+        check_finite(self.vertices, self.where)
+        check_corners(self.faces, len(self.vertices), self.where)
+        if 0.0 < self.extent < 1.0 / LARGEST:
+            raise MeshError(
+                f"{self.where}: its largest extent is {self.extent:.3g}, below {1.0 / LARGEST:g}; "
+                "scale the mesh"
+            )
+
     @property
     def where(self) -> str:
         """Its name in errors."""
         return printable(str(self.path or self.name))
+
+    @property
+    def extent(self) -> float:
+        """Largest extent of the surface along an axis."""
+        return float(np.ptp(self.vertices[self.faces].reshape(-1, 3), axis=0).max())
 
 
 @dataclass(frozen=True)
@@ -71,15 +78,8 @@ class Source:
     path: Path
     kind: str
     """Format: the file suffix without its dot, in lower case."""
-    size: int
-    """Size of the file [bytes]."""
     where: str
     """Printable path, for error messages."""
-
-    def head(self, count: int = 4096) -> bytes:
-        """Return the first bytes of the file."""
-        with self.path.open("rb") as stream:
-            return stream.read(count)
 
     def error(self, reason: str) -> MeshError:
         """The error that a file cannot be read for a reason, which begins with a verb."""
@@ -89,57 +89,41 @@ class Source:
         """The same, of a file that its program has to write again."""
         return self.error(f"{reason}; export the mesh again")
 
-    def incomplete(self, reason: str) -> MeshError:
-        """The same, of a file whose end may be missing."""
-        return self.error(f"{reason}; is the file complete?")
-
     def unexpected(self, reason: str) -> MeshError:
         """The same, of content that its suffix does not promise."""
-        return self.error(f"{reason}; {self.hint}")
-
-    @property
-    def hint(self) -> str:
-        """Question about the likely cause if the content does not match the suffix."""
-        head = self.head()
-        matches = (name for name, pattern in _SIGNATURES if re.match(pattern, head))
-        kind = next(matches, None)
-        if kind is None or kind.lower().endswith(self.kind):
-            return "is the file complete, and is its suffix right?"
-        return f"its content looks like {kind}: is its suffix right?"
+        return self.error(f"{reason}; is the file complete, and is its suffix right?")
 
 
 def check_finite(vertices: Floats, where: str) -> None:
-    """Reject positions that are not finite.
+    """Reject positions that cannot be computed with.
 
     Raises:
-        MeshError: A coordinate is nan or infinite.
+        MeshError: A coordinate is nan, or larger than 1e60.
     """
-    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    bad = np.flatnonzero(~(np.abs(vertices) <= LARGEST).all(axis=1))
     if len(bad):
         raise MeshError(
-            f"{where}: vertex {bad[0]} has a coordinate that is not a finite number "
-            f"({len(bad)} such vertices); export the mesh again"
+            f"{where}: vertex {bad[0]} has a coordinate that is not a finite number, or above "
+            f"{LARGEST:g} ({len(bad)} such vertices); export the mesh again"
         )
 
 
-def check_corners(faces: Ints, count: int, where: str, remedy: str = "") -> None:
+def check_corners(faces: Ints, count: int, where: str) -> None:
     """Reject faces with vertices that do not exist.
 
     Args:
         faces: Vertex numbers of the corners, shape (F, 3).
         count: Number of vertices.
         where: Name of the mesh in errors.
-        remedy: Last part of the message.
 
     Raises:
         MeshError: There is such a face.
     """
     outside = (faces < 0) | (faces >= count)
     if outside.any():
-        face = int(np.flatnonzero(outside.any(axis=1))[0])
         raise MeshError(
-            f"{where}: face {face} uses vertex {faces[face][outside[face]][0]}, but there are "
-            f"{count} vertices{remedy}"
+            f"{where}: face {np.flatnonzero(outside.any(axis=1))[0]} uses vertex "
+            f"{faces[outside][0]}, but there are {count} vertices; export the mesh again"
         )
 
 
@@ -153,32 +137,32 @@ def find_source(path: Path, suffixes: Iterable[str] = SUFFIXES) -> Source:
     Raises:
         MeshError: It does not exist, is not a file, is empty, or its suffix is unknown.
     """
-    where = printable(str(path))
-    if is_folder(path):
-        raise MeshError(f"{where}: is a folder, not a mesh file; `grasp3d batch` takes folders")
+    where, suffix = printable(str(path)), path.suffix.lower()
     if problem := problem_of_file(path):
         raise MeshError(f"{where}: {problem}")
-    suffix = path.suffix.lower()
-    if not suffix:
-        raise MeshError(f"{where}: its name has no suffix for its format, such as .stl")
     if suffix not in suffixes:
-        formats = " ".join(sorted(suffixes))
-        raise MeshError(f"{where}: unsupported format {suffix}: supported are {formats}")
-    if not (size := path.stat().st_size):
+        raise MeshError(unsupported(path, sorted(suffixes)))
+    if not path.stat().st_size:
         raise MeshError(f"{where}: the file is empty; export the mesh again")
-    source = Source(path, suffix.removeprefix("."), size, where)
-    try:
-        source.head(1)
-    except OSError as error:
-        raise MeshError(f"{where}: cannot be opened ({error.strerror})") from error
-    return source
+    return Source(path, suffix.removeprefix("."), where)
 
 
-def stated_unit(name: str | None) -> tuple[Unit | None, str]:
-    """Return the unit of a name such as 'millimeters', and the name if there is no such unit.
+def unit_called(name: str | None, where: str) -> Unit | None:
+    """Return the unit of a name such as 'millimeters'.
 
     Args:
-        name: As a file or another library states it, or None.
+        name: As a file or another library states it; None: it states none.
+        where: Name of the mesh in errors.
+
+    Raises:
+        MeshError: It is none of the supported units.
     """
-    unit = _UNIT_NAMES.get(str(name or "").strip().lower())
-    return unit, "" if unit or not name else str(name)
+    if not name:
+        return None
+    unit = _UNIT_NAMES.get(name.strip().lower().removesuffix("s"))
+    if unit is None:
+        raise MeshError(
+            f"{where}: states the unit {printable(name)!r}, which is none of {', '.join(METRES)}; "
+            "scale the mesh to one of these"
+        )
+    return unit

@@ -40,7 +40,7 @@ class Mask:
     path: Path
     painted: str = ""
     """Scalar property of its vertices, above 0.5 where they are painted; empty: their colour, which
-    is then not white, grey or black, or else the only such property."""
+    is then not white, grey or black."""
 
     def __str__(self) -> str:
         return f"{self.path}:{self.painted}" if self.painted else str(self.path)

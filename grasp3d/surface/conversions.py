@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from grasp3d.arrays import Ints
-from grasp3d.mesh.object_mesh import polydata_of
 from grasp3d.surface.fields import XYZ, Array, Arrays, present
 from grasp3d.surface.label_settings import SETTING, complete_settings, settings_of
 from grasp3d.surface.vertex_fields import CORNER_NORMALS, CORNERS, VERTICES
@@ -52,7 +51,7 @@ def labels_to_polydata(labels: VertexGrasps) -> "pyvista.PolyData":
     """The surface as PyVista data, with the arrays of the file that `write_vtp` writes."""
     arrays = point_arrays(labels)
     mesh = labels.mesh
-    data = polydata_of(mesh.vertices, mesh.faces)
+    data = mesh.to_polydata()
     for name, values in arrays.items():
         # An infinite value would stretch the colour map; nan has a separate colour.
         data.point_data[name] = _finite(values)

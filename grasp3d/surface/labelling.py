@@ -6,7 +6,6 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Bools, Bytes, locked
-from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import GivenHand, given_hand
 from grasp3d.hand.jaws import IN_METRES
 from grasp3d.hand.reach import Reach
@@ -14,9 +13,7 @@ from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach, GivenTable
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
-from grasp3d.mesh.mesh_sources import read_source
 from grasp3d.mesh.plausible_lengths import refuse_lengths
-from grasp3d.mesh.preparing import check_unit, prepare
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.loads import GivenLoad, Load
 from grasp3d.settings import (
@@ -166,7 +163,7 @@ class Labelling:
             SettingError: As in `label_surface`, or a length cannot be meant.
             MeshError: The mesh cannot be read, or is too large.
         """
-        mesh = _read(source, options, model, sampling, reach, hand=reach.hand, load=load)
+        mesh = load_mesh(source, options)
         if not force:
             refuse_lengths(mesh, model, sampling)
         return cls.of(mesh, model, sampling, Scene.of(reach, mesh), load)
@@ -279,28 +276,9 @@ def label_surface(
     model = GraspModel.given("model", model) or GraspModel()
     sampling = Sampling.given("sampling", sampling)
     load, hand = Load.given("load", load), given_hand(hand)
-    surface = _read(mesh, None, model, sampling, hand=hand, load=load)
+    surface = load_mesh(mesh)
     scene = scene or Scene.given(surface, hand, table, approach, pose_error)
     return Labelling.of(surface, model, sampling, scene, load).labels()
-
-
-def _read(
-    source: MeshSource,
-    options: MeshOptions | None,
-    *settings: object,
-    hand: Hand | None,
-    load: Load | None,
-) -> ObjectMesh:
-    """Read a mesh; one whose unit is needed and not known is refused before it is prepared."""
-    if isinstance(source, ObjectMesh):
-        return load_mesh(source, options)
-    needed_by = None if hand is None else IN_METRES
-    if load is not None and load.density is not None:
-        needed_by = "density is in kg/m^3"
-    raw = read_source(source)
-    options = options or MeshOptions()
-    check_unit(raw, options, *settings, needed_by=needed_by)
-    return prepare(raw, options).mesh
 
 
 BEFORE_ANGLES = 0.9

@@ -11,7 +11,7 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.plausible_lengths import Purpose, length_warnings, object_warnings
+from grasp3d.mesh.plausible_lengths import length_warnings, object_warnings
 from grasp3d.quality.loads import Load
 from grasp3d.quality.tasks import Task
 from grasp3d.settings import GraspModel
@@ -57,16 +57,15 @@ def input_warnings(
         load: Its mass; None: not known.
         settings: Settings with lengths, besides those of the mesh.
     """
-    hand, lengths = None if scene is None else scene.hand, mesh.options.lengths()
-    for one in filter(None, settings):
-        lengths |= one.lengths()
-    purpose = Purpose(
+    hand, mass = (
+        None if scene is None else scene.hand,
         None if load is None else mass_of(mesh, load),
-        load is not None and load.density is not None,
-        0.0 if hand is None else math.sqrt(hand.touch_area),
-        math.inf if hand is None else hand.max_opening or math.inf,  # 0: it has no opening
     )
-    return (*object_warnings(mesh, purpose), *length_warnings(lengths, mesh))
+    sizes = (0.0, math.inf)
+    if hand is not None:
+        sizes = math.sqrt(hand.touch_area), hand.max_opening or math.inf  # 0: it has no opening
+    doubts = (*object_warnings(mesh, mass, *sizes), *length_warnings(mesh, *settings))
+    return (*mesh.report.warnings, *doubts)
 
 
 @dataclass(frozen=True)

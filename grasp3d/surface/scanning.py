@@ -9,7 +9,7 @@ from grasp3d._kernels.search.pair_angles import scan
 from grasp3d.arrays import ArrayLike, Floats, used_indices
 from grasp3d.errors import SettingError
 from grasp3d.mesh import MeshSource, load_mesh
-from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point
+from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
 from grasp3d.settings import GivenModel, GraspModel, with_fingers
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import SAME_POINT, critical_angles
@@ -62,10 +62,9 @@ def scan_surface(mesh: MeshSource, model: GivenModel = None, *, fixed: ArrayLike
     if own_model.method == "extremes":
         check_combinations_of(own_model)
     count = len(mesh.vertices)
-    nearest = [nearest_surface_point(mesh, (point - mesh.center) / mesh.size) for point in points]
-    positions = np.stack([position for position, _, _ in nearest])  # normalised frame
-    faces = np.array([[face for _, face, _ in nearest]])
-    weights = np.stack([weights for _, _, weights in nearest])[None]
+    nearest, on_surface, _ = nearest_surface_points(mesh, points)
+    positions = (on_surface - mesh.center) / mesh.size  # normalised frame
+    faces, weights = nearest.faces[None], nearest.weights[None]
     fixed_contacts = SurfaceContacts(mesh, SurfacePoints(faces, weights))  # one grasp
     searched = BEFORE_ENUMERATION if own_model.method == "extremes" and len(points) > 1 else 0.0
     if len(points) == 1:
@@ -80,7 +79,7 @@ def scan_surface(mesh: MeshSource, model: GivenModel = None, *, fixed: ArrayLike
         mesh,
         own_model,
         angles=(angles[0], angles[1]),
-        partners=np.tile(mesh.from_normalized(positions), (count, 1, 1)),
+        partners=np.tile(on_surface, (count, 1, 1)),
         partner_points=SurfacePoints(
             np.tile(faces, (count, 2, 1)), np.tile(weights, (count, 2, 1, 1))
         ),

@@ -44,7 +44,7 @@ def problem_of_file(path: Path) -> str | None:
         return "is a folder; name a file"
     if not stat.S_ISREG(status.st_mode):
         return "is a pipe or a device, not a file"
-    return None
+    return None if os.access(path, os.R_OK) else "cannot be opened (Permission denied)"
 
 
 def file_bytes(path: Path, most: float = math.inf) -> bytes:

@@ -29,10 +29,10 @@ from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.storage.folder import Folder
 from grasp3d.hand.parallel_gripper import preset
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
 from tests.helpers.shapes import LIBRARY
+from tests.helpers.solids import box_mesh, sphere_mesh
 from tests.helpers.vertex_labels import with_critical_angles
 
 EVIL = (

@@ -41,7 +41,7 @@ def test_a_page_reports_the_diagnosis_and_the_cost_of_labelling(folder: Path) ->
         "labels can be trusted: yes",
     ):
         assert text in run.stdout
-    assert re.search(r"^unit +m *\n(.*\n)*manifold +yes", run.stdout, re.MULTILINE)
+    assert re.search(r"^unit +m *\n(.*\n)*self-intersecting faces +0", run.stdout, re.MULTILINE)
     assert "•" not in run.stdout
     assert run.stderr == ""
 
@@ -55,7 +55,7 @@ def test_warnings_and_repairs_are_printed(folder: Path) -> None:
     assert "not stated; largest extent 100: " in run.stdout
     assert "10 cm if mm" in run.stdout
     assert "labels can be trusted: no" in run.stdout
-    assert "• max_opening is 0.08, 1/1,323 of the size of ball.ply" in run.stdout
+    assert "• max_opening is 0.08, 0.000756 times the size of ball.ply" in run.stdout
     assert "give --unit mm and --max-opening 0.08m" in run.stdout
     assert run.stderr == ""
 

@@ -14,7 +14,7 @@ REFUSED = """
 paper -o x --object missing.stl | missing.stl: there is no such file
 label . | is a folder
 label empty.stl | the file is empty
-label prose.stl | holds no triangles
+label prose.stl | cannot be read as STL: its triangles are complete neither
 label nan.off | not a finite number
 label ball.ply --friction 0 | friction must be a finite number above 0
 label ball.ply --friction 0.6..0.4 | the smallest first
@@ -50,8 +50,8 @@ label box.stl --task pushes.csv | torques of the task are in N m, but the unit o
 label ball.ply --region box:1,2,3 | region must be box:X0,Y0,Z0,X1,Y1,Z1, or a PLY painted
 label ball.ply --region box:9,9,9,10,10,10 | has 0 of its 10,242 vertices | the object lies
 label ball.ply --region ball.ply | ball.ply: no vertex is painted
-label ball.ply --region ball.ply:grip | ball.ply: its vertices have no 'grip'; they have x, y, z
-label ball.ply --region mask.ply | mask.ply: is no mask of ball.ply: one of its vertices is
+label ball.ply --region ball.ply:grip | ball.ply: no vertex is painted with grip above 0.5; its
+label ball.ply --region mask.ply:grip | mask.ply: is no mask of ball.ply, of which vertices are
 batch ball.ply -o out --region mask.ply | mask.ply is of one mesh; a library takes a box
 label box.stl -o notes.ply | notes.ply: exists; name another file
 label box.stl --best 2 --grasps task.csv --task task.csv --overwrite | is read by
@@ -64,7 +64,7 @@ label box.stl --unit mm --hand franka --best 2 --object-pose 400,0,0,0 | 400 m a
 label box.stl --unit mm --hand franka --best 2 --object-pose prose.txt | prose.txt: the object
 label box.stl --unit mm --hand franka --best 2 --object-pose turned.json | the key x is missing
 label box.stl --unit mm --hand franka --best 2 --object-pose 1,0,0,0 --grasps a.h5 | acronym files
-label box.stl --unit mm --mass 2000 --strict | 10,000,000 kg/m^3, more than any material: if its
+label box.stl --unit mm --mass 2000 --strict | 1e+07 kg/m^3, more than any material: are its
 label open.stl --strict | the surface is open: inside and outside
 label open.stl --mass 0.5kg | is open, so its centre of mass is not known
 evaluate box.stl poses.csv --hand franka --outcome held | no outcome is called 'held': its grasps
@@ -306,7 +306,6 @@ def unread(monkeypatch: pytest.MonkeyPatch) -> None:
         pytest.fail("work was begun")
 
     monkeypatch.setattr("grasp3d.mesh.preparing.read_source", read)
-    monkeypatch.setattr("grasp3d.surface.labelling.read_source", read)
     monkeypatch.setattr("grasp3d.paper.writing.solids", read)
 
 

@@ -190,7 +190,7 @@ class Exhaustive:
     """Largest amount by which the angles may be too large [rad]."""
 
     def __post_init__(self) -> None:
-        sets = self.mesh.normal_sets
+        sets = self.mesh.contact_normals
         self.vertices = np.unique(self.mesh.faces)
         if (sets.counts[self.vertices] == 0).any():
             raise ValueError(

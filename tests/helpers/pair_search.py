@@ -14,7 +14,7 @@ from grasp3d.mesh import ObjectMesh
 def domain_of(mesh: ObjectMesh, largest: float = math.inf) -> PairDomain:
     """The whole surface, with a largest opening."""
     surface = mesh.contact_surface
-    centres, limits = mesh.normal_sets.centres, PairLimits(1e-6, largest)
+    centres, limits = mesh.normal_centres, PairLimits(1e-6, largest)
     return PairDomain(surface, mesh.contact_normals, centres, face_tree(surface), limits)
 
 

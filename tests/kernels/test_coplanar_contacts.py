@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from grasp3d import Contacts, critical_friction_angle, force_closure, load_mesh
 from grasp3d.arrays import unit_rows
-from grasp3d.mesh.primitives import box_mesh
 from tests.helpers import coplanar, grasps, shapes
 from tests.helpers.random_grasps import Shape, random_contacts, regular_contacts
+from tests.helpers.solids import box_mesh
 
 Floats = NDArray[np.float64]
 

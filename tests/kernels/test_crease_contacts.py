@@ -54,7 +54,7 @@ def test_no_contact_on_a_crease_is_clearly_better_than_the_best_grasp() -> None:
     found = best_pairs(mesh, Sampling(), CONE)
     edges = creases(mesh)
     assert len(edges) > 20
-    smooth = np.flatnonzero(mesh.normal_sets.counts == 1)
+    smooth = np.flatnonzero(mesh.contact_normals.counts == 1)
     chosen = np.random.default_rng(3).choice(smooth, 150, replace=False)
     angles = np.array([least_angle(mesh.vertices[v], mesh.normals[v], edges) for v in chosen])
     assert np.all(found.best[chosen] <= np.minimum(angles, CONE) + CREASE_GAIN + 1e-6)

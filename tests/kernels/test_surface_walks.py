@@ -8,8 +8,8 @@ import pytest
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d._kernels.surface.surface_contacts import walk
 from grasp3d.mesh.measures import paired_edges
-from grasp3d.mesh.primitives import sphere_mesh
 from tests.helpers import shapes
+from tests.helpers.solids import sphere_mesh
 
 
 def adjacent_faces(mesh: ObjectMesh) -> np.ndarray:

@@ -127,7 +127,7 @@ def test_errors_of_normals_of_a_coarse_mesh_count_as_noise() -> None:
 
 def test_creases_do_not_hide_noise_nor_add_to_it() -> None:
     box = load_mesh(shapes.box(), max_edge=0.05)
-    inner = box.normal_sets.counts == 1
+    inner = box.contact_normals.counts == 1
     for sigma in (0.02, 0.1, 0.3):
         points = noisy((box.vertices, box.faces), sigma)
         found = corner_normals(Triangles(points, box.faces), math.pi)

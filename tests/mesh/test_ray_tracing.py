@@ -7,7 +7,8 @@ from grasp3d import ObjectMesh, Sampling, label_surface, load_mesh
 from grasp3d._kernels.search.antipodal_candidates import FOUND, NO_PARTNER, BestPairs
 from grasp3d._kernels.search.rays import STEP, Rays
 from grasp3d.mesh import ray_tracing
-from grasp3d.mesh.ray_tracing import EmbreeTracer, SurfaceRays, TreeTracer
+from grasp3d.mesh.ray_tracing import FaceRays
+from grasp3d.surface.sampling.surface_rays import SurfaceRays
 from tests.helpers import oracles, shapes
 from tests.helpers.shapes import Surface
 
@@ -72,12 +73,12 @@ def empty_grasps(count: int) -> BestPairs:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tracer", [EmbreeTracer, TreeTracer])
+@pytest.mark.parametrize("embree", [True, False])
 @pytest.mark.parametrize("shape", [shapes.lopsided(), shapes.tube(), shapes.torus()])
 def test_every_exit_of_every_ray_is_found(
-    shape: Surface, tracer: type, monkeypatch: pytest.MonkeyPatch
+    shape: Surface, embree: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ray_tracing, "TRACER", tracer)
+    monkeypatch.setattr(ray_tracing, "EMBREE", embree)
     expected, found = exits_found(shape, seed=2, count=40)
     assert expected > 25
     assert found == expected
@@ -104,12 +105,16 @@ def rays_from(mesh: ObjectMesh, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("shape", [shapes.lopsided(), shapes.tube(), shapes.box(), shapes.torus()])
-def test_the_tree_meets_the_first_face_of_all(shape: Surface) -> None:
+def test_the_tree_meets_the_first_face_of_all(
+    shape: Surface, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ray_tracing, "EMBREE", False)
     mesh = load_mesh(shape, max_edge=0.3)
     origins, directions = rays_from(mesh, 300)
-    faces, far = TreeTracer(mesh.normalized, mesh.faces).hits(origins, directions, None)
+    rays = FaceRays(mesh.normalized, mesh.faces)
+    faces, far = rays.hits(origins, directions)
     ends = np.full(len(far), 0.5, dtype=np.float32) * far
-    assert (TreeTracer(mesh.normalized, mesh.faces).hits(origins, directions, ends)[0] == -1).all()
+    assert (rays.hits(origins, directions, ends)[0] == -1).all()
     for origin, direction, face, distance in zip(origins, directions, faces, far, strict=True):
         met = oracles.crossings(
             origin.astype(float), direction.astype(float), mesh.normalized, mesh.faces
@@ -121,13 +126,14 @@ def test_the_tree_meets_the_first_face_of_all(shape: Surface) -> None:
             assert any(f == face and t - min(ahead)[0] < 1e-6 for t, f in ahead)
 
 
-def test_both_tracers_meet_the_same_faces_but_for_those_at_the_rays_start() -> None:
+def test_both_tracers_meet_the_same_faces_but_for_those_at_the_rays_start(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     mesh = load_mesh(shapes.LIBRARY / "mug.glb")
     origins, directions = rays_from(mesh, 100_000)
-    (own, far), (theirs, distance) = (
-        kind(mesh.normalized, mesh.faces).hits(origins, directions, None)
-        for kind in (TreeTracer, EmbreeTracer)
-    )
+    theirs, distance = FaceRays(mesh.normalized, mesh.faces).hits(origins, directions)
+    monkeypatch.setattr(ray_tracing, "EMBREE", False)
+    own, far = FaceRays(mesh.normalized, mesh.faces).hits(origins, directions)
     same = (own == theirs) | (np.abs(far - distance) < 1e-5)
     assert (~same).mean() < 1e-3
     assert ((own >= 0) == (theirs >= 0)).mean() > 0.999
@@ -141,6 +147,6 @@ def test_labels_are_those_of_the_other_tracer(
 ) -> None:
     mesh = load_mesh(shapes.LIBRARY / name, unit="m")
     labels = label_surface(mesh, sampling=Sampling(grip=grip))
-    monkeypatch.setattr(ray_tracing, "TRACER", TreeTracer)
+    monkeypatch.setattr(ray_tracing, "EMBREE", False)
     own = label_surface(mesh, sampling=Sampling(grip=grip))
     assert (own.label != labels.label).mean() < 2e-3

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from grasp3d import load_mesh
 from grasp3d.mesh import ObjectMesh, surface_points
-from grasp3d.mesh.surface_points import contains, nearest_surface_point, nearest_surface_points
+from grasp3d.mesh.surface_points import contains, nearest_surface_points
 from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.oracles import distance_to_triangles
@@ -107,11 +107,11 @@ def test_single_points_all_points_and_parts_give_the_same(monkeypatch: pytest.Mo
     points = sample_points(mesh, 40, np.random.default_rng(5))
     found, positions, _ = nearest_surface_points(mesh, points)
     for number, point in enumerate(points):
-        position, face, weights = nearest_surface_point(mesh, (point - mesh.center) / mesh.size)
-        assert face == found.faces[number]
-        assert np.array_equal(weights, found.weights[number])
-        assert mesh.from_normalized(position) == pytest.approx(positions[number])
-    monkeypatch.setattr(surface_points, "POINTS", 17)
+        one, position, _ = nearest_surface_points(mesh, point[None])
+        assert one.faces[0] == found.faces[number]
+        assert np.array_equal(one.weights[0], found.weights[number])
+        assert np.array_equal(position[0], positions[number])
+    monkeypatch.setattr(surface_points, "CHUNK", 17)
     again, _, _ = running(threads=2)(nearest_surface_points)(mesh, points)
     assert np.array_equal(again.faces, found.faces)
     assert np.array_equal(again.weights, found.weights)

@@ -19,7 +19,6 @@ from grasp3d import GraspModel, critical_friction_angle, load_mesh
 from grasp3d.cli import main
 from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import SettingError
-from grasp3d.mesh.primitives import box_mesh
 from grasp3d.paper.figures import (
     FIGURES,
     ScannedObject,
@@ -36,6 +35,7 @@ from grasp3d.plots.fractions import surface_figure
 from grasp3d.rendering.opengl import WINDOW, can_render
 from tests.helpers import shapes
 from tests.helpers.figures import check_texts
+from tests.helpers.solids import box_mesh
 
 PAPER = PaperSettings()
 NAMES = [

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from grasp3d.mesh.measures import Triangles
 from grasp3d.reading.mesh_files import read_mesh
-from grasp3d.reading.polygons import as_triangles
+from grasp3d.reading.polygon_files import as_triangles
 from grasp3d.reading.sources import Source
 from tests.helpers import shapes
 
-SOURCE = Source(Path("a.obj"), "obj", 1, "a.obj")
+SOURCE = Source(Path("a.obj"), "obj", "a.obj")
 
 
 def divided(points: np.ndarray) -> np.ndarray:

@@ -11,32 +11,33 @@ import pytest
 import grasp3d
 from grasp3d.cli import main
 from grasp3d.errors import FileUnreadError, MeshError
+from grasp3d.reading import mesh_files
 from grasp3d.reading.mesh_files import read_mesh
 from grasp3d.reading.sources import Source
 from grasp3d.system import limited_reading
 from grasp3d.viewer.show import show
-from tests.helpers import mesh_files
-from tests.helpers.mesh_files import DATA, VERTICES, written
+from tests.helpers import mesh_files as examples
+from tests.helpers.mesh_files import DATA, written
 
 ROOT = str(Path(grasp3d.__file__).parents[1])
-MODEL = mesh_files.xml_model(mesh_files.xml_object(1), '<item objectid="1"/>')
+MODEL = examples.xml_model(examples.xml_object(1), '<item objectid="1"/>')
 
 
 def repeated() -> bytes:
     """A GLB of one part that is shown at each of many nodes."""
-    count, tree = 60_000, mesh_files.tree()
+    count, tree = 60_000, examples.tree()
     tree["bufferViews"] = [{"buffer": 0, "byteLength": 12 * count}]
     tree["buffers"] = [{"byteLength": 12 * count}]
     tree["accessors"] = [{"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3"}]
     tree["meshes"] = [{"primitives": [{"attributes": {"POSITION": 0}}]}]
     tree["nodes"] = [{"mesh": 0}] * 400
     tree["scenes"] = [{"nodes": list(range(400))}]
-    return mesh_files.glb(tree, np.arange(3 * count, dtype="<f4").tobytes())
+    return examples.glb(tree, np.arange(3 * count, dtype="<f4").tobytes())
 
 
 SMALL = {
     "a.glb": repeated(),
-    "a.3mf": mesh_files.zipped({"3D/3dmodel.model": MODEL, "a.png": bytes(400_000_000)}),
+    "a.3mf": examples.zipped({"3D/3dmodel.model": MODEL, "a.png": bytes(400_000_000)}),
 }
 
 
@@ -62,7 +63,7 @@ def test_commands_read_in_child_processes_and_python_in_its_own(
     def refuse(source: Source) -> None:
         raise source.error(f"read by {os.getpid()}")
 
-    monkeypatch.setattr("grasp3d.reading.mesh_files._surface", refuse)
+    monkeypatch.setitem(mesh_files.READERS, "stl", refuse)
     path = written(tmp_path, "a.stl", b"solid")
     for read in (grasp3d.load_mesh, show):
         with pytest.raises(MeshError, match=f"read by {os.getpid()}$"):
@@ -110,7 +111,7 @@ def test_only_the_files_of_the_mesh_are_opened(tmp_path: Path) -> None:
     written(folder, "a.mtl", f"newmtl red\nmap_Kd {tmp_path}/secret.bin\n")
     lines = f"mtllib a.mtl\nmtllib {tmp_path}/secret.bin\nusemtl red\nmap_Kd ../secret.bin\n"
     comment = "comment TextureFile ../secret.bin\nelement vertex"
-    tree = mesh_files.tree()
+    tree = examples.tree()
     tree["images"] = [{"uri": "../secret.bin"}, {"uri": "http://127.0.0.1:9/a.png"}]
     tree["textures"] = [{"source": 0}]
     tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
@@ -120,16 +121,16 @@ def test_only_the_files_of_the_mesh_are_opened(tmp_path: Path) -> None:
     )
     entity = f'<!DOCTYPE model [<!ENTITY a SYSTEM "{secret}">]><model'
     files = {
-        "a.obj": lines + mesh_files.obj_text(),
-        "a.ply": mesh_files.ply_text().replace("element vertex", comment),
-        "a.glb": mesh_files.glb(tree),
-        "a.gltf": mesh_files.gltf(mesh_files.tree(), "good.bin"),
-        "b.gltf": mesh_files.gltf(mesh_files.tree(), "../secret.bin"),
-        "c.gltf": mesh_files.gltf(mesh_files.tree(), "http://127.0.0.1:9/a.bin"),
-        "a.3mf": mesh_files.zipped(
+        "a.obj": lines + examples.obj_text(),
+        "a.ply": examples.ply_text().replace("element vertex", comment),
+        "a.glb": examples.glb(tree),
+        "a.gltf": examples.gltf(examples.tree(), "good.bin"),
+        "b.gltf": examples.gltf(examples.tree(), "../secret.bin"),
+        "c.gltf": examples.gltf(examples.tree(), "http://127.0.0.1:9/a.bin"),
+        "a.3mf": examples.zipped(
             {"3D/3dmodel.model": MODEL, "_rels/.rels": relations, "../../secret.bin": "x"}
         ),
-        "b.3mf": mesh_files.zipped({"3D/3dmodel.model": MODEL.replace("<model", entity, 1)}),
+        "b.3mf": examples.zipped({"3D/3dmodel.model": MODEL.replace("<model", entity, 1)}),
     }
     paths = [written(folder, name, content) for name, content in files.items()]
     written(hooks, "sitecustomize.py", HOOK)
@@ -147,14 +148,3 @@ def test_only_the_files_of_the_mesh_are_opened(tmp_path: Path) -> None:
     opened = {line.removeprefix("open ") for line in events}
     ours = {name for name in opened if name.startswith(str(tmp_path)) and "/hooks/" not in name}
     assert ours == {*map(str, paths), str(folder / "good.bin")}
-
-
-def test_a_xaml_is_read(tmp_path: Path) -> None:
-    corners = " ".join(",".join(map(str, row)) for row in VERTICES.tolist())
-    text = (
-        '<Viewport3D xmlns="http://schemas.microsoft.com/winfx/2006/xaml/presentation">'
-        "<GeometryModel3D><DiffuseMaterial/><MeshGeometry3D "
-        f'Positions="{corners}" Normals="{corners}" TriangleIndices="0,2,1 0,1,3 1,2,3 0,3,2"/>'
-        "</GeometryModel3D></Viewport3D>"
-    )
-    assert np.array_equal(read_mesh(written(tmp_path, "a.xaml", text)).vertices, VERTICES)

@@ -59,7 +59,7 @@ def test_the_search_finds_the_grasps_of_an_exhaustive_search(shape: shapes.Surfa
     mesh = load_mesh(shape)
     cone = 1.0
     grasps = best_pairs(mesh, Sampling(), cone)
-    smooth = np.flatnonzero(mesh.normal_sets.counts == 1)
+    smooth = np.flatnonzero(mesh.contact_normals.counts == 1)
     chosen = np.random.default_rng(4).choice(smooth, 150, replace=False)
     shortfalls = []
     for vertex in chosen:
@@ -77,7 +77,7 @@ def test_the_grasp_found_is_real_and_its_angle_exact(grip: str) -> None:
     """The opposing contact lies on the surface and the critical angle equals the definition's."""
     mesh = load_mesh(shapes.tube(), max_edge=0.1)
     grasps = best_pairs(mesh, Sampling(grip=grip), 0.8)  # type: ignore[arg-type]
-    smooth = np.flatnonzero((mesh.normal_sets.counts == 1) & (grasps.reason == 0))
+    smooth = np.flatnonzero((mesh.contact_normals.counts == 1) & (grasps.reason == 0))
     assert len(smooth) > 1000
     points = SurfacePoints(
         grasps.partner_points.faces[..., None], grasps.partner_points.weights[..., None, :]

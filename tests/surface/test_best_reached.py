@@ -60,7 +60,7 @@ def test_hardly_any_reached_grasp_of_a_sample_is_better(name: str) -> None:
     """Of 700 vertices of seven meshes it is at 22."""
     mesh = load_mesh(LIBRARY / name, unit="m")
     labels = label_surface(mesh, hand=read_hand("franka"))
-    smooth = np.flatnonzero((mesh.normal_sets.counts == 1) & mesh.on_surface)
+    smooth = np.flatnonzero((mesh.contact_normals.counts == 1) & mesh.on_surface)
     chosen = np.random.default_rng(7).choice(smooth, 15, replace=False)
     known = np.minimum(labels.critical_angle[chosen], labels.search.cone)
     found = [

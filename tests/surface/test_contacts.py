@@ -34,8 +34,8 @@ def test_a_vertex_has_its_own_position_and_set_on_any_of_its_faces(shape: shapes
     contacts = SurfaceContacts(mesh, points)
     np.testing.assert_array_equal(contacts.points, mesh.vertices[mesh.faces])
     np.testing.assert_array_equal(contacts.normals, mesh.normals[mesh.faces])
-    np.testing.assert_array_equal(contacts.on_crease, mesh.normal_sets.counts[mesh.faces] != 1)
-    sets = mesh.normal_sets
+    np.testing.assert_array_equal(contacts.on_crease, mesh.contact_normals.counts[mesh.faces] != 1)
+    sets = mesh.contact_normals
     for i, v in enumerate(mesh.faces.ravel()):
         own = sets.normals[sets.start[v] : sets.start[v] + sets.counts[v]]
         np.testing.assert_array_equal(normals_of(contacts, i), own)

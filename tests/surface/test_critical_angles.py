@@ -37,7 +37,7 @@ def box() -> ObjectMesh:
 def random_grasps(count: int, size: int, seed: int, creased: int) -> SurfaceContacts:
     """Random grasps at a box's vertices, `creased` contacts of each on edges and corners."""
     mesh, rng = box(), np.random.default_rng(seed)
-    smooth = mesh.normal_sets.counts == 1
+    smooth = mesh.contact_normals.counts == 1
     columns = [
         rng.choice(np.flatnonzero(~smooth if i < creased else smooth), size) for i in range(count)
     ]
@@ -200,7 +200,7 @@ def test_contacts_with_any_normal_are_ambiguous() -> None:
     mesh = load_mesh((both, np.vstack([faces, faces + 8])), max_edge=0.6)
     shared = (np.abs(mesh.vertices - [0.5, 0.5, 0.0]) < [1e-9, 1e-9, 0.4]).all(axis=1)
     edge = int(np.flatnonzero(shared)[0])
-    smooth = np.flatnonzero(mesh.normal_sets.counts == 1)
+    smooth = np.flatnonzero(mesh.contact_normals.counts == 1)
     grasps = np.array([[edge, smooth[0], smooth[9]], [smooth[1], smooth[20], edge]])
     contacts = SurfaceContacts(mesh, vertex_surface_points(mesh, grasps))
     assert contacts.any_normal.sum() == 2
@@ -211,8 +211,8 @@ def test_contacts_with_any_normal_are_ambiguous() -> None:
 
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_contacts_at_one_point_are_no_grasp(count: int) -> None:
-    corner = int(np.flatnonzero(box().normal_sets.counts == 3)[0])
-    smooth = int(np.flatnonzero(box().normal_sets.counts == 1)[0])
+    corner = int(np.flatnonzero(box().contact_normals.counts == 3)[0])
+    smooth = int(np.flatnonzero(box().contact_normals.counts == 1)[0])
     grasps = np.array([[corner] * count, [smooth] * count])
     worst, best = critical_angles(SurfaceContacts(box(), vertex_surface_points(box(), grasps)))
     assert np.isinf(worst).all()
@@ -243,8 +243,8 @@ def test_negative_angles_of_smooth_contacts() -> None:
     assert (worst < 0.0).any()
     np.testing.assert_array_equal(worst, best)
     cube = load_mesh(shapes.box(), max_edge=0.3)
-    smooth = np.flatnonzero(cube.normal_sets.counts == 1)
-    edge = np.flatnonzero(cube.normal_sets.counts == 2)
+    smooth = np.flatnonzero(cube.contact_normals.counts == 1)
+    edge = np.flatnonzero(cube.contact_normals.counts == 2)
     many = np.column_stack([rng.choice(edge, 1), rng.choice(smooth, (1, 12))])
     worst, best = critical_angles(
         SurfaceContacts(cube, vertex_surface_points(cube, many)), tolerance=0.02

@@ -200,7 +200,7 @@ def test_the_smallest_epsilon_is_above_zero_exactly_where_the_label_is_s(
     name: str, edges: int | None
 ) -> None:
     labels = labelled(name, edges)
-    smooth = labels.mesh.normal_sets.counts == 1
+    smooth = labels.mesh.contact_normals.counts == 1
     positive = labels.epsilon_min > 0.0
     np.testing.assert_array_equal(positive[smooth], (labels.label == S)[smooth])
     assert (labels.label[positive] == S).all()
@@ -213,7 +213,7 @@ def test_the_smallest_epsilon_is_above_zero_exactly_where_the_label_is_s(
 def test_epsilon_of_exact_labels_bounds_that_of_method_extremes() -> None:
     labels = labelled("coarse box")
     plain = with_exact_labels(labels)
-    smooth = labels.mesh.normal_sets.counts == 1
+    smooth = labels.mesh.contact_normals.counts == 1
     assert (labels.epsilon_min >= 0.98 * plain.epsilon_min)[smooth].all()
     assert (labels.epsilon_max <= 1.02 * plain.epsilon_max)[smooth].all()
     np.testing.assert_array_equal(labels.epsilon, plain.epsilon)
@@ -231,7 +231,7 @@ def test_edges_and_corners_of_a_box_are_not_stable(
         method="extremes", friction=friction, sensor_resolution=degrees(10.0), extreme_normals=4
     )
     labels = label_surface(surface("coarse box"), model)
-    on_face = surface("coarse box").normal_sets.counts == 1
+    on_face = surface("coarse box").contact_normals.counts == 1
     assert (labels.label[on_face] == S).all()
     assert (labels.label[~on_face] != S).all()
     assert differs_as_allowed(labels)
@@ -247,7 +247,7 @@ def test_a_vertex_that_may_have_any_normal_is_not_stable() -> None:
     )  # fmt: skip
     mesh = load_mesh((np.asarray(twice.vertices), np.asarray(twice.faces)), max_edge=9.0)
     tips = np.flatnonzero((mesh.vertices == 0.0).all(axis=1))
-    assert (mesh.normal_sets.counts[mesh.canonical[tips]] == 0).all()
+    assert (mesh.contact_normals.counts[mesh.canonical[tips]] == 0).all()
     labels = label_surface(mesh, GraspModel(friction=1.0, method="extremes", extreme_normals=4))
     assert (labels.label[tips] != S).all()
     assert differs_as_allowed(labels)

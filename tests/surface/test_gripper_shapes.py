@@ -72,7 +72,7 @@ def test_a_block_on_a_table_is_held_by_its_sides() -> None:
     mesh, (points, reach) = labels.mesh, in_mm(labels)
     x, y, z = points.T
     height = z + 10.0
-    inside = (mesh.normal_sets.counts == 1) & (height > 0.0)
+    inside = (mesh.contact_normals.counts == 1) & (height > 0.0)
     deep = height > SHALLOWEST
     for sides, opening in ((_is(x, 30.0), 60.0), (_is(y, 20.0), 40.0)):
         chosen = inside & sides & deep
@@ -82,7 +82,7 @@ def test_a_block_on_a_table_is_held_by_its_sides() -> None:
         assert reach.opening[chosen] == pytest.approx(opening)
         assert reach.pregrasp_opening[chosen] == pytest.approx(opening + 4.0)
     # Across its height one finger would be in the table; aslant the friction does not suffice.
-    flat = (mesh.normal_sets.counts == 1) & _is(z, 10.0)
+    flat = (mesh.contact_normals.counts == 1) & _is(z, 10.0)
     assert flat.any()
     assert (labels.label[flat] == 0).all()
     assert Reachability.TABLE in reach.state[flat]
@@ -153,7 +153,7 @@ def test_a_ring_is_held_from_inside() -> None:
     assert (labels.reach.pregrasp_opening[inner] < labels.reach.opening[inner]).all()
     assert (labels.reach.poses[inner, 2, 2] < -0.5).all()
     assert_free(labels, np.flatnonzero(inner)[::40])
-    outer = (radius > 44.0) & (mesh.normal_sets.counts == 1)
+    outer = (radius > 44.0) & (mesh.contact_normals.counts == 1)
     assert (labels.label[outer] == 0).all()
 
 
@@ -164,7 +164,7 @@ def test_a_flat_plate_on_a_stand_is_held_at_its_rim() -> None:
     labels = labelled(mesh, table=Table(np.array([0.0, 0.0, 1.0]), -0.2))
     x, y, z = mesh.file_points.T
     from_rim = np.minimum(100.0 - np.abs(x), 100.0 - np.abs(y))
-    flat = _is(z, 1.5) & (mesh.normal_sets.counts == 1)
+    flat = _is(z, 1.5) & (mesh.contact_normals.counts == 1)
     reach = 45.0 - SHALLOWEST
     # Ends of the fingers are beyond the contacts, and the palm behind them.
     near = flat & (from_rim < reach - 0.1)
@@ -181,7 +181,7 @@ def test_a_plate_is_held_by_its_edges_if_the_fingers_go_under_the_contacts() -> 
         plate = trimesh.creation.box((60.0, 60.0, height)).subdivide()
         labels = standing(mesh_of(plate, "90mm"))
         middle = np.abs(labels.mesh.vertices[:, 2]) < 1e-9
-        middle &= labels.mesh.normal_sets.counts == 1
+        middle &= labels.mesh.contact_normals.counts == 1
         assert middle.sum() >= 4
         assert (labels.label[middle] == 2 * reached).all()
 

@@ -53,7 +53,7 @@ def test_a_ball_is_m_if_the_tilt_exceeds_the_friction_angle(
 def test_a_box_is_s_on_its_faces_and_not_on_edges_and_corners(friction: float) -> None:
     mesh = load_mesh(shapes.box((1.0, 1.5, 2.0)))
     labels = label_surface(mesh, GraspModel(friction=friction, sensor_resolution=degrees(10.0)))
-    on_face = mesh.normal_sets.counts == 1
+    on_face = mesh.contact_normals.counts == 1
     assert (labels.label[on_face] == Label.S).all()
     assert (labels.label[~on_face] <= Label.M).all()
     assert labels.critical_angle[on_face] == pytest.approx(0.0, abs=1e-9)
@@ -116,7 +116,7 @@ def test_an_opening_equal_to_the_width_fits_at_any_pose(width: float, offset: fl
         mesh = load_mesh((vertices @ rotation.T + offset, faces), max_edge=edge)
         sampling = Sampling(max_opening=width, min_opening=width)
         labels = label_surface(mesh, sampling=sampling)
-        inside = sides & (mesh.normal_sets.counts == 1)
+        inside = sides & (mesh.contact_normals.counts == 1)
         assert (labels.label[inside] == Label.S).all()
         assert labels.opening[inside] == pytest.approx(width, rel=1e-5)
 

@@ -19,11 +19,11 @@ from grasp3d import (
     label_surface,
     load_mesh,
 )
-from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.sampling.multifinger import search
 from grasp3d.system.context import running
 from tests.helpers import shapes
+from tests.helpers.solids import box_mesh, sphere_mesh
 
 SEARCH_ANGLE = math.radians(80.0)
 ROUNDING = 2e-4
@@ -103,7 +103,7 @@ def test_every_grasp_has_the_angle_of_its_label(shape: str, fingers: int) -> Non
     mesh = labels.mesh
     vertices = np.flatnonzero(np.isfinite(labels.critical_angle))
     assert len(vertices) > 0.8 * mesh.on_surface.sum()
-    smooth = vertices[mesh.normal_sets.counts[mesh.canonical[vertices]] == 1][::7]
+    smooth = vertices[mesh.contact_normals.counts[mesh.canonical[vertices]] == 1][::7]
     first = vertex_surface_points(mesh, smooth)
     others = labels.partner_points
     grasps = SurfaceContacts(
@@ -208,7 +208,7 @@ def test_hulls_at_extreme_normals_agree_on_a_thousand_grasps() -> None:
 def _smooth_grasps(labels: SurfaceLabels) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(points, normals, critical angles) of grasps without contacts on creases."""
     mesh = labels.mesh
-    smooth = mesh.normal_sets.counts[mesh.canonical] == 1
+    smooth = mesh.contact_normals.counts[mesh.canonical] == 1
     vertices = np.flatnonzero(np.isfinite(labels.critical_angle) & smooth)
     first = mesh.normals[vertices][:, None]
     normals = np.concatenate([first, labels.partner_normals[vertices]], axis=1)

@@ -9,9 +9,9 @@ import trimesh
 from numpy.typing import NDArray
 
 from grasp3d import GraspModel, ObjectMesh, Sampling, label_surface, load_mesh
-from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.settings.sampling import CandidatePoints
 from tests.helpers import coplanar, shapes
+from tests.helpers.solids import box_mesh, sphere_mesh
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

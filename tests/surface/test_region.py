@@ -129,7 +129,7 @@ def check_best(mesh: ObjectMesh, *, most: int, seed: int = 0) -> None:
     """The best grasps of some smooth vertices are those of an exhaustive search."""
     labels = label_surface(mesh, sampling=Sampling(search_angle=1.0))
     check_contacts(labels)
-    smooth = np.flatnonzero(mesh.allowed & (mesh.normal_sets.counts == 1))
+    smooth = np.flatnonzero(mesh.allowed & (mesh.contact_normals.counts == 1))
     for vertex in np.random.default_rng(seed).permutation(smooth)[:most]:
         oracle = exhaustive(mesh, vertex)
         if oracle < 1.0:
@@ -259,5 +259,5 @@ def test_a_painted_mask_is_the_part_that_is_painted(
     write_ply_columns(path, columns, fine.faces, {}, binary=binary)
     part = load_mesh(mesh, region=f"{path}:grip" if kind == "scalar" else str(path))
     np.testing.assert_array_equal(part.allowed, mesh.vertices[:, 2] > 0.001)
-    with pytest.raises(SettingError, match=r"is no mask of arrays: .* 0\.0\d+ away"):
+    with pytest.raises(SettingError, match=r"is no mask of arrays, .* farther than 0\.0\d+ away"):
         load_mesh((mesh.vertices + 0.02, mesh.faces), region=f"{path}:{list(columns)[-1]}")

@@ -161,7 +161,7 @@ def on_one_face() -> SurfaceLabels:
 
 
 def top() -> np.ndarray:
-    return np.asarray((box().vertices[:, 2] == 1.0) & (box().normal_sets.counts == 1))
+    return np.asarray((box().vertices[:, 2] == 1.0) & (box().contact_normals.counts == 1))
 
 
 @pytest.mark.parametrize(("beta", "alpha"), [(5.0, 0.0), (50.0, 60.0), (60.0, 59.0), (89.0, 0.0)])
@@ -239,7 +239,7 @@ def test_labels_evaluate_the_grasps_that_were_found(monkeypatch: pytest.MonkeyPa
     mesh = load_mesh((np.vstack([vertices, vertices[:2]]), faces), max_edge=0.7)
     count, rng = len(mesh.vertices), np.random.default_rng(0)
     used = np.unique(mesh.faces)
-    smooth = used[mesh.normal_sets.counts[used] == 1]
+    smooth = used[mesh.contact_normals.counts[used] == 1]
     others = rng.choice(smooth, (count, 2, 2))
     others[3], others[4, 0], others[5, 1] = -1, -1, -1
     found = grasps_with_partners(mesh, others[mesh.canonical])

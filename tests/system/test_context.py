@@ -86,7 +86,7 @@ def test_threads_are_a_whole_number_from_1_on(threads: Any) -> None:
 
 def test_warnings_are_errors_where_that_is_stated() -> None:
     vertices, faces = shapes.box((0.04, 0.04, 0.04))
-    load, wrong = grasp3d.Load(mass=200.0), "more than any material: if its mass is 200 g"
+    load, wrong = grasp3d.Load(mass=200.0), "more than any material: are its mass"
     mesh = grasp3d.load_mesh((vertices, faces), unit="m", max_edge=0.02)
     (warning,) = grasp3d.label_surface(mesh, load=load).warnings
     assert wrong in warning

@@ -14,7 +14,6 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.errors import SettingError
-from grasp3d.mesh.primitives import box_mesh
 from grasp3d.settings import DEGREE
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.session.controls import ACTIONS, handle_key
@@ -22,6 +21,7 @@ from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import ViewState
 from tests.helpers import shapes
 from tests.helpers.held_grasps import JAWS
+from tests.helpers.solids import box_mesh
 from tests.helpers.viewing import ready_session, wait_until_idle
 
 

@@ -55,7 +55,7 @@ import sys
 from dataclasses import replace
 from math import radians
 from grasp3d import GraspModel, Sampling, label_surface, load_mesh
-from grasp3d.mesh.primitives import box_mesh
+from tests.helpers.solids import box_mesh
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.web.page import serve
 from grasp3d.viewer.view_settings import ViewSettings

@@ -15,7 +15,6 @@ from grasp3d import (
     scan_surface,
 )
 from grasp3d.errors import MeshError, OutputError
-from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.rendering import opengl
 from grasp3d.rendering.opengl import can_render
 from grasp3d.system.context import running
@@ -27,6 +26,7 @@ from grasp3d.viewer.scene.pictures import (
 from grasp3d.viewer.session.collection import Collection, Item, collection_of
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import ViewSettings
+from tests.helpers.solids import box_mesh, sphere_mesh
 
 # In continuous integration missing OpenGL is a failure.
 needs_opengl = pytest.mark.skipif(not (os.environ.get("CI") or can_render()), reason="needs OpenGL")

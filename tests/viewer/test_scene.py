@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from grasp3d import GraspModel, Label, Sampling, SurfaceLabels, label_surface, scan_surface
 from grasp3d.mesh import load_mesh
-from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.rendering.opengl import can_render, choose_window
 from grasp3d.stability.label import COLORS
 from grasp3d.viewer.scene.captions import Captions, round_length
@@ -39,6 +38,7 @@ from grasp3d.viewer.session.state import Section
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 from grasp3d.viewer.view_settings import ViewSettings
 from tests.helpers import shapes, viewing
+from tests.helpers.solids import box_mesh, cylinder_mesh, sphere_mesh
 from tests.helpers.vertex_labels import with_critical_angles
 from tests.helpers.viewing import ready_session
 

@@ -14,14 +14,14 @@ from nbclient import NotebookClient
 from PIL import Image
 
 from grasp3d import SurfaceLabels, label_surface
-from grasp3d.mesh.primitives import box_mesh
 from grasp3d.rendering.opengl import can_render
 from grasp3d.viewer import show
+from tests.helpers.solids import box_mesh
 from tests.viewer.test_page import BROWSER, CI, OPTIONS, coloured
 
 LABELS = """
 import grasp3d
-from grasp3d.mesh.primitives import box_mesh
+from tests.helpers.solids import box_mesh
 labels = grasp3d.label_surface(box_mesh((0.1, 0.2, 0.3), max_edge=0.1))
 """
 SHOW = "labels.show(height=500)"

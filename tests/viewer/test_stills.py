@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from grasp3d import GraspModel, Label, load_mesh, scan_surface
 from grasp3d.arrays import Bytes
-from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.rendering.opengl import View
 from grasp3d.viewer.scene.framing import MARGIN
 from grasp3d.viewer.scene.stills import draw_colors, draw_labels
 from grasp3d.viewer.session.inspection import MarkedContacts
 from grasp3d.viewer.session.painting import PALETTE
 from tests.helpers import shapes
+from tests.helpers.solids import box_mesh, sphere_mesh
 from tests.rendering.test_opengl import needs_opengl
 
 FRONT = View(azimuth=0.0, elevation=0.0)

@@ -37,10 +37,10 @@ from grasp3d.arrays import Bools, Bytes, Floats, Ints
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.ray_tracing import SurfaceRays
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import Sampling
 from grasp3d.surface.sampling.reachable import ReachSearch
+from grasp3d.surface.sampling.surface_rays import SurfaceRays
 from grasp3d.surface.sampling.vertices import contact_tree, neighbours, tangents
 from grasp3d.system.context import report_progress, thread_count
 
@@ -177,14 +177,14 @@ class _Search:
     reach: Reach | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
-        mesh, sets = self.mesh, self.mesh.normal_sets
+        mesh = self.mesh
         self.spacing = math.sqrt(2.0 * math.pi * (1.0 - math.cos(self.cone)) / self.sampling.rays)
         self.vertices = mesh.contact_vertices.copy()  # kernels are compiled for such arrays
         self.limits = pair_limits(mesh, self.sampling)
         self.sets = mesh.contact_normals
         self.surface = mesh.contact_surface
         self.origins = Origins(
-            self.surface.points, self.sets, sets.centres, tangents(mesh), sets.radii,
+            self.surface.points, self.sets, mesh.normal_centres, tangents(mesh), mesh.normal_radii,
             neighbours(mesh), self.cone,
         )  # fmt: skip
         self.grasps = no_pairs(len(mesh.vertices), STARTS, math.cos(self.spacing))
@@ -355,7 +355,7 @@ class _Search:
 
     def _unfinished(self) -> Ints:
         """Vertices whose critical angle is not within the tolerance of 0, its minimum."""
-        smooth = self.mesh.normal_sets.counts[self.vertices] == 1
+        smooth = self.mesh.contact_normals.counts[self.vertices] == 1
         bound = np.where(smooth, self.grasps.worst[self.vertices], math.inf)
         return self.vertices[bound > self.sampling.tolerance]
 

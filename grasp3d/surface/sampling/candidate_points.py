@@ -94,13 +94,13 @@ def crease_samples(mesh: ObjectMesh) -> tuple[Ints, Floats]:
         (first, normals): first row of each vertex in `normals` (V + 1,); inward unit normals
         (K, 3), one where the surface is smooth.
     """
-    sets = mesh.normal_sets
+    sets = mesh.contact_normals
     several = np.flatnonzero(sets.counts > 1)
-    single = np.flatnonzero((sets.counts == 1) | ((sets.counts == 0) & (sets.radii > 0.0)))
+    single = np.flatnonzero((sets.counts == 1) | ((sets.counts == 0) & (mesh.normal_radii > 0.0)))
     vertex_parts, normal_parts = [single], [sets.normals[sets.start[single]]]
     polygons = several[sets.counts[several] > 2]
     vertex_parts += [polygons]
-    normal_parts += [unit_rows(sets.centres[polygons])]
+    normal_parts += [unit_rows(mesh.normal_centres[polygons])]
     for vertices, closed in ((several[sets.counts[several] == 2], False), (polygons, True)):
         some_vertices, normals = _borders(mesh, vertices, closed=closed)
         vertex_parts += [some_vertices]
@@ -113,7 +113,7 @@ def crease_samples(mesh: ObjectMesh) -> tuple[Ints, Floats]:
 
 def _borders(mesh: ObjectMesh, vertices: Ints, *, closed: bool) -> tuple[Ints, Floats]:
     """(vertex, normal) of samples along arcs, or around polygons, (m,) and (m, 3)."""
-    sets = mesh.normal_sets
+    sets = mesh.contact_normals
     counts = sets.counts[vertices]
     sides = counts if closed else np.ones_like(counts)
     vertex = np.repeat(vertices, sides)

@@ -24,7 +24,7 @@ from grasp3d.hand.jaw_reach import NormalizedScene
 from grasp3d.hand.reach import Reach, Reachability
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.ray_tracing import SurfaceRays
+from grasp3d.surface.sampling.surface_rays import SurfaceRays
 from grasp3d.surface.sampling.vertices import contact_tree
 
 NOT_REACHED = 5
@@ -87,7 +87,7 @@ class ReachSearch:
     def __post_init__(self) -> None:
         mesh, scene = self.mesh, self.scene
         self.surface, self.sets = mesh.contact_surface, mesh.contact_normals
-        self.centres = mesh.normal_sets.centres
+        self.centres = mesh.normal_centres
         assert scene.jaws is not None
         self.beside = NormalizedScene.of(mesh, scene.jaws, scene.table, scene.approach)
         tree = contact_tree(mesh)

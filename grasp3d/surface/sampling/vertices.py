@@ -51,7 +51,7 @@ def tangents(mesh: ObjectMesh) -> Floats:
     that is parallel to the normal, from the third moments of the surface, its principal axes, and
     finally, for objects as regular as a ball, from an edge.
     """
-    centres = mesh.normal_sets.centres
+    centres = mesh.normal_centres
     points = mesh.normalized
     weights = mesh.vertex_areas / mesh.vertex_areas.sum()
     squares = np.einsum("ij,ij->i", points, points)

@@ -150,7 +150,7 @@ class Subject:
         mesh, labels, corners = self.mesh, self.labels, self.mesh.corner_normals
         has_grasp = labels.reason == Reason.FOUND
         has_grasp &= (labels.partner_normals != 0.0).any(axis=2).all(axis=1)
-        creased = (mesh.normal_sets.counts[mesh.canonical] > 1) & has_grasp
+        creased = (mesh.contact_normals.counts[mesh.canonical] > 1) & has_grasp
         rows = np.flatnonzero(creased[corners.vertices])
         vertices, normals = corners.vertices[rows], corners.normals[rows, None]
         points = np.concatenate([mesh.vertices[vertices, None], labels.partners[vertices]], axis=1)
