@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass, replace
 from enum import IntEnum
+from functools import partial
 from operator import attrgetter
 from typing import Any, Literal, NamedTuple
 
@@ -204,24 +205,19 @@ APPROACH_MARGIN = Field(
 DEPTH = Field(
     "depth", LENGTH, (), KNOWN_OR_NAN, of=of_part("reach", "depth"), when="gripper", ply=DOUBLE
 )
+_of_load = partial(of_part, "load_result")
 GRIP_FORCE = Field(
-    "grip_force",
-    NEWTONS,
-    (),
-    HELD,
-    of=of_part("load_result", "grip_force"),
-    when="load",
-    ply=DOUBLE,
+    "grip_force", NEWTONS, (), HELD, of=_of_load("grip_force"), when="load", ply=DOUBLE
 )
 FORCE = "grip force that holds the load at the worst normals"
 PAYLOAD = "mass that the force at hand holds there"
-HOLDING = (
+LOAD_NUMBERS = (
     GRIP_FORCE,
-    replace(GRIP_FORCE, name="grip_force_least", of=of_part("load_result", "grip_force_least")),
+    replace(GRIP_FORCE, name="grip_force_least", of=_of_load("grip_force_least")),
     replace(
         GRIP_FORCE,
         name="grip_force_largest",
-        of=of_part("load_result", "grip_force_largest"),
+        of=_of_load("grip_force_largest"),
         heading="force",
         meaning=FORCE,
     ),
@@ -235,8 +231,8 @@ HOLDING = (
     ),
 )
 FORCES = (
-    *HOLDING,
-    replace(LABEL, name="label_with_force", of=of_part("load_result", "label"), when="load"),
+    *LOAD_NUMBERS,
+    replace(LABEL, name="label_with_force", of=_of_load("label"), when="load"),
 )
 """What a load adds to grasps."""
 
@@ -257,7 +253,7 @@ GRASPS = (
     Field("rank", kind="i8"),
     OPENING,
     replace(OPENING, name="separation", heading=""),
-    *HOLDING,
+    *LOAD_NUMBERS,
 )
 """Grasps in tables."""
 
