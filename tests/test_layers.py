@@ -45,7 +45,6 @@ LAYERS = [
 Within a package no modules import each other in a circle."""
 
 UPWARD = {
-    ("grasp3d.mesh.object_mesh", "grasp3d.viewer.show"),
     ("grasp3d.surface.grasp_table", "grasp3d.viewer.show"),
     ("grasp3d.surface.labels", "grasp3d.viewer.show"),
 }

@@ -119,18 +119,13 @@ def _measures(diagnosis: MeshDiagnosis) -> Table:
     """Return a table of the measures before and after repair."""
     before, after = both = diagnosis.before, diagnosis.after
     length, area, volume = (f", m{power}" if diagnosis.unit else "" for power in ("", *"²³"))
-    shift = diagnosis.center_shift if before.closed and after.closed else 0.0
     volumes = ("open" if state.volume is None else f"{state.volume:.5g}" for state in both)
     rows = [
         ("vertices, faces", *(f"{state.vertices:,} {state.faces:,}" for state in both), ""),
         ("watertight", *map(_closed, both), ""),
         (f"area{area}", *(f"{state.area:.5g}" for state in both), _change(before.area, after.area)),
         (f"volume{volume}", *volumes, _change(before.volume, after.volume)),
-        (
-            f"centre of mass{length}",
-            *(_center(state, diagnosis.size) for state in both),
-            f"{100.0 * shift:.2g} % of the size" if shift > _MIN_CHANGE else "",
-        ),
+        (f"centre of mass{length}", *(_center(state, diagnosis.size) for state in both), ""),
         ("bodies", "", str(diagnosis.bodies), ""),
     ]
     table = table_of(("", "in the file", "after repair", "change"), rows, folded=True)

@@ -135,12 +135,6 @@ class MeshDiagnosis:
             (warning.trust for warning in self.warnings), key=list(Trust).index, default=Trust.YES
         )
 
-    @property
-    def center_shift(self) -> float:
-        """Distance by which repair moves the centre of mass, as a fraction of the size."""
-        moved = zip(self.before.center_mass, self.after.center_mass, strict=True)
-        return float(sum((a - b) ** 2 for a, b in moved) ** 0.5 / self.size)
-
 
 def check_mesh(
     source: MeshSource,

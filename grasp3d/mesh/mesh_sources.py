@@ -55,7 +55,8 @@ def read_source(source: MeshSource | RawMesh) -> RawMesh:
         return RawMesh(
             source.file_points, source.faces, report.format, source.file_unit, name=report.source
         )
-    names = [_name_of(kind) for kind in type(source).__mro__]
+    kinds = type(source).__mro__
+    names = [f"{kind.__module__.partition('.')[0]}.{kind.__name__}" for kind in kinds]
     name = next((one for one in names if one in _LIBRARIES), names[0])
     reader = _LIBRARIES.get(name)
     if reader is None:
@@ -75,11 +76,6 @@ def read_source(source: MeshSource | RawMesh) -> RawMesh:
     if library == "builtins":
         name = library = "arrays"
     return RawMesh(*arrays, library, unit_called(unit, name), name)
-
-
-def _name_of(kind: type) -> str:
-    """Library and name of a class: 'open3d.TriangleMesh'."""
-    return f"{kind.__module__.partition('.')[0]}.{kind.__name__}"
 
 
 Surface: TypeAlias = tuple[Any, Any, str | None]

@@ -51,7 +51,9 @@ def normal_noise(surface: Triangles) -> float:
 def _median_deviation(surface: Triangles, normals: CornerNormals) -> float:
     """Median angle between normals and their neighbours' extrapolation, if that had no error."""
     count, own = len(normals.normals), normals.normals
-    one, two = _neighbours(normals.corners, count)
+    ends = normals.corners, np.roll(normals.corners, -1, axis=1)
+    pairs = np.concatenate([ends[0] * count + ends[1], ends[1] * count + ends[0]])
+    one, two = np.divmod(np.unique(pairs), count)  # each side of a face in both directions
     points = surface.vertices[normals.vertices]
     weights = _weights(points[two] - points[one], own, one)
     expected = np.stack([np.bincount(one, weights * own[two, k], count) for k in range(3)], axis=1)
@@ -64,12 +66,6 @@ def _median_deviation(surface: Triangles, normals: CornerNormals) -> float:
     areas = np.bincount(normals.corners.ravel(), np.repeat(surface.areas, 3), count)
     weights = (areas / (1.0 + spread))[usable]
     return float(np.quantile(angles[usable], 0.5, weights=weights, method="inverted_cdf"))
-
-
-def _neighbours(corners: Ints, count: int) -> tuple[Ints, Ints]:
-    """Pairs of normals at the two ends of a face's side, each pair once in each direction."""
-    one, two = corners, np.roll(corners, -1, axis=1)
-    return np.divmod(np.unique(np.concatenate([one * count + two, two * count + one])), count)
 
 
 def _weights(offsets: Floats, own: Floats, one: Ints) -> Floats:

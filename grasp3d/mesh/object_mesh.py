@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -347,17 +346,6 @@ class ObjectMesh:
         data: pyvista.PolyData = pyvista.PolyData.from_regular_faces(self.vertices, faces)
         data.point_data["normal"] = -self.normals
         return data
-
-    def show(self, **options: Any) -> Any:
-        """Label the surface and show it: in a notebook below the cell, elsewhere in a window.
-
-        Args:
-            options: As in `grasp3d.viewer.show.show`: settings, height, proxy, model, sampling.
-
-        Raises:
-            OutputError: Nothing can be shown in this environment.
-        """
-        return import_module("grasp3d.viewer.show").show(self, **options)
 
     def from_normalized(self, points: Floats) -> Floats:
         """Transform points (..., 3) of the normalised frame to the mesh's."""

@@ -94,12 +94,10 @@ def contains(mesh: ObjectMesh, points: Floats) -> Bools:
     rays = FaceRays(mesh.normalized, mesh.faces)
     outward = -Triangles(mesh.normalized, mesh.faces).normals
     origins = ((points - mesh.center) / mesh.size).astype(np.float32)
-    votes = np.zeros(len(points), dtype=np.int64)
-    for direction in WAYS_OUT:
-        toward = np.tile(direction, (len(points), 1))
-        face = rays.hits(origins, toward.astype(np.float32))[0].astype(np.int64)
-        votes += (face >= 0) & (outward[face] @ direction > 0.0)
-    return np.asarray(2 * votes > len(WAYS_OUT))
+    ways = np.repeat(WAYS_OUT.astype(np.float32)[:, None], len(points), axis=1)  # (3, k, 3)
+    faces = np.stack([rays.hits(origins, way)[0].astype(np.int64) for way in ways])
+    votes = (faces >= 0) & (np.vecdot(outward[faces], ways) > 0.0)
+    return np.asarray(votes.sum(axis=0) > 1)
 
 
 def nearest_vertex(mesh: ObjectMesh, name: str, position: Sequence[GivenLength]) -> int:
