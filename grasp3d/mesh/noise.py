@@ -8,11 +8,7 @@ from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.normals import CornerNormals, corner_normals
 
-CREASES = (
-    (math.radians(30.0), math.radians(1.5)),
-    (math.radians(60.0), math.radians(5.0)),
-    (math.pi, math.inf),
-)
+CREASES = np.radians([(30.0, 1.5), (60.0, 5.0), (180.0, math.inf)])
 """Crease angles to try, each with the largest noise that makes no edges bend by so much [rad]."""
 
 SCALE = 1.15
@@ -86,10 +82,8 @@ def _weights(offsets: Floats, own: Floats, one: Ints) -> Floats:
     axes = np.stack([across, np.cross(own, across)], axis=1)  # (C, 2, 3)
     flat = np.einsum("mak,mk->ma", axes[one], offsets / reach[one, None])
     basis = np.column_stack([np.ones(len(one)), flat])  # (m, 3)
-    moments = np.stack(
-        [np.bincount(one, basis[:, i] * basis[:, j], count) for i in range(3) for j in range(3)],
-        axis=1,
-    ).reshape(-1, 3, 3)
+    moments = np.zeros((count, 3, 3))
+    np.add.at(moments, one, basis[:, :, None] * basis[:, None])
     spread_out = np.linalg.det(moments) > FLAT
     factors = np.zeros((count, 3))
     factors[spread_out] = np.linalg.inv(moments[spread_out])[:, 0]

@@ -244,8 +244,8 @@ class ObjectMesh:
     @cached_property
     def crease_fraction(self) -> float:
         """Area fraction of the vertices on creases; it shrinks on a finer mesh."""
-        on_crease = self.contact_normals.counts != 1
-        return float(self.vertex_areas[on_crease].sum() / self.vertex_areas.sum())
+        areas = self.vertex_areas
+        return float(areas[self.contact_normals.counts != 1].sum() / areas.sum())
 
     @cached_property
     def torque_scale(self) -> float:

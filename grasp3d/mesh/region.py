@@ -31,8 +31,6 @@ COLORED = 0.2
 HALF = 0.5
 """Scalar above which a vertex is painted, and fraction of paint above which a point is."""
 
-RGB = ("red", "green", "blue")
-
 
 def restricted(mesh: ObjectMesh, options: MeshOptions) -> ObjectMesh:
     """The same mesh, with contacts only where its options allow them.
@@ -130,8 +128,8 @@ def _paint(columns: dict[str, Floats], name: str, where: str) -> Bools:
         painted = columns[name] > HALF
     elif not name:
         how = "in a colour other than white, grey and black"
-        if columns.keys() >= set(RGB):
-            colors = np.stack([columns[one] for one in RGB], axis=1)
+        if columns.keys() >= {"red", "green", "blue"}:
+            colors = np.stack([columns[one] for one in ("red", "green", "blue")], axis=1)
             painted = np.ptp(colors, axis=1) > COLORED * (255.0 if colors.max() > 1.0 else 1.0)
     if not painted.any():
         raise SettingError(

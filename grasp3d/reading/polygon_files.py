@@ -132,7 +132,7 @@ def open_ply(source: Source) -> PlyFile:
                 case ["element" | "property", *_]:
                     raise ValueError(line)  # noqa: TRY301
         except (ValueError, LookupError) as error:
-            raise source.damaged(f"a line of its header ({line[:60]!r}) is not valid") from error
+            raise source.unexpected(f"a line of its header ({line[:60]!r}) is not valid") from error
     return PlyFile(source, order, elements, head[0], data[head.end() :])
 
 

@@ -115,7 +115,7 @@ def read_gltf(source: Source) -> tuple[Floats, Ints, Unit]:
             geometry.vertices = np.maximum(geometry.vertices / float(np.iinfo(kind).max), -1.0)
     count, found = sum(len(read[node["mesh"]]) for node in shown), scene.graph.nodes_geometry
     if count != len(found):
-        raise source.damaged(f"shows {count} parts, of which {len(found)} can be read")
+        raise source.unexpected(f"shows {count} parts, of which {len(found)} can be read")
     vertices, faces = flattened(scene, source.where)
     return vertices + 0.0, faces, "m"  # there is no -0.0
 
@@ -171,7 +171,7 @@ def _shown(source: Source, tree: Tree) -> list[Tree]:
     while queue:
         number = queue.pop()
         if number in found:
-            raise source.damaged(f"its nodes form a cycle, or node {number} has two parents")
+            raise source.error(f"its nodes form a cycle, or node {number} has two parents")
         found[number] = nodes[number]
         queue += nodes[number].get("children", [])
     return list(found.values())

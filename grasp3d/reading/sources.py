@@ -85,10 +85,6 @@ class Source:
         """The error that a file cannot be read for a reason, which begins with a verb."""
         return MeshError(f"{self.where}: {reason}")
 
-    def damaged(self, reason: str) -> MeshError:
-        """The same, of a file that its program has to write again."""
-        return self.error(f"{reason}; export the mesh again")
-
     def unexpected(self, reason: str) -> MeshError:
         """The same, of content that its suffix does not promise."""
         return self.error(f"{reason}; is the file complete, and is its suffix right?")
@@ -157,10 +153,8 @@ def unit_called(name: str | None, where: str) -> Unit | None:
     Raises:
         MeshError: It is none of the supported units.
     """
-    if not name:
-        return None
-    unit = _UNIT_NAMES.get(name.strip().lower().removesuffix("s"))
-    if unit is None:
+    unit = _UNIT_NAMES.get((name or "").strip().lower().removesuffix("s"))
+    if name and unit is None:
         raise MeshError(
             f"{where}: states the unit {printable(name)!r}, which is none of {', '.join(METRES)}; "
             "scale the mesh to one of these"
