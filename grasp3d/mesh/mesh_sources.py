@@ -12,9 +12,9 @@ import numpy as np
 
 from grasp3d.errors import MeshError
 from grasp3d.mesh.object_mesh import ObjectMesh
-from grasp3d.reading.mesh_files import read_mesh
-from grasp3d.reading.scenes import flattened
-from grasp3d.reading.sources import RawMesh, unit_called
+from grasp3d.mesh.reading.mesh_files import read_mesh
+from grasp3d.mesh.reading.scenes import flattened
+from grasp3d.mesh.reading.sources import RawMesh, unit_called
 from grasp3d.system.names import reason_of
 
 if TYPE_CHECKING:

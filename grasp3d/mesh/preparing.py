@@ -14,11 +14,11 @@ from grasp3d.mesh.mesh_sources import MeshSource, read_source
 from grasp3d.mesh.normals import corner_normals
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh, scale_of
 from grasp3d.mesh.plausible_units import unit_warning, unknown_unit
+from grasp3d.mesh.reading.sources import RawMesh
 from grasp3d.mesh.refinement import DEFAULT_EDGE, check_refinement, refine
 from grasp3d.mesh.region import restricted
 from grasp3d.mesh.repair.work import MOST_ROUNDING, RepairedSurface, repair_surface
 from grasp3d.mesh.work_bounds import bounds_of
-from grasp3d.reading.sources import RawMesh
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.costs import check_cost
 from grasp3d.settings.units import Unit, with_units

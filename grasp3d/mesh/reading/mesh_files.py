@@ -9,9 +9,9 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, first_at_position
 from grasp3d.errors import MeshError
-from grasp3d.reading.polygon_files import read_obj, read_off, read_ply
-from grasp3d.reading.scenes import read_3mf, read_gltf
-from grasp3d.reading.sources import RawMesh, Source, find_source
+from grasp3d.mesh.reading.polygon_files import read_obj, read_off, read_ply
+from grasp3d.mesh.reading.scenes import read_3mf, read_gltf
+from grasp3d.mesh.reading.sources import RawMesh, Source, find_source
 from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import reason_of
 

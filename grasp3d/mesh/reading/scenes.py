@@ -19,7 +19,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints
 from grasp3d.errors import MeshError
-from grasp3d.reading.sources import Source, check_corners, unit_called
+from grasp3d.mesh.reading.sources import Source, check_corners, unit_called
 from grasp3d.settings.units import Unit
 from grasp3d.system.documents import is_file
 

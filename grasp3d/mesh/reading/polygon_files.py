@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Floats, Ints
-from grasp3d.reading.sources import Source, check_corners
+from grasp3d.mesh.reading.sources import Source, check_corners
 
 MOST_CORNERS = 1000
 """Largest number of corners of a face; round lids have a few hundred."""
