@@ -187,12 +187,12 @@ def check_mesh(
     given_points = (scale * given.vertices - mesh.center) / mesh.size
     joined = first_at_position(given.vertices)  # vertices at equal positions count once
     crossing, bodies, noise = crossing_faces(surface), _count_bodies(surface), normal_noise(surface)
-    lengths = length_warnings(mesh, model, sampling)
+    meant = Trust.CARE if force else Trust.NO
     inside = Trust.NO if repaired.closed and math.isnan(mesh.volume) else Trust.CARE
     warnings = (
         *(MeshWarning(inside, message) for message in mesh.report.warnings),
         *_warnings(surface, crossing, bodies, noise),
-        *(MeshWarning(Trust.CARE if force else Trust.NO, message) for message in lengths),
+        *(MeshWarning(meant, message) for message in length_warnings(mesh, model, sampling)),
     )
     extents = np.ptp(repaired.vertices[repaired.faces].reshape(-1, 3), axis=0)
     return MeshDiagnosis(

@@ -37,24 +37,20 @@ else:
         """
 
 
-def read_source(source: MeshSource | RawMesh) -> RawMesh:
+def read_source(source: MeshSource) -> RawMesh:
     """Read a mesh from any source.
 
     Args:
-        source: A path, or an object as in `MeshSource`; what was read already is returned.
+        source: A path, or an object as in `MeshSource`.
 
     Raises:
         MeshError: A file cannot be read, or an object is no mesh.
     """
-    if isinstance(source, RawMesh):
-        return source
     if isinstance(source, str | os.PathLike):
         return read_mesh(Path(os.fsdecode(source)))
     if isinstance(source, ObjectMesh):
-        report = source.report
-        return RawMesh(
-            source.file_points, source.faces, report.format, source.file_unit, name=report.source
-        )
+        report, stated = source.report, source.file_unit
+        return RawMesh(source.file_points, source.faces, report.format, stated, report.source)
     kinds = type(source).__mro__
     names = [f"{kind.__module__.partition('.')[0]}.{kind.__name__}" for kind in kinds]
     name = next((one for one in names if one in _LIBRARIES), names[0])

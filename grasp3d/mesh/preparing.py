@@ -96,12 +96,12 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
 
 
 def prepare(
-    source: MeshSource | RawMesh, options: MeshOptions
+    source: MeshSource, options: MeshOptions
 ) -> tuple[ObjectMesh, RepairedSurface, RawMesh]:
     """Prepare a mesh, as `load_mesh` does, and keep the surfaces that it was made of.
 
     Args:
-        source: As in `load_mesh`; an `ObjectMesh` is prepared again; or a mesh that was read.
+        source: As in `load_mesh`; an `ObjectMesh` is prepared again.
         options: How the mesh is read and prepared.
 
     Returns:

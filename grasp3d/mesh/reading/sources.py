@@ -55,10 +55,7 @@ class RawMesh:
         check_finite(self.vertices, self.where)
         check_corners(self.faces, len(self.vertices), self.where)
         if 0.0 < self.extent < 1.0 / LARGEST:
-            raise MeshError(
-                f"{self.where}: its largest extent is {self.extent:.3g}, below {1.0 / LARGEST:g}; "
-                "scale the mesh"
-            )
+            raise MeshError(f"{self.where}: its extent is only {self.extent:.3g}; scale the mesh")
 
     @property
     def where(self) -> str:
