@@ -41,8 +41,8 @@ def _read(path: Path) -> RawMesh:
     except (MeshError, MemoryError):
         raise
     except Exception as error:  # trimesh raises errors of any class
-        is_plain = isinstance(error, ValueError)
-        reason = reason_of(error) if is_plain else "its parts do not fit together"
+        is_obscure = isinstance(error, LookupError | TypeError | AttributeError | AssertionError)
+        reason = "its parts do not fit together" if is_obscure else reason_of(error)
         raise source.unexpected(f"cannot be read as {source.kind.upper()} ({reason})") from error
     return RawMesh(vertices, faces, source.kind, next(iter(stated), None), path.name, path)
 

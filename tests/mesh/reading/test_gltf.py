@@ -325,7 +325,7 @@ BAD_3MF: dict[str, tuple[bytes, str]] = {
         mesh_files.three_mf(
             xml_components(1, 'objectid="2"') + xml_components(2, 'objectid="1"'), ITEM(1)
         ),
-        "its parts do not fit together",
+        "recursion depth exceeded",
     ),
     "two": (mesh_files.three_mf(TWO, ITEM(7), part=INNER), "declares 4 triangles, of which 8"),
     "production": (
