@@ -27,7 +27,7 @@ from grasp3d.grasps import read_object_pose
 from grasp3d.grasps.pose_files import read_poses, write_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand_files import read_hand, write_hand
-from grasp3d.reading.mesh_files import read_mesh
+from grasp3d.mesh.reading.mesh_files import read_mesh
 from grasp3d.system.limited_reading import limited_reading
 
 HAND, SIDES = grasp3d.ParallelGripper.preset("franka"), (("left", ""), ("right", "-"))

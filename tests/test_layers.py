@@ -25,7 +25,7 @@ LAYERS = [
     "system",
     "settings _kernels",
     "contact",
-    "quality reading",
+    "quality",
     "stability mesh",
     "hand",
     "surface planar",
@@ -45,7 +45,6 @@ LAYERS = [
 Within a package no modules import each other in a circle."""
 
 UPWARD = {
-    ("grasp3d.mesh.object_mesh", "grasp3d.viewer.show"),
     ("grasp3d.surface.grasp_table", "grasp3d.viewer.show"),
     ("grasp3d.surface.labels", "grasp3d.viewer.show"),
 }
@@ -56,8 +55,8 @@ ENGINES = {
     "clarabel": {"quality.hand_forces.cone_program"},
     "embreex": {"mesh.ray_tracing"},
     "numba": {"_kernels"},
-    "trimesh": {"mesh", "export", "hand", "paper", "reading", "surface"},
-    "mapbox_earcut": {"reading.polygon_files"},
+    "trimesh": {"mesh", "export", "hand", "paper", "surface"},
+    "mapbox_earcut": {"mesh.reading.polygon_files"},
     "distributed": {"batch"},
     "dask": {"batch"},
     "fsspec": {"batch.storage"},

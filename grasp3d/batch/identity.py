@@ -8,7 +8,7 @@ from typing import Any
 
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.errors import MeshError
-from grasp3d.reading.scenes import side_names
+from grasp3d.mesh.reading.scenes import side_names
 from grasp3d.settings.parsing import plain_values
 from grasp3d.system.documents import problem_of_file
 from grasp3d.system.names import printable

@@ -17,7 +17,7 @@ from grasp3d.batch.storage.files import (
     read_text,
 )
 from grasp3d.errors import MeshError
-from grasp3d.reading.sources import SUFFIXES
+from grasp3d.mesh.reading.sources import SUFFIXES
 from grasp3d.system.names import as_unicode, printable, short_hash
 
 RESULT = "_labeled.ply"

@@ -18,7 +18,7 @@ from grasp3d.batch.plan import Job
 from grasp3d.batch.row import BestGrasp, Outcome, Row
 from grasp3d.batch.storage.files import local_copy
 from grasp3d.errors import FileUnreadError, GraspError, OutputError, WarningError
-from grasp3d.reading.scenes import side_names
+from grasp3d.mesh.reading.scenes import side_names
 from grasp3d.settings.costs import labelling_cost
 from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles
 from grasp3d.stability.label import Label

@@ -10,7 +10,7 @@ import numpy as np
 
 from grasp3d.arrays import ARCHIVE_ERRORS
 from grasp3d.export.stored import FIELDS, Stored, settings_in
-from grasp3d.reading.sources import Source
+from grasp3d.mesh.reading.sources import Source
 from grasp3d.surface.fields import Arrays, Field, present
 from grasp3d.surface.label_settings import SETTING, complete_settings
 from grasp3d.surface.labels import SurfaceLabels

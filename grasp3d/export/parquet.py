@@ -6,7 +6,7 @@ import numpy as np
 
 from grasp3d.export.npz import packed, unpacked
 from grasp3d.export.stored import Stored, damaged, fingers_of
-from grasp3d.reading.sources import Source
+from grasp3d.mesh.reading.sources import Source
 from grasp3d.surface.fields import XYZ, Array, Arrays, Field
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES

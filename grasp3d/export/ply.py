@@ -9,8 +9,8 @@ import numpy.typing as npt
 from grasp3d.arrays import Ints
 from grasp3d.export.npz import packed, unpacked
 from grasp3d.export.stored import Stored, damaged, fingers_of
-from grasp3d.reading.polygon_files import Column, Element, PlyFile, open_ply, read_elements
-from grasp3d.reading.sources import Source, check_corners
+from grasp3d.mesh.reading.polygon_files import Column, Element, PlyFile, open_ply, read_elements
+from grasp3d.mesh.reading.sources import Source, check_corners
 from grasp3d.surface.fields import DECIDED, EPSILONS, FLOAT, Arrays, present
 from grasp3d.surface.label_settings import complete_settings
 from grasp3d.surface.labels import SurfaceLabels

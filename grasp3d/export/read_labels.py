@@ -19,11 +19,11 @@ from grasp3d.hand.reach import Reach
 from grasp3d.mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.normals import CornerNormals
 from grasp3d.mesh.object_mesh import scale_of
+from grasp3d.mesh.reading.sources import Source, find_source
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.force_ranges import Certainty
 from grasp3d.quality.tilting import EpsilonRange
-from grasp3d.reading.sources import Source, find_source
 from grasp3d.settings.units import Unit, with_lengths_scaled
 from grasp3d.surface.fields import AREA, LENGTH, Array
 from grasp3d.surface.labels import SurfaceLabels

@@ -20,8 +20,8 @@ from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh.measures import Triangles
+from grasp3d.mesh.reading.sources import Source, check_finite
 from grasp3d.quality.loads import Load, load_from
-from grasp3d.reading.sources import Source, check_finite
 from grasp3d.settings import (
     MAX_SEARCHED_FINGERS,
     GraspModel,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from grasp3d.export.stored import Stored, damaged, fingers_of, settings_in
 from grasp3d.export.vtp_arrays import vtp_arrays
-from grasp3d.reading.sources import Source
+from grasp3d.mesh.reading.sources import Source
 from grasp3d.surface.conversions import INFINITE
 from grasp3d.surface.fields import Array, Arrays
 from grasp3d.surface.labels import SurfaceLabels

@@ -13,7 +13,7 @@ from grasp3d.arrays import Floats
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.hand.description_xml import mesh_file, xml_tree
 from grasp3d.hand.link_tree import Joint, JointKind, LinkMass, LinkShape, LinkTree, mesh_shape
-from grasp3d.reading.mesh_files import read_mesh
+from grasp3d.mesh.reading.mesh_files import read_mesh
 from grasp3d.system.documents import number_of, numbers_of
 from grasp3d.system.names import printable
 

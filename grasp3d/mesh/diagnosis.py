@@ -134,12 +134,6 @@ class MeshDiagnosis:
             (warning.trust for warning in self.warnings), key=list(Trust).index, default=Trust.YES
         )
 
-    @property
-    def center_shift(self) -> float:
-        """Distance by which repair moves the centre of mass, as a fraction of the size."""
-        moved = zip(self.before.center_mass, self.after.center_mass, strict=True)
-        return float(sum((a - b) ** 2 for a, b in moved) ** 0.5 / self.size)
-
 
 def check_mesh(
     source: MeshSource,
@@ -192,12 +186,12 @@ def check_mesh(
     given_points = (scale * given.vertices - mesh.center) / mesh.size
     joined = first_at_position(given.vertices)  # vertices at equal positions count once
     crossing, bodies, noise = crossing_faces(surface), _count_bodies(surface), normal_noise(surface)
-    lengths = length_warnings(mesh, model, sampling)
+    meant = Trust.CARE if force else Trust.NO
     inside = Trust.NO if repaired.closed and math.isnan(mesh.volume) else Trust.CARE
     warnings = (
         *(MeshWarning(inside, message) for message in mesh.report.warnings),
         *_warnings(surface, crossing, bodies, noise),
-        *(MeshWarning(Trust.CARE if force else Trust.NO, message) for message in lengths),
+        *(MeshWarning(meant, message) for message in length_warnings(mesh, model, sampling)),
     )
     extents = np.ptp(repaired.vertices[repaired.faces].reshape(-1, 3), axis=0)
     return MeshDiagnosis(

@@ -12,9 +12,9 @@ import numpy as np
 
 from grasp3d.errors import MeshError
 from grasp3d.mesh.object_mesh import ObjectMesh
-from grasp3d.reading.mesh_files import read_mesh
-from grasp3d.reading.scenes import flattened
-from grasp3d.reading.sources import RawMesh, unit_called
+from grasp3d.mesh.reading.mesh_files import read_mesh
+from grasp3d.mesh.reading.scenes import flattened
+from grasp3d.mesh.reading.sources import RawMesh, unit_called
 from grasp3d.system.names import reason_of
 
 if TYPE_CHECKING:
@@ -37,25 +37,22 @@ else:
         """
 
 
-def read_source(source: MeshSource | RawMesh) -> RawMesh:
+def read_source(source: MeshSource) -> RawMesh:
     """Read a mesh from any source.
 
     Args:
-        source: A path, or an object as in `MeshSource`; what was read already is returned.
+        source: A path, or an object as in `MeshSource`.
 
     Raises:
         MeshError: A file cannot be read, or an object is no mesh.
     """
-    if isinstance(source, RawMesh):
-        return source
     if isinstance(source, str | os.PathLike):
         return read_mesh(Path(os.fsdecode(source)))
     if isinstance(source, ObjectMesh):
-        report = source.report
-        return RawMesh(
-            source.file_points, source.faces, report.format, source.file_unit, name=report.source
-        )
-    names = [_name_of(kind) for kind in type(source).__mro__]
+        report, stated = source.report, source.file_unit
+        return RawMesh(source.file_points, source.faces, report.format, stated, report.source)
+    kinds = type(source).__mro__
+    names = [f"{kind.__module__.partition('.')[0]}.{kind.__name__}" for kind in kinds]
     name = next((one for one in names if one in _LIBRARIES), names[0])
     reader = _LIBRARIES.get(name)
     if reader is None:
@@ -75,11 +72,6 @@ def read_source(source: MeshSource | RawMesh) -> RawMesh:
     if library == "builtins":
         name = library = "arrays"
     return RawMesh(*arrays, library, unit_called(unit, name), name)
-
-
-def _name_of(kind: type) -> str:
-    """Library and name of a class: 'open3d.TriangleMesh'."""
-    return f"{kind.__module__.partition('.')[0]}.{kind.__name__}"
 
 
 Surface: TypeAlias = tuple[Any, Any, str | None]

@@ -8,11 +8,7 @@ from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.normals import CornerNormals, corner_normals
 
-CREASES = (
-    (math.radians(30.0), math.radians(1.5)),
-    (math.radians(60.0), math.radians(5.0)),
-    (math.pi, math.inf),
-)
+CREASES = np.radians([(30.0, 1.5), (60.0, 5.0), (180.0, math.inf)])
 """Crease angles to try, each with the largest noise that makes no edges bend by so much [rad]."""
 
 SCALE = 1.15
@@ -51,7 +47,9 @@ def normal_noise(surface: Triangles) -> float:
 def _median_deviation(surface: Triangles, normals: CornerNormals) -> float:
     """Median angle between normals and their neighbours' extrapolation, if that had no error."""
     count, own = len(normals.normals), normals.normals
-    one, two = _neighbours(normals.corners, count)
+    ends = normals.corners, np.roll(normals.corners, -1, axis=1)
+    pairs = np.concatenate([ends[0] * count + ends[1], ends[1] * count + ends[0]])
+    one, two = np.divmod(np.unique(pairs), count)  # each side of a face in both directions
     points = surface.vertices[normals.vertices]
     weights = _weights(points[two] - points[one], own, one)
     expected = np.stack([np.bincount(one, weights * own[two, k], count) for k in range(3)], axis=1)
@@ -64,12 +62,6 @@ def _median_deviation(surface: Triangles, normals: CornerNormals) -> float:
     areas = np.bincount(normals.corners.ravel(), np.repeat(surface.areas, 3), count)
     weights = (areas / (1.0 + spread))[usable]
     return float(np.quantile(angles[usable], 0.5, weights=weights, method="inverted_cdf"))
-
-
-def _neighbours(corners: Ints, count: int) -> tuple[Ints, Ints]:
-    """Pairs of normals at the two ends of a face's side, each pair once in each direction."""
-    one, two = corners, np.roll(corners, -1, axis=1)
-    return np.divmod(np.unique(np.concatenate([one * count + two, two * count + one])), count)
 
 
 def _weights(offsets: Floats, own: Floats, one: Ints) -> Floats:
@@ -90,10 +82,8 @@ def _weights(offsets: Floats, own: Floats, one: Ints) -> Floats:
     axes = np.stack([across, np.cross(own, across)], axis=1)  # (C, 2, 3)
     flat = np.einsum("mak,mk->ma", axes[one], offsets / reach[one, None])
     basis = np.column_stack([np.ones(len(one)), flat])  # (m, 3)
-    moments = np.stack(
-        [np.bincount(one, basis[:, i] * basis[:, j], count) for i in range(3) for j in range(3)],
-        axis=1,
-    ).reshape(-1, 3, 3)
+    moments = np.zeros((count, 3, 3))
+    np.add.at(moments, one, basis[:, :, None] * basis[:, None])
     spread_out = np.linalg.det(moments) > FLAT
     factors = np.zeros((count, 3))
     factors[spread_out] = np.linalg.inv(moments[spread_out])[:, 0]

@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -245,8 +244,8 @@ class ObjectMesh:
     @cached_property
     def crease_fraction(self) -> float:
         """Area fraction of the vertices on creases; it shrinks on a finer mesh."""
-        on_crease = self.contact_normals.counts != 1
-        return float(self.vertex_areas[on_crease].sum() / self.vertex_areas.sum())
+        areas = self.vertex_areas
+        return float(areas[self.contact_normals.counts != 1].sum() / areas.sum())
 
     @cached_property
     def torque_scale(self) -> float:
@@ -347,17 +346,6 @@ class ObjectMesh:
         data: pyvista.PolyData = pyvista.PolyData.from_regular_faces(self.vertices, faces)
         data.point_data["normal"] = -self.normals
         return data
-
-    def show(self, **options: Any) -> Any:
-        """Label the surface and show it: in a notebook below the cell, elsewhere in a window.
-
-        Args:
-            options: As in `grasp3d.viewer.show.show`: settings, height, proxy, model, sampling.
-
-        Raises:
-            OutputError: Nothing can be shown in this environment.
-        """
-        return import_module("grasp3d.viewer.show").show(self, **options)
 
     def from_normalized(self, points: Floats) -> Floats:
         """Transform points (..., 3) of the normalised frame to the mesh's."""

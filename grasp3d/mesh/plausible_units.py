@@ -37,13 +37,9 @@ def guess_unit(size: float) -> UnitGuess:
     usual, plausible = _fitting(size, USUAL), _fitting(size, PLAUSIBLE)
     likely = [unit for unit in PREFERRED if unit in usual]
     likely = likely or [unit for unit in plausible if unit in (*usual, *PREFERRED)]
-    unit, units, remark = None, get_args(Unit), "; no hand holds any of these"
-    if len(likely) > 1:
-        units, remark = tuple(likely), "; these are equally plausible"
-    elif likely:
-        unit, units, remark = likely[0], tuple(dict.fromkeys((*likely, *PREFERRED))), ""
-    sizes = ", ".join(f"{length_text(size * METRES[one])} if {one}" for one in units)
-    return UnitGuess(unit, f"largest extent {size:.4g}: {sizes}{remark}")
+    sizes = ", ".join(f"{length_text(size * METRES[one])} if {one}" for one in METRES)
+    reason = f"largest extent {size:.4g}: {sizes}"
+    return UnitGuess(likely[0] if len(likely) == 1 else None, reason)
 
 
 def unit_warning(size: float, unit: Unit | None) -> str:
@@ -76,10 +72,9 @@ def unknown_unit(what: str, source: str, size: float) -> SettingError:
         size: Its largest extent, in its unit.
     """
     guess = guess_unit(size)
-    option = f"--unit {guess.unit}" if guess.unit else "--unit"
     return SettingError(
-        f"{what}, but the unit of {source} is not known ({guess.reason}): add {option} "
-        f"(in Python unit={guess.unit or '...'!r})"
+        f"{what}, but the unit of {source} is not known ({guess.reason}): add --unit "
+        f"{guess.unit or '...'} (in Python unit={guess.unit or '...'!r})"
     )
 
 

@@ -14,11 +14,11 @@ from grasp3d.mesh.mesh_sources import MeshSource, read_source
 from grasp3d.mesh.normals import corner_normals
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh, scale_of
 from grasp3d.mesh.plausible_units import unit_warning, unknown_unit
+from grasp3d.mesh.reading.sources import RawMesh
 from grasp3d.mesh.refinement import DEFAULT_EDGE, check_refinement, refine
 from grasp3d.mesh.region import restricted
 from grasp3d.mesh.repair.work import MOST_ROUNDING, RepairedSurface, repair_surface
 from grasp3d.mesh.work_bounds import bounds_of
-from grasp3d.reading.sources import RawMesh
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.costs import check_cost
 from grasp3d.settings.units import Unit, with_units
@@ -96,12 +96,12 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
 
 
 def prepare(
-    source: MeshSource | RawMesh, options: MeshOptions
+    source: MeshSource, options: MeshOptions
 ) -> tuple[ObjectMesh, RepairedSurface, RawMesh]:
     """Prepare a mesh, as `load_mesh` does, and keep the surfaces that it was made of.
 
     Args:
-        source: As in `load_mesh`; an `ObjectMesh` is prepared again; or a mesh that was read.
+        source: As in `load_mesh`; an `ObjectMesh` is prepared again.
         options: How the mesh is read and prepared.
 
     Returns:
@@ -143,8 +143,7 @@ def _refined(source: RawMesh, repaired: RepairedSurface, options: MeshOptions) -
         center_from = "given"
     warnings = [
         *_warnings(source, repaired, unit, volume, center_from),
-        *filter(None, [unit_warning(size, unit)]),
-        *_center_warnings(surface, center_mass, center_from, where),
+        *filter(None, [unit_warning(size, unit), _center_warning(surface, center_mass, options)]),
     ]
     added = np.arange(len(repaired.vertices), len(refined.vertices))
     points = np.concatenate([repaired.vertices, refined.vertices[added] * size + center])
@@ -197,23 +196,20 @@ def _warnings(
     yield from repaired.warnings
 
 
-def _center_warnings(
-    surface: Triangles, center_mass: Floats, center_from: str, where: str
-) -> Iterator[str]:
-    """Warn about a centre of mass outside the surface's bounding box, in the normalised frame.
+def _center_warning(surface: Triangles, center_mass: Floats, options: MeshOptions) -> str:
+    """Warning of a centre of mass outside the surface's bounding box, in the normalised frame.
 
     Raises:
-        SettingError: It is too far away to be meant.
+        SettingError: It is given, and too far away to be meant.
     """
-    points = surface.vertices[surface.used]
+    points, is_given = surface.vertices[surface.used], options.center_of_mass is not None
     beyond = np.maximum(points.min(axis=0) - center_mass, center_mass - points.max(axis=0)).max()
-    remedy = "is it in the mesh's frame, with its unit (10mm,0,-2mm)?"
-    if center_from != "given":
-        remedy = (
-            "the surface crosses itself; mend it, or give its centre of mass (--center-of-mass)"
-        )
-    text = f"the centre of mass is outside the bounding box of {where} by {beyond:.3g} of its size"
-    if center_from == "given" and not beyond <= FAR:
-        raise SettingError(f"{text}: {remedy}")
-    if beyond > OUTSIDE:
-        yield f"{text}: {remedy}"
+    text = f"the centre of mass is outside the object's bounding box by {beyond:.3g} of its size: "
+    text += (
+        "is it in the mesh's frame, with its unit (10mm,0,-2mm)?"
+        if is_given
+        else "the surface crosses itself; mend it, or give the centre (--center-of-mass)"
+    )
+    if is_given and not beyond <= FAR:
+        raise SettingError(text)
+    return text if beyond > OUTSIDE else ""

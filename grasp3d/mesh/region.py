@@ -9,10 +9,10 @@ from grasp3d.arrays import Bools, Floats, locked
 from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.object_mesh import ObjectMesh
+from grasp3d.mesh.reading.mesh_files import read_mesh
+from grasp3d.mesh.reading.polygon_files import open_ply, read_elements
+from grasp3d.mesh.reading.sources import find_source
 from grasp3d.mesh.surface_points import nearest_surface_points
-from grasp3d.reading.mesh_files import read_mesh
-from grasp3d.reading.polygon_files import open_ply, read_elements
-from grasp3d.reading.sources import find_source
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.regions import Box, Mask
 from grasp3d.system.limited_reading import read_file
@@ -29,8 +29,6 @@ COLORED = 0.2
 
 HALF = 0.5
 """Scalar above which a vertex is painted, and fraction of paint above which a point is."""
-
-RGB = ("red", "green", "blue")
 
 
 def restricted(mesh: ObjectMesh, options: MeshOptions) -> ObjectMesh:
@@ -130,8 +128,8 @@ def _paint(columns: dict[str, Floats], name: str, where: str) -> Bools:
         painted = columns[name] > HALF
     elif not name:
         how = "in a colour other than white, grey and black"
-        if columns.keys() >= set(RGB):
-            colors = np.stack([columns[one] for one in RGB], axis=1)
+        if columns.keys() >= {"red", "green", "blue"}:
+            colors = np.stack([columns[one] for one in ("red", "green", "blue")], axis=1)
             painted = np.ptp(colors, axis=1) > COLORED * (255.0 if colors.max() > 1.0 else 1.0)
     if not painted.any():
         raise SettingError(

@@ -76,8 +76,6 @@ def nearest_surface_points(
     surface_points = SurfacePoints(faces, weights)
     positions = np.where(near[:, None], surface_points.positions(mesh), math.nan)
     distances = np.where(near, np.linalg.norm(positions - points, axis=1), math.inf)
-    far = distances > limit
-    faces[far], weights[far], positions[far], distances[far] = -1, 0.0, math.nan, math.inf
     return surface_points, positions, distances
 
 
@@ -94,12 +92,10 @@ def contains(mesh: ObjectMesh, points: Floats) -> Bools:
     rays = FaceRays(mesh.normalized, mesh.faces)
     outward = -Triangles(mesh.normalized, mesh.faces).normals
     origins = ((points - mesh.center) / mesh.size).astype(np.float32)
-    votes = np.zeros(len(points), dtype=np.int64)
-    for direction in WAYS_OUT:
-        toward = np.tile(direction, (len(points), 1))
-        face = rays.hits(origins, toward.astype(np.float32))[0].astype(np.int64)
-        votes += (face >= 0) & (outward[face] @ direction > 0.0)
-    return np.asarray(2 * votes > len(WAYS_OUT))
+    ways = np.repeat(WAYS_OUT.astype(np.float32)[:, None], len(points), axis=1)  # (3, k, 3)
+    faces = np.stack([rays.hits(origins, way)[0].astype(np.int64) for way in ways])
+    votes = (faces >= 0) & (np.vecdot(outward[faces], ways) > 0.0)
+    return np.asarray(votes.sum(axis=0) > 1)
 
 
 def nearest_vertex(mesh: ObjectMesh, name: str, position: Sequence[GivenLength]) -> int:
@@ -159,12 +155,8 @@ def _weights(corners: Floats, points: Floats) -> Floats:
 def _inside(corners: Floats, points: Floats) -> Floats:
     """Barycentric coordinates by areas; points of triangles without an area lie on their edges."""
     across = unit_rows(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    edges = [corners[:, (i + 2) % 3] - corners[:, (i + 1) % 3] for i in range(3)]
-    areas = [
-        np.vecdot(np.cross(edge, points - corners[:, (i + 1) % 3]), across)
-        for i, edge in enumerate(edges)
-    ]
-    weights = np.clip(np.stack(areas, axis=1), 0.0, None)
+    two, three = (np.roll(corners, -k, axis=1) - points[:, None] for k in (1, 2))
+    weights = np.clip(np.vecdot(np.cross(two, three), across[:, None]), 0.0, None)
     total = weights.sum(axis=1, keepdims=True)
     even = np.full_like(weights, 1.0 / 3.0)
     return np.asarray(np.divide(weights, total, out=even, where=total > 0.0))

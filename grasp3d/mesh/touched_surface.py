@@ -1,7 +1,6 @@
 """The surface of an object as the kernels of hands take it: nearest points, signs and normals."""
 
 import numpy as np
-import numpy.typing as npt
 
 from grasp3d._kernels.hands.touched_surface import TouchedSurface, fill_grid
 from grasp3d._kernels.surface.box_tree import RADIUS, THICKNESS, box_tree
@@ -45,9 +44,11 @@ def touched_surface(
     origin, extent = low - MARGIN, high - low + 2.0 * MARGIN
     step = float(extent.max()) / (STEPS - 1)
     nodes = np.ceil(extent / step - 1e-9).astype(int) + 1
+    boxes = tree.boxes.copy()  # which in single precision must contain those of the tree
+    boxes[:, [3, 4, 5, RADIUS, THICKNESS]] += 1e-6 * np.abs(boxes).max()
     touched = TouchedSurface(
         tree=tree,
-        boxes=_small_boxes(tree.boxes),
+        boxes=boxes.astype(np.float32),
         closed=closed,
         corners=np.ascontiguousarray(faces[tree.order]),
         across=np.where(across < 0, -1, place[across]).reshape(-1, 3)[tree.order],
@@ -61,10 +62,3 @@ def touched_surface(
     )
     fill_grid(touched)
     return touched
-
-
-def _small_boxes(boxes: Floats) -> npt.NDArray[np.float32]:
-    """Boxes in single precision that contain those of a tree."""
-    small = boxes.copy()
-    small[:, [3, 4, 5, RADIUS, THICKNESS]] += 1e-6 * np.abs(boxes).max()  # above any rounding
-    return small.astype(np.float32)

@@ -96,5 +96,6 @@ def test_a_batch_without_units_has_a_row_with_the_reason(box: Path) -> None:
     run = run_here("batch", "box.stl", "-o", "out", "--workers", "0", "--hand", "franka", cwd=box)
     assert run.returncode == 1
     (row,) = pq.read_table(box / "out" / "summary").to_pylist()
-    assert "is not known (largest extent 60: 6 cm if mm, 60 m if m): add --unit mm" in row["error"]
+    assert "is not known (largest extent 60: 60 m if m, 60 cm if cm, 6 cm if mm, " in row["error"]
+    assert "): add --unit mm" in row["error"]
     assert (row["outcome"], row["verdict"]) == ("refused", None)

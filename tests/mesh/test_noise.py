@@ -11,8 +11,8 @@ from grasp3d import load_mesh
 from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.noise import normal_noise
 from grasp3d.mesh.normals import corner_normals
+from grasp3d.mesh.reading.mesh_files import read_mesh
 from grasp3d.mesh.repair.work import repair_surface
-from grasp3d.reading.mesh_files import read_mesh
 from tests.helpers import shapes
 from tests.helpers.shapes import Surface
 

@@ -117,9 +117,9 @@ def test_a_centre_outside_the_object_is_warned_about_and_a_far_one_refused() -> 
     inside = load_mesh(box, center_of_mass=(19.9, 0.0, 0.0))
     assert not inside.report.warnings
     outside = load_mesh(box, center_of_mass=(30.0, 0.0, 0.0))
-    assert any("outside the bounding box of arrays" in one for one in outside.report.warnings)
+    assert any("outside the object's bounding box" in one for one in outside.report.warnings)
     assert any("bounding box" in one.message for one in check_mesh(outside).warnings)
-    with pytest.raises(SettingError, match=r"outside the bounding box of arrays by .* is it in"):
+    with pytest.raises(SettingError, match=r"outside the object's bounding box by .* is it in"):
         load_mesh(box, center_of_mass=(1e6, 0.0, 0.0))
 
 
@@ -134,4 +134,4 @@ def test_a_surface_that_crosses_itself_may_have_its_centre_outside() -> None:
     np.testing.assert_allclose(mesh.center_mass, [x, 0.0, 0.0], atol=1e-9)
     (warning,) = mesh.report.warnings
     beyond = (-20.0 - x) / mesh.size
-    assert f"outside the bounding box of arrays by {beyond:.3g} of its size: the surface" in warning
+    assert f"outside the object's bounding box by {beyond:.3g} of its size: the surface" in warning

@@ -30,7 +30,7 @@ from grasp3d.errors import MeshError, OutputError, SettingError
 from grasp3d.export.read_labels import READERS
 from grasp3d.export.stored import Stored
 from grasp3d.export.writers import writer_for
-from grasp3d.reading.sources import Source
+from grasp3d.mesh.reading.sources import Source
 from grasp3d.surface import Reason
 from grasp3d.surface.sampling.antipodal import OPENING_SLACK
 from grasp3d.system.context import running

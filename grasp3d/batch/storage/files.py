@@ -17,7 +17,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from grasp3d.errors import FileUnreadError, GraspError, MeshError
-from grasp3d.reading.scenes import side_names
+from grasp3d.mesh.reading.scenes import side_names
 from grasp3d.system.names import printable, reason_of, safe_stem
 
 _STAMPS = ("ETag", "etag", "md5Hash", "content_md5", "LastModified", "last_modified", "mtime",

@@ -19,7 +19,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints
 from grasp3d.errors import MeshError
-from grasp3d.reading.sources import Source, check_corners, unit_called
+from grasp3d.mesh.reading.sources import Source, check_corners, unit_called
 from grasp3d.settings.units import Unit
 from grasp3d.system.documents import is_file
 
@@ -99,7 +99,8 @@ def read_gltf(source: Source) -> tuple[Floats, Ints, Unit]:
     for node in tree.get("nodes", []):
         node.pop("camera", None)  # otherwise trimesh leaves out what its node holds
     names = [one.setdefault("uri", "") for one in tree.get("buffers", [])]
-    files = {name: _content(source, name) if name else data for name in names if _is_file(name)}
+    beside = [name for name in names if not name.startswith("data:")]
+    files = {name: _content(source, name) if name else data for name in beside}
     meshes = [mesh["primitives"] for mesh in tree.get("meshes", [])]
     shown = [node for node in _shown(source, tree) if "mesh" in node]
     for what in _unsupported(tree, chain(*meshes), shown):
@@ -114,14 +115,9 @@ def read_gltf(source: Source) -> tuple[Floats, Ints, Unit]:
             geometry.vertices = np.maximum(geometry.vertices / float(np.iinfo(kind).max), -1.0)
     count, found = sum(len(read[node["mesh"]]) for node in shown), scene.graph.nodes_geometry
     if count != len(found):
-        raise source.damaged(f"shows {count} parts, of which {len(found)} can be read")
+        raise source.unexpected(f"shows {count} parts, of which {len(found)} can be read")
     vertices, faces = flattened(scene, source.where)
     return vertices + 0.0, faces, "m"  # there is no -0.0
-
-
-def _is_file(name: str) -> bool:
-    """Whether data is beside the JSON, and not in it."""
-    return not name.startswith("data:")
 
 
 def _content(source: Source, name: str) -> bytes:
@@ -165,7 +161,7 @@ def side_names(path: Path) -> list[str]:
         names = [str(one.get("uri", "data:")) for one in _parts(path)[0].get("buffers", [])]
     except (ValueError, TypeError, AttributeError, RecursionError):  # which reading it will say
         return []
-    return list(dict.fromkeys(unquote(name) for name in names if _is_file(name)))
+    return list(dict.fromkeys(unquote(name) for name in names if not name.startswith("data:")))
 
 
 def _shown(source: Source, tree: Tree) -> list[Tree]:
@@ -175,7 +171,7 @@ def _shown(source: Source, tree: Tree) -> list[Tree]:
     while queue:
         number = queue.pop()
         if number in found:
-            raise source.damaged(f"its nodes form a cycle, or node {number} has two parents")
+            raise source.error(f"its nodes form a cycle, or node {number} has two parents")
         found[number] = nodes[number]
         queue += nodes[number].get("children", [])
     return list(found.values())

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Floats, Ints
-from grasp3d.reading.sources import Source, check_corners
+from grasp3d.mesh.reading.sources import Source, check_corners
 
 MOST_CORNERS = 1000
 """Largest number of corners of a face; round lids have a few hundred."""
@@ -132,7 +132,7 @@ def open_ply(source: Source) -> PlyFile:
                 case ["element" | "property", *_]:
                     raise ValueError(line)  # noqa: TRY301
         except (ValueError, LookupError) as error:
-            raise source.damaged(f"a line of its header ({line[:60]!r}) is not valid") from error
+            raise source.unexpected(f"a line of its header ({line[:60]!r}) is not valid") from error
     return PlyFile(source, order, elements, head[0], data[head.end() :])
 
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, first_at_position
 from grasp3d.errors import MeshError
-from grasp3d.reading.polygon_files import read_obj, read_off, read_ply
-from grasp3d.reading.scenes import read_3mf, read_gltf
-from grasp3d.reading.sources import RawMesh, Source, find_source
+from grasp3d.mesh.reading.polygon_files import read_obj, read_off, read_ply
+from grasp3d.mesh.reading.scenes import read_3mf, read_gltf
+from grasp3d.mesh.reading.sources import RawMesh, Source, find_source
 from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import reason_of
 
@@ -41,8 +41,8 @@ def _read(path: Path) -> RawMesh:
     except (MeshError, MemoryError):
         raise
     except Exception as error:  # trimesh raises errors of any class
-        is_plain = isinstance(error, ValueError)
-        reason = reason_of(error) if is_plain else "its parts do not fit together"
+        is_obscure = isinstance(error, LookupError | TypeError | AttributeError | AssertionError)
+        reason = "its parts do not fit together" if is_obscure else reason_of(error)
         raise source.unexpected(f"cannot be read as {source.kind.upper()} ({reason})") from error
     return RawMesh(vertices, faces, source.kind, next(iter(stated), None), path.name, path)
 

@@ -55,10 +55,7 @@ class RawMesh:
         check_finite(self.vertices, self.where)
         check_corners(self.faces, len(self.vertices), self.where)
         if 0.0 < self.extent < 1.0 / LARGEST:
-            raise MeshError(
-                f"{self.where}: its largest extent is {self.extent:.3g}, below {1.0 / LARGEST:g}; "
-                "scale the mesh"
-            )
+            raise MeshError(f"{self.where}: its extent is only {self.extent:.3g}; scale the mesh")
 
     @property
     def where(self) -> str:
@@ -84,10 +81,6 @@ class Source:
     def error(self, reason: str) -> MeshError:
         """The error that a file cannot be read for a reason, which begins with a verb."""
         return MeshError(f"{self.where}: {reason}")
-
-    def damaged(self, reason: str) -> MeshError:
-        """The same, of a file that its program has to write again."""
-        return self.error(f"{reason}; export the mesh again")
 
     def unexpected(self, reason: str) -> MeshError:
         """The same, of content that its suffix does not promise."""
@@ -157,10 +150,8 @@ def unit_called(name: str | None, where: str) -> Unit | None:
     Raises:
         MeshError: It is none of the supported units.
     """
-    if not name:
-        return None
-    unit = _UNIT_NAMES.get(name.strip().lower().removesuffix("s"))
-    if unit is None:
+    unit = _UNIT_NAMES.get((name or "").strip().lower().removesuffix("s"))
+    if name and unit is None:
         raise MeshError(
             f"{where}: states the unit {printable(name)!r}, which is none of {', '.join(METRES)}; "
             "scale the mesh to one of these"
