@@ -13,7 +13,6 @@ from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import (
     Triangles,
     edge_counts,
-    face_areas,
     is_closed,
     part_volumes,
     parts_of,
@@ -26,10 +25,9 @@ from grasp3d.mesh.plausible_units import UnitGuess, guess_unit, impossible_size
 from grasp3d.mesh.preparing import PreparedMesh, prepare, repair_given
 from grasp3d.mesh.ray_tracing import crossings
 from grasp3d.mesh.repair.cleaning import is_face
-from grasp3d.mesh.repair.holes import close_holes, fan_area, holes_of
+from grasp3d.mesh.repair.holes import fan_area, holes_of
 from grasp3d.mesh.repair.solids import manifold_status
 from grasp3d.mesh.repair.work import RepairStep
-from grasp3d.mesh.work_bounds import WorkBoundError
 from grasp3d.settings import (
     AnySampling,
     GivenModel,
@@ -335,12 +333,7 @@ def _hole_warnings(prepared: PreparedMesh, options: MeshOptions) -> Iterator[Mes
 def _missing_fraction(surface: Triangles) -> tuple[int, float]:
     """Return the number of holes, and their area fraction of the closed surface."""
     points, holes = surface.vertices, holes_of(surface.faces)
-    try:
-        closing = close_holes(points, holes)
-    except WorkBoundError:
-        lids = sum(fan_area(points, hole) for hole in holes)
-    else:
-        lids = sum(float(face_areas(points, lid).sum()) for lid in closing)
+    lids = sum(fan_area(points, hole) for hole in holes)
     return len(holes), lids / (lids + float(surface.areas.sum()))
 
 

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints, used_indices
+from grasp3d.arrays import Floats, Ints, first_at_position, used_indices
 from grasp3d.errors import MeshError
 from grasp3d.mesh.object_mesh import ObjectMesh
-from grasp3d.mesh.work_bounds import cell_counts
 from grasp3d.reading.mesh_files import read_mesh
 from grasp3d.reading.scenes import flattened
 from grasp3d.reading.sources import RawMesh, check_corners, check_finite, stated_unit
@@ -119,7 +118,7 @@ def _fewest_vertices(vertices: Floats, used: Ints, faces: int) -> int:
         return fewest
     points = vertices[used]
     points = (points - points.min(axis=0)) / max(float(np.ptp(points, axis=0).max()), TINY)
-    return max(fewest, len(cell_counts(points, APART)))
+    return max(fewest, len(np.unique(first_at_position(np.floor(points / APART)))))
 
 
 def read_source(source: MeshSource | RawMesh) -> RawMesh:

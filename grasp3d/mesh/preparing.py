@@ -17,10 +17,10 @@ from grasp3d.mesh.plausible_units import impossible_size, unit_warning
 from grasp3d.mesh.refinement import check_refinement, longest_edge, refine
 from grasp3d.mesh.region import restricted
 from grasp3d.mesh.repair.work import MOST_ROUNDING, RepairedSurface, repair_surface
-from grasp3d.mesh.work_bounds import bounds_of
 from grasp3d.reading.sources import RawMesh
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.units import Unit, with_units
+from grasp3d.system.limited_reading import Limits, in_limits
 from grasp3d.system.names import printable
 
 OUTSIDE = 1e-6
@@ -28,6 +28,13 @@ OUTSIDE = 1e-6
 
 FAR = 100.0
 """Distance of a centre of mass from the object, in its sizes, that cannot be meant."""
+
+SECONDS = 120.0
+"""Time to repair a mesh, or to divide its edges, where reading is limited [s]; 4 s are usual for
+300,000 faces."""
+
+MEMORY = 4e9
+"""Memory for the same [bytes]."""
 
 FLAT_VOLUME = 1e-9
 """Volume, as a fraction of the size cubed, below which a closed surface encloses none."""
@@ -159,10 +166,17 @@ def repair_given(mesh: RawMesh, options: MeshOptions) -> RepairedSurface:
 
     Raises:
         MeshError: It is not a surface, or too large.
+        FileUnreadError: Reading is limited, and repair exceeds a limit.
     """
     check_surface(mesh, options.max_memory)
-    with bounds_of(mesh.where):
-        return repair_surface(mesh.vertices, mesh.faces, options.repair, mesh.where)
+    limits = Limits(
+        SECONDS,
+        MEMORY,
+        f"{mesh.where}: repairing it",
+        "mend it in a CAD program, or give --repair none",
+    )
+    arguments = mesh.vertices, mesh.faces, options.repair, mesh.where
+    return in_limits(limits, repair_surface, *arguments)
 
 
 def refined_mesh(source: RawMesh, repaired: RepairedSurface, options: MeshOptions) -> ObjectMesh:
@@ -186,8 +200,14 @@ def refined_mesh(source: RawMesh, repaired: RepairedSurface, options: MeshOption
     normals = corner_normals(surface, options.crease_angle)
     edge = longest_edge(options, metres * size)
     check_refinement(surface, edge, options.max_memory, source.where)
-    with bounds_of(source.where):
-        refined, normals = refine(surface, normals, edge, min(error / size, MOST_ROUNDING))
+    rounding = min(error / size, MOST_ROUNDING)
+    limits = Limits(
+        SECONDS,
+        MEMORY,
+        f"{source.where}: dividing its long edges",
+        "give a longer max_edge (--max-edge)",
+    )
+    refined, normals = in_limits(limits, refine, surface, normals, edge, rounding)
     center_mass, volume = center_and_volume(surface, closed=repaired.closed)
     warnings = [
         *_surface_warnings(repaired, volume, given=options.center_of_mass is not None),

@@ -9,8 +9,7 @@ from scipy.spatial import ConvexHull
 from grasp3d import ObjectMesh, Sampling, label_surface, load_mesh
 from grasp3d.arrays import first_at_position
 from grasp3d.mesh.measures import Triangles, edge_counts, face_areas, is_closed
-from grasp3d.mesh.repair import union
-from grasp3d.mesh.repair.bodies import Bodies
+from grasp3d.mesh.repair import work
 from grasp3d.mesh.repair.cleaning import disagreeing, without_mirrored
 from grasp3d.mesh.repair.holes import LONG, close_hole, holes_of
 from grasp3d.mesh.repair.union import put_on_surface, without_slivers
@@ -241,7 +240,7 @@ def test_a_body_that_reaches_into_a_cavity_fills_part_of_it() -> None:
 
 
 def test_a_union_that_is_not_sound_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(union, "_is_sound", lambda *_: False)
+    monkeypatch.setattr(work, "union_of", lambda _: None)
     surface = repaired(joined(shapes.box(), moved(shapes.box(), (0.4, 0.3, 0.2))))
     assert len(surface.faces) == 24
     assert "2 bodies seem to overlap but could not be united" in surface.warnings[0]
@@ -251,26 +250,15 @@ def test_a_union_that_is_not_sound_is_refused(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("turn", [1, -1])
-def test_a_repeated_body_is_kept_once(turn: int) -> None:
+def test_of_a_body_and_its_copy_one_remains(turn: int) -> None:
     box = shapes.box()
     other = box[0] + np.spacing(1.0), box[1][::-1, ::turn]
     surface = repaired(joined(box, moved(box, (3.0, 0.0, 0.0)), other))
-    assert counts(surface) == {"copied": 1}
+    inverted = {"inverted": 12} if turn < 0 else {}
+    assert counts(surface) == {**inverted, "united": 2}
+    assert len(surface.faces) == 24
     assert volume_of(surface) == pytest.approx(2.0)
     assert surface.canonical[16:].tolist() == list(range(8))
-
-
-def test_equal_bodies_at_other_positions_are_not_copies() -> None:
-    box = shapes.box()
-    cut = trimesh.creation.box()
-    diagonal = cut.faces.copy()
-    first = {frozenset(face) for face in cut.faces.tolist()}
-    mirrored = cut.vertices * [-1.0, 1.0, 1.0], diagonal[:, ::-1]
-    assert {frozenset(face) for face in mirrored[1].tolist()} == first
-    bodies = Bodies(*joined(box, moved(box, (1e-3, 0.0, 0.0))))
-    assert bodies.copies(1e-12) == {}
-    other_diagonals = Bodies(*joined(box, mirrored))
-    assert other_diagonals.copies(1e-12) == {}
 
 
 def test_a_sheet_keeps_its_two_sides_and_a_body_does_not() -> None:
@@ -341,6 +329,18 @@ def test_the_fewest_faces_are_flipped() -> None:
     wrong = np.random.default_rng(1).random(len(faces)) < 0.4
     mixed = np.where(wrong[:, None], faces[:, ::-1], faces)
     assert np.array_equal(disagreeing(mixed)[0], wrong)
+
+
+@pytest.mark.parametrize("part", [0.2, 0.5, 0.98])
+@pytest.mark.parametrize("turn", [1, -1])
+def test_an_open_body_is_wound_outward(part: float, turn: int) -> None:
+    """A shallow bowl, half a ball, and a ball with a hole."""
+    vertices, faces = shapes.sphere(3)
+    order = np.argsort(vertices[faces].mean(axis=1)[:, 2])
+    bowl = faces[order[: int(part * len(faces))]]
+    surface = repaired((vertices, bowl[:, ::turn]))
+    assert np.array_equal(surface.faces, bowl)
+    assert counts(surface).get("inverted", 0) == (len(bowl) if turn < 0 else 0)
 
 
 # Holes
@@ -420,7 +420,7 @@ def test_open_shells_that_penetrate_are_closed_and_united() -> None:
 # Levels
 
 
-def test_without_repair_the_surface_is_unchanged_and_warnings_are_given() -> None:
+def test_without_repair_the_surface_is_unchanged() -> None:
     vertices, faces = shapes.sphere(2)
     broken = joined(
         (vertices, np.vstack([faces[1:, ::-1], faces[5:6, ::-1]])),
@@ -428,12 +428,7 @@ def test_without_repair_the_surface_is_unchanged_and_warnings_are_given() -> Non
     )
     surface = repaired(broken, "none")
     assert np.array_equal(surface.faces, broken[1])
-    assert surface.steps == ()
-    warnings = " ".join(surface.warnings)
-    assert "not repaired, as requested; repair 'safe' would do this: 1 face left out" in warnings
-    assert f"{len(faces)} faces turned: they were inside out" in warnings
-    assert "2 bodies united" not in warnings
-    assert "1 face added to close holes" in warnings
+    assert surface.steps == surface.warnings == ()
 
 
 def test_without_repair_positions_are_joined_and_faces_without_area_left_out() -> None:

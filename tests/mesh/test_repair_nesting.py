@@ -6,9 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp3d.mesh.repair import solids
-from grasp3d.mesh.repair.bodies import Bodies
-from grasp3d.mesh.repair.solids import enclosed, overlap_groups, overlapping
+from grasp3d.mesh.repair.bodies import bodies_of, orient
 from grasp3d.mesh.repair.union import without_slits
 from tests.helpers import shapes
 from tests.helpers.repairs import counts, inward, joined, moved, repaired, volume_of
@@ -32,6 +30,14 @@ def in_order(surface: Surface, seed: int) -> Surface:
     start = rng.integers(0, 3, len(faces))[:, None]
     turned = np.take_along_axis(faces, (np.arange(3) + start) % 3, axis=1)
     return vertices, turned[rng.permutation(len(faces))]
+
+
+def owners_of(surface: Surface) -> list[tuple[int, int]]:
+    """Rank of each body by its size, the largest 0, and that of the body that it is part of."""
+    bodies = bodies_of(*surface, 0.0)
+    _, owner = orient(*surface, bodies, 1e-10)
+    rank = np.argsort(np.argsort(-np.abs(bodies.volumes)))
+    return sorted(zip(rank.tolist(), rank[owner].tolist(), strict=True))
 
 
 # Within or not
@@ -74,8 +80,7 @@ def test_a_body_that_touches_a_slanted_wall_from_inside_is_not_within(
     small = moved(shapes.box((0.5, 0.5, 0.5)), (0.25 + depth, 0.0, 0.0))
     vertices, faces = joined(shapes.box(), inward(small))
     turned = vertices @ shapes.rotation(seed).T, faces
-    inner, outer = Bodies(*in_order(turned, seed)).within
-    assert len(inner) == len(outer) == (depth < 0.0)
+    assert owners_of(in_order(turned, seed)) == [(0, 0), (1, 0 if depth < 0.0 else 1)]
 
 
 @pytest.mark.slow
@@ -85,15 +90,7 @@ def test_each_cavity_belongs_to_the_smallest_body_around_it(seed: int) -> None:
     radii = (1.0, 0.85, 0.7, 0.5)
     balls = [moved(shapes.sphere(2), (0.02 * k, 0.0, 0.0), r) for k, r in enumerate(radii)]
     shells = [inward(ball) if k % 2 else ball for k, ball in enumerate(balls)]
-    bodies = Bodies(*in_order(joined(*shells), seed))
-    order = np.argsort(-np.abs(bodies.volumes))  # the outermost first
-    rank = np.argsort(order)
-    owners = rank[bodies.owners()[order]]
-    assert owners.tolist() == [0, 0, 2, 2]
-    assert {(rank[i], rank[j]) for i, j in zip(*bodies.within, strict=True)} == {
-        (i, j) for i in range(4) for j in range(i)
-    }
-    assert bodies.doubled() == 0
+    assert owners_of(in_order(joined(*shells), seed)) == [(0, 0), (1, 0), (2, 2), (3, 2)]
     solids = [manifold3d.Manifold(manifold3d.Mesh64(v, f.astype(np.uint64))) for v, f in balls]
     bar = shapes.box((0.1, 0.1, 3.0))
     whole = (solids[0] - solids[1]) + (solids[2] - solids[3])
@@ -115,8 +112,8 @@ def test_within_agrees_with_an_intersection(
         manifold3d.Manifold(manifold3d.Mesh64(v, f.astype(np.uint64))) for v, f in (outer, inner)
     )
     outside = 1.0 - (one ^ two).volume() / two.volume()
-    found, _ = Bodies(*in_order(joined(outer, inward(inner)), seed)).within
-    assert len(found) == (abs(outside) < 1e-9)
+    cavity = owners_of(in_order(joined(outer, inward(inner)), seed)) == [(0, 0), (1, 0)]
+    assert cavity == (abs(outside) < 1e-9)
 
 
 # Unions
@@ -167,29 +164,3 @@ def test_many_pairs_are_each_united() -> None:
 def test_opposite_faces_cancel_in_pairs() -> None:
     faces = np.array([[0, 1, 2], [3, 4, 5], [2, 1, 0], [1, 2, 0], [5, 4, 3], [6, 7, 8], [6, 6, 8]])
     assert without_slits(faces).tolist() == [[1, 2, 0], [6, 7, 8]]
-
-
-# Boxes
-
-
-@given(st.integers(0, 1000), st.integers(1, 30), st.floats(0.01, 2.0), st.integers(1, 200))
-@settings(max_examples=40, deadline=None)
-def test_overlapping_boxes_agree_with_pairwise_comparison(
-    seed: int, count: int, size: float, at_once: int
-) -> None:
-    rng = np.random.default_rng(seed)
-    lower = rng.integers(-4, 4, (count, 3)) / 2.0  # many that touch
-    upper = lower + np.round(2.0 * size * rng.random((count, 3))) / 2.0
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(solids, "AT_ONCE", at_once)
-        found = [pair for pairs in overlapping(lower, upper) for pair in zip(*pairs, strict=True)]
-        groups = overlap_groups(lower, upper)
-        inside = set(zip(*enclosed(lower, upper), strict=True))
-    meet = (lower[:, None] <= upper).all(axis=2) & (lower <= upper[:, None]).all(axis=2)
-    assert len(found) == len({frozenset(pair) for pair in found})
-    assert {(min(p), max(p)) for p in found} == set(zip(*np.nonzero(np.triu(meet, 1)), strict=True))
-    within = (lower[:, None] > lower).all(axis=2) & (upper[:, None] < upper).all(axis=2)
-    assert inside == set(zip(*np.nonzero(within), strict=True))
-    linked = np.linalg.matrix_power(meet.astype(float), count) > 0.0
-    expected = {tuple(np.flatnonzero(row)) for row in linked if row.sum() > 1}
-    assert {tuple(sorted(group)) for group in groups} == expected

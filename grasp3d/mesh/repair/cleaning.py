@@ -1,6 +1,7 @@
 """Welding of vertices, and degenerate, repeated and mirrored faces, their sheets and winding."""
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from grasp3d.arrays import Bools, Floats, Ints, used_indices
 from grasp3d.mesh.measures import (
@@ -14,7 +15,6 @@ from grasp3d.mesh.measures import (
     parts_of,
 )
 from grasp3d.mesh.repair.holes import SMALL, holes_of
-from grasp3d.mesh.work_bounds import close_pairs
 
 FEW = 0.01
 """Largest fraction of open edges of a body."""
@@ -67,17 +67,12 @@ def without_mirrored(faces: Ints) -> Bools:
         return mask
     once = np.sort(first)
     sheet_of_face = np.zeros(len(faces), dtype=np.int64)
-    sheet_of_face[once] = sheets_of(faces[once])
+    one, two = paired_edges(faces[once])
+    sheet_of_face[once] = connected(len(once), one // 3, two // 3)
     body = _is_body(faces[once], sheet_of_face[once])
     mask[body[sheet_of_face[first[same]]]] = False
     mask[once] = True
     return mask
-
-
-def sheets_of(faces: Ints) -> Ints:
-    """Sheet of each face, shape (F,): components connected across edges with exactly two faces."""
-    one, two = paired_edges(faces)
-    return connected(len(faces), one // 3, two // 3)
 
 
 def _is_body(faces: Ints, sheet: Ints) -> Bools:
@@ -187,7 +182,7 @@ def clusters(
         loose: Points (V,) to and from which steps may be longer.
         reach: Longest such step.
     """
-    pairs = close_pairs(points, max(distance, reach))
+    pairs = cKDTree(points).query_pairs(max(distance, reach), output_type="ndarray")
     if loose is not None:
         length = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
         pairs = pairs[(length <= distance) | loose[pairs].any(axis=1)]
@@ -197,10 +192,10 @@ def clusters(
 def weld_nearby(points: Floats, faces: Ints, rounding: float) -> Ints:
     """Join vertices whose positions differ by rounding only, if that repairs some edges.
 
-    Vertices within rounding of each other are joined if fewer edges then have other than two faces;
-    then those on open edges, within the smallest of several distances that leaves the fewest such
-    edges. A distance at which a face with an area would collapse is too large: the two sides of a
-    thin plate must not be joined. A sound surface is not changed.
+    All vertices within rounding of each other, or those on edges with other than two faces within
+    larger distances: the smallest distance that leaves the fewest such edges. One at which a face
+    with an area would collapse is too large: the two sides of a thin plate must not be joined. A
+    sound surface is not changed.
 
     Args:
         points: Positions (V, 3) of a surface of size about 1.
@@ -210,40 +205,25 @@ def weld_nearby(points: Floats, faces: Ints, rounding: float) -> Ints:
     Returns:
         Canonical vertex of each vertex, shape (V,).
     """
-    best = np.arange(len(points))
-    edges = _edges_once(faces)
-    fewest = int((edges.faces != PAIR).sum())
+    best, edges = np.arange(len(points)), _edges_once(faces)
+    fewest, border = _uneven(edges), used_indices(edges.ends[edges.faces != PAIR])
     close = 4.0 * rounding
-    if fewest:
-        joined = _joined(points, faces, used_indices(faces), close, rounding)
-        if joined is not None:
-            joined_edges = _edges_once(joined[faces])
-            if (joined_edges.faces != PAIR).sum() < fewest:
-                best, edges = joined, joined_edges
-    start, border = best, used_indices(edges.ends[edges.faces == 1])
-    fewest = int((edges.faces == 1).sum())
-    for distance in (weld for weld in (close, *WELDS) if weld >= close):
-        if fewest == 0:
+    wider = [(weld, border) for weld in WELDS if weld > close]
+    for distance, among in [(close, used_indices(faces)), *wider]:
+        joined = np.arange(len(points))
+        joined[among] = among[clusters(points[among], distance)]
+        lost = ~is_face(joined[faces])
+        if not fewest or has_area(points, faces[lost], rounding).any():
             break
-        joined = _joined(points, start[faces], border, distance, rounding)
-        if joined is None:
-            break
-        count = int((_edges_once(joined[start[faces]]).faces == 1).sum())
+        count = _uneven(_edges_once(joined[faces]))
         if count < fewest:
-            best, fewest = joined[start], count
+            best, fewest = joined, count
     return best
 
 
-def _joined(
-    points: Floats, faces: Ints, among: Ints, distance: float, rounding: float
-) -> Ints | None:
-    """Canonical vertex of each vertex; None if a face with an area would collapse."""
-    joined = np.arange(len(points))
-    joined[among] = among[clusters(points[among], distance)]
-    lost = ~is_face(joined[faces])
-    if lost.any() and has_area(points, faces[lost], rounding).any():
-        return None
-    return joined
+def _uneven(edges: Edges) -> int:
+    """Number of edges with other than two faces."""
+    return int((edges.faces != PAIR).sum())
 
 
 def _edges_once(faces: Ints) -> Edges:
