@@ -34,9 +34,9 @@ def in_order(surface: Surface, seed: int) -> Surface:
 
 def owners_of(surface: Surface) -> list[tuple[int, int]]:
     """Rank of each body by its size, the largest 0, and that of the body that it is part of."""
-    bodies = bodies_of(*surface, 0.0)
-    _, owner = orient(*surface, bodies, 1e-10)
-    rank = np.argsort(np.argsort(-np.abs(bodies.volumes)))
+    body, volumes = bodies_of(*surface, 0.0)
+    _, owner = orient(*surface, body, volumes, 1e-10)
+    rank = np.argsort(np.argsort(-np.abs(volumes)))
     return sorted(zip(rank.tolist(), rank[owner].tolist(), strict=True))
 
 

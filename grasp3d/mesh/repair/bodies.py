@@ -1,7 +1,5 @@
 """The bodies of a surface: which faces bound one, their orientation, cavities, flat bodies."""
 
-from dataclasses import dataclass
-
 import manifold3d
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -14,6 +12,7 @@ from grasp3d.mesh.measures import (
     paired_edges,
     part_volumes,
 )
+from grasp3d.mesh.repair.cleaning import ends_of
 from grasp3d.mesh.repair.solids import Solid
 
 CLEAR_VOTE = 0.5
@@ -26,25 +25,11 @@ FRAGMENT = 1e-3
 """Volume of a body, as a fraction of the largest, below which it is part of it if they touch, even
 if it is wound inward."""
 
+APART = 10.0
+"""Cost of pairing faces of different sheets at an edge: more than any root of an angle."""
+
 BACK_TO_BACK = 1e-3
 """Angle of a wedge of material [rad] below which its two faces are taken as back to back."""
-
-
-@dataclass(frozen=True, eq=False)
-class Bodies:
-    """Bodies of a surface, each bounded by faces that are neighbours across edges."""
-
-    of_face: Ints
-    """Body of each face, shape (F,)."""
-    open: Bools
-    """Bodies with edges where a neighbour is missing, shape (B,)."""
-    volumes: Floats
-    """Volumes of the closed bodies, negative if wound inward; 0 if they are flat, shape (B,)."""
-
-    @property
-    def flat(self) -> Bools:
-        """Closed bodies without a volume: sheets with two sides, shape (B,)."""
-        return np.asarray(~self.open & (self.volumes == 0.0))
 
 
 def rows_of(number: Ints) -> list[Ints]:
@@ -53,13 +38,17 @@ def rows_of(number: Ints) -> list[Ints]:
     return np.split(order, np.flatnonzero(np.diff(number[order])) + 1)
 
 
-def bodies_of(points: Floats, faces: Ints, rounding: float) -> Bodies:
-    """Divide a surface into bodies.
+def bodies_of(points: Floats, faces: Ints, rounding: float) -> tuple[Ints, Floats]:
+    """Divide a surface into bodies, each bounded by faces that are neighbours across edges.
 
     Args:
         points: Positions (V, 3) of a surface of size about 1.
         faces: Faces (F, 3), neighbours wound alike.
         rounding: Largest error of a coordinate.
+
+    Returns:
+        Body of each face, shape (F,). Volume of each body, negative if wound inward, 0 if it is
+        flat (a sheet with two sides), nan if it is open, shape (B,).
     """
     one, two = _neighbours(points, faces)
     body = connected(len(faces), one, two)
@@ -67,92 +56,87 @@ def bodies_of(points: Floats, faces: Ints, rounding: float) -> Bodies:
     volumes = part_volumes(points, faces, body)
     flat = np.abs(volumes) <= np.maximum(NO_VOLUME * areas**1.5, 2.0 * rounding * areas)
     closed = 2 * np.bincount(body[one], minlength=len(areas)) == 3 * np.bincount(body)
-    return Bodies(body, ~closed, np.where(flat, 0.0, volumes))
+    return body, np.where(closed, np.where(flat, 0.0, volumes), np.nan)
 
 
 def _neighbours(points: Floats, faces: Ints) -> tuple[Ints, Ints]:
     """Pairs of faces that run along one edge in opposite directions, each half-edge in one pair.
 
-    Where more than two faces meet, those pairs are neighbours that have the thinnest wedges of
-    material between them: bodies that touch are divided there, and the two sides of a wall between
-    them become a flat body.
+    Where more than two faces meet, those pairs are neighbours that are connected elsewhere, and
+    then those with the thinnest wedges of material between them: bodies that touch are divided
+    there, and the two sides of a wall between them become a flat body.
     """
     half_edges = np.stack(paired_edges(faces))
-    start, end = _ends(faces, half_edges)
+    start, end = ends_of(faces, half_edges)
     half_edges = half_edges[:, start[0] == end[1]]
+    sheet = connected(len(faces), *half_edges // 3)
     crowded = crowded_edges(faces)
-    start, end = _ends(faces, crowded)
+    start, end = ends_of(faces, crowded)
     low, high = np.minimum(start, end), np.maximum(start, end)
     first = np.flatnonzero((np.diff(low, prepend=-1) != 0) | (np.diff(high, prepend=-1) != 0))
     along = unit_rows(points[high] - points[low])
     tips = points[faces.ravel()[crowded]] - points[low]
     size = np.diff(np.append(first, len(crowded)))
     across = unit_rows(np.cross(along, np.repeat(tips[first], size, axis=0)))
-    angle = np.arctan2(
-        np.einsum("ij,ij->i", across, tips),
-        np.einsum("ij,ij->i", np.cross(across, along), tips),
-    )
+    up, right = (np.einsum("ij,ij->i", axis, tips) for axis in (across, np.cross(across, along)))
+    angle, own = np.arctan2(up, right), sheet[crowded // 3]
     pairs = [half_edges]
     for rows in np.split(np.arange(len(crowded)), first[1:]):
         forward = start[rows] == low[rows]
-        ahead, back = rows[forward], rows[~forward]
-        wedge = (angle[ahead][:, None] - angle[back]) % (2.0 * np.pi)
+        ahead, back = rows[forward][:, None], rows[~forward]
+        wedge = (angle[ahead] - angle[back]) % (2.0 * np.pi)
         wedge[wedge > 2.0 * np.pi - BACK_TO_BACK] = 0.0
-        chosen, other = linear_sum_assignment(np.sqrt(wedge))
-        pairs.append(crowded[np.stack([ahead[chosen], back[other]])])
+        one, two = linear_sum_assignment(np.sqrt(wedge) + APART * (own[ahead] != own[back]))
+        pairs.append(crowded[np.stack([ahead[one, 0], back[two]])])
     one, two = np.concatenate(pairs, axis=1) // 3
     return one, two
 
 
-def _ends(faces: Ints, half_edges: Ints) -> tuple[Ints, Ints]:
-    """Start and end of half-edges, which are numbered by the corner opposite to them."""
-    face, corner = np.divmod(half_edges, 3)
-    return faces[face, (corner + 1) % 3], faces[face, (corner + 2) % 3]
-
-
-def orient(points: Floats, faces: Ints, bodies: Bodies, touch: float) -> tuple[Bools, Ints]:
+def orient(
+    points: Floats, faces: Ints, body: Ints, volumes: Floats, touch: float
+) -> tuple[Bools, Ints]:
     """Find the bodies that are inside out, and the cavities of the others.
 
     Args:
         points: Positions (V, 3).
         faces: Faces (F, 3).
-        bodies: Their bodies.
+        body: Body of each face, shape (F,).
+        volumes: Their volumes, as in `bodies_of`, shape (B,).
         touch: Distance within which bodies touch.
 
     Returns:
         The bodies to flip, shape (B,). The body that each body is part of, shape (B,): itself; for
         a cavity, wound inward, the smallest body around it; -1 if it is open or flat.
     """
-    own = [faces[rows] for rows in rows_of(bodies.of_face)]
+    own = [faces[rows] for rows in rows_of(body)]
     flip = np.zeros(len(own), dtype=bool)
-    for body in np.flatnonzero(bodies.open).tolist():
-        flip[body] = _outward_vote(points, own[body]) < -CLEAR_VOTE
-    closed = ~bodies.open & (bodies.volumes != 0.0)
-    if bodies.volumes[closed].sum() < 0.0:  # the whole object with its cavities
-        flip[closed] = True
-    volumes = np.where(flip, -bodies.volumes, bodies.volumes)
-    owner = np.where(closed, np.arange(len(flip)), -1)
-    inward = np.flatnonzero(closed & (volumes < 0.0)).tolist()
-    outward = np.flatnonzero(closed & (volumes > 0.0))
+    for number in np.flatnonzero(np.isnan(volumes)).tolist():
+        flip[number] = _outward_vote(points, own[number]) < -CLEAR_VOTE
+    if np.nansum(volumes) < 0.0:  # the whole object with its cavities
+        flip |= ~np.isnan(volumes)
+    signs = np.sign(np.where(flip, -volumes, volumes))
+    owner = np.where(np.abs(signs) > 0.0, np.arange(len(flip)), -1)
+    outward = np.flatnonzero(signs > 0.0)
+    outward = outward[np.argsort(np.abs(volumes[outward]))]
     around: dict[int, Solid] = {}
-    for body in inward:
-        turn = 1 if flip[body] else -1
-        inner = Solid.of(points, own[body][:, ::turn], touch)
-        for outer in outward[np.argsort(volumes[outward])].tolist():
+    for number in np.flatnonzero(signs < 0.0).tolist():
+        turn = 1 if flip[number] else -1
+        inner = Solid.of(points, own[number][:, ::turn], touch)
+        for outer in outward.tolist():
             if outer not in around:
                 turn = -1 if flip[outer] else 1
                 around[outer] = Solid.of(points, own[outer][:, ::turn], -touch)
             rest = inner.manifold - around[outer].manifold
             if rest.status() == manifold3d.Error.NoError and rest.is_empty():
-                owner[body] = outer
+                owner[number] = outer
                 break
         else:
-            main = outward[np.argmax(volumes[outward])] if len(outward) else body
-            small = -volumes[body] < FRAGMENT * volumes[main]
-            if small and np.isin(own[body], own[main]).any():
-                owner[body] = main
+            main = outward[-1] if len(outward) else number
+            small = np.abs(volumes[number]) < FRAGMENT * np.abs(volumes[main])
+            if small and np.isin(own[number], own[main]).any():
+                owner[number] = main
             else:
-                flip[body] ^= True
+                flip[number] ^= True
     return flip, owner
 
 

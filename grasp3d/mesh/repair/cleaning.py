@@ -116,7 +116,7 @@ def disagreeing(faces: Ints) -> tuple[Bools, int]:
     if is_closed(faces):
         return flip, 0
     one, two = paired_edges(faces)
-    against = _start(faces, one) == _start(faces, two)
+    against = ends_of(faces, one)[0] == ends_of(faces, two)[0]
     if not against.any():
         return flip, 0
     first, second = one // 3, two // 3
@@ -134,10 +134,10 @@ def disagreeing(faces: Ints) -> tuple[Bools, int]:
     return (fewer | tied) & ~one_sided, int(one_sided.sum())
 
 
-def _start(faces: Ints, half_edges: Ints) -> Ints:
-    """Start vertex of each half-edge, numbered by the corner opposite to it."""
+def ends_of(faces: Ints, half_edges: Ints) -> tuple[Ints, Ints]:
+    """Start and end of half-edges, which are numbered by the corner opposite to them."""
     face, corner = np.divmod(half_edges, 3)
-    return np.asarray(faces[face, (corner + 1) % 3])
+    return faces[face, (corner + 1) % 3], faces[face, (corner + 2) % 3]
 
 
 def first_of_body(faces: Ints, first_vertex: Ints) -> Ints:
@@ -161,14 +161,6 @@ def first_of_body(faces: Ints, first_vertex: Ints) -> Ints:
         first_vertex * (len(closed) + 1) + body, return_index=True, return_inverse=True
     )
     return np.asarray(first[inverse], dtype=np.int64)
-
-
-def first_of_linked(*canonical: Ints) -> Ints:
-    """First vertex of those that several maps of canonical vertices connect, shape (V,)."""
-    count = len(canonical[0])
-    return first_connected(
-        count, np.tile(np.arange(count), len(canonical)), np.concatenate(canonical)
-    )
 
 
 def clusters(

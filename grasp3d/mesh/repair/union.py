@@ -175,25 +175,15 @@ def _divided(
     """Divide the pieces of a face that a point lies in, or on an edge of."""
     result: list[tuple[int, ...]] = []
     for piece in pieces:
-        edges = [(piece[k], piece[(k + 1) % 3]) for k in range(3)]
-        away = [edge for edge in edges if not _lies_on(points, point, edge, distance)]
-        inside = all(
-            np.dot(np.cross(points[end] - points[start], points[point] - points[start]), across) > 0
-            for start, end in edges
-        )
-        if inside or len(away) < len(edges):
-            result += [(start, end, point) for start, end in away]
+        edges = list(zip(piece, piece[1:] + piece[:1], strict=True))
+        start, end = points[list(piece)], points[list(piece[1:] + piece[:1])]
+        depth = np.cross(across, unit_rows(end - start)) * (points[point] - start)
+        away = [edge for edge, far in zip(edges, depth.sum(axis=1) > distance, strict=True) if far]
+        if len(away) > 1 and depth.sum(axis=1).min() > -distance:
+            result += [(*edge, point) for edge in away]
         else:
             result.append(piece)
     return result
-
-
-def _lies_on(points: Floats, point: int, ends: tuple[int, ...], distance: float) -> bool:
-    """Return whether a point lies on an edge, identically for the faces on its two sides."""
-    start, end = points[min(ends)], points[max(ends)]
-    along, to = end - start, points[point] - start
-    fraction = float(to @ along) / float(along @ along)
-    return 0.0 < fraction < 1.0 and float(np.linalg.norm(to - fraction * along)) <= distance
 
 
 def without_slits(faces: Ints) -> Ints:

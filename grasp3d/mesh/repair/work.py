@@ -6,13 +6,19 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints, first_at_position, short_repr
 from grasp3d.errors import MeshError
-from grasp3d.mesh.measures import edges_of, face_areas, has_area, is_closed, parts_of, rounding_of
+from grasp3d.mesh.measures import (
+    face_areas,
+    first_connected,
+    has_area,
+    is_closed,
+    parts_of,
+    rounding_of,
+)
 from grasp3d.mesh.repair.bodies import bodies_of, orient, rows_of
 from grasp3d.mesh.repair.cleaning import (
     clusters,
     disagreeing,
     first_of_body,
-    first_of_linked,
     is_face,
     is_first,
     weld_nearby,
@@ -32,8 +38,6 @@ TOUCH = 1e-10
 
 SMALL_HOLES = 0.01
 """Small holes are closed if the faces that close them add at most this fraction to the area."""
-
-FLAT = "left out: no area"
 
 
 @dataclass(frozen=True)
@@ -103,10 +107,6 @@ class _Work:
         self.faces = np.where(mask[:, None], self.faces[:, ::-1], self.faces)
         self.note(name, mask.sum(), "faces", message)
 
-    def merge(self, canonical: Ints) -> None:
-        """Replace vertices by canonical ones."""
-        self.canonical, self.faces = canonical[self.canonical], canonical[self.faces]
-
 
 def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> RepairedSurface:
     """Repair a surface as far as a level allows.
@@ -132,14 +132,17 @@ def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> 
     work.rounding = min(rounding_of(vertices) / size, MOST_ROUNDING)
     if level != "none":
         _clean(work)
-        _close_pinholes(work)
+        _close_holes(work, every=False)
         if level == "full":
-            _close_holes(work)
+            _close_holes(work, every=True)
         _unite(work, fill=level == "full")
-    closed = is_closed(work.faces)
-    work.keep("flat", has_area(work.points, work.faces, work.rounding), FLAT)
-    added = np.arange(len(vertices), len(work.points))
-    canonical = first_of_linked(work.canonical, np.append(first, added))
+    solid = has_area(work.points, work.faces, work.rounding)
+    closed = is_closed(work.faces) or is_closed(work.faces[solid])
+    work.keep("flat", solid, "left out: no area")
+    every = np.arange(len(work.points))
+    added = every[len(vertices) :]
+    links = np.concatenate([work.canonical, first, added])  # bodies are joined where they touch
+    canonical = first_connected(len(every), np.append(every, every), links)
     faces = canonical[work.faces]
     return RepairedSurface(
         vertices=np.concatenate([vertices, work.points[added] * size + center]),
@@ -156,7 +159,7 @@ def _clean(work: _Work) -> None:
     """Weld vertices, leave out needless faces, and make the winding of neighbours consistent."""
     joined = weld_nearby(work.points, work.faces, work.rounding)
     count = int((joined != np.arange(len(joined))).sum())
-    work.merge(joined)
+    work.canonical, work.faces = joined[work.canonical], joined[work.faces]
     work.note("joined", count, "vertices", "joined to an earlier one a rounding error away")
     work.keep("sunk", is_face(work.faces), "left out: without area, and joined away")
     once = is_first(work.faces)
@@ -168,65 +171,44 @@ def _clean(work: _Work) -> None:
         work.warnings.append(
             f"a surface with one side only, {counted(one_sided, 'faces')}, has no inside"
         )
-    solid = has_area(work.points, work.faces, work.rounding)
-    if solid.any() and _open_edges(work.faces[solid]) < _open_edges(work.faces):
-        work.keep("flat", solid, FLAT)
 
 
-def _open_edges(faces: Ints) -> int:
-    return int(np.abs(edges_of(faces).balance).sum())
-
-
-def _close_pinholes(work: _Work) -> None:
-    """Close the small holes if that hardly changes the surface."""
-    # A lone face is not a hole: the face that closes it would be its reverse.
-    alone = {tuple(face) for face in np.sort(work.faces, axis=1).tolist()}
-    holes = [h for h in holes_of(work.faces) if len(h) <= SMALL and tuple(np.sort(h)) not in alone]
-    added = _lids(work, holes)
-    if len(added) and _added_area(work, added) <= SMALL_HOLES:
-        work.faces = np.concatenate([work.faces, added])
-        work.note("filled", len(added), "faces", "added to close holes of three or four edges")
-
-
-def _close_holes(work: _Work) -> None:
-    """Close every hole by a guess."""
+def _close_holes(work: _Work, *, every: bool) -> None:
+    """Close the small holes if that hardly changes the surface, or every hole by a guess."""
     holes = holes_of(work.faces)
+    if not every:  # a lone face is not a hole: the face that closes it would be its reverse
+        alone = {tuple(face) for face in np.sort(work.faces, axis=1).tolist()}
+        holes = [h for h in holes if len(h) <= SMALL and tuple(np.sort(h)) not in alone]
     if not holes:
         return
-    added = _lids(work, holes)
-    fraction = _added_area(work, added)
-    work.faces = np.concatenate([work.faces, added])
-    work.note("closed", len(holes), "holes", f"closed, by {counted(len(added), 'faces')}")
-    work.warnings.append(
-        f"{counted(len(holes), 'holes')} closed by a guess that adds {fraction:.2%} to the "
-        "area: labels there are those of faces that are not in the file"
-    )
-
-
-def _lids(work: _Work, holes: list[Ints]) -> Ints:
-    lids = [close_hole(work.points, hole) for hole in holes]
-    return np.concatenate([work.faces[:0], *lids])
-
-
-def _added_area(work: _Work, added: Ints) -> float:
-    """Area of added faces as a fraction of that of all others."""
+    added = np.concatenate([close_hole(work.points, hole) for hole in holes])
     area = face_areas(work.points, work.faces).sum()
-    return float(face_areas(work.points, added).sum() / max(area, np.finfo(np.float64).tiny))
+    fraction = face_areas(work.points, added).sum() / max(area, np.finfo(np.float64).tiny)
+    if every:
+        work.note("closed", len(holes), "holes", f"closed, by {counted(len(added), 'faces')}")
+        work.warnings.append(
+            f"{counted(len(holes), 'holes')} closed by a guess that adds {fraction:.2%} to the "
+            "area: labels there are those of faces that are not in the file"
+        )
+    elif fraction <= SMALL_HOLES:
+        work.note("filled", len(added), "faces", "added to close holes of three or four edges")
+    else:
+        return
+    work.faces = np.concatenate([work.faces, added])
 
 
 def _unite(work: _Work, *, fill: bool) -> None:
     """Wind the bodies outward, fill cavities, and unite the bodies that overlap or touch."""
     touch = max(TOUCH, 2.0 * work.rounding)
-    bodies = bodies_of(work.points, work.faces, work.rounding)
-    flip, owner = orient(work.points, work.faces, bodies, touch)
-    work.flip("inverted", flip[bodies.of_face], "turned: they were inside out")
-    body = bodies.of_face
+    body, volumes = bodies_of(work.points, work.faces, work.rounding)
+    flip, owner = orient(work.points, work.faces, body, volumes, touch)
+    work.flip("inverted", flip[body], "turned: they were inside out")
     if fill:
         cavity = (owner >= 0) & (owner != np.arange(len(owner)))
         work.note("solid", cavity.sum(), "sealed cavities", "filled")
         work.faces, body = work.faces[~cavity[body]], body[~cavity[body]]
     parts = [rows for rows in rows_of(owner[body]) if owner[body[rows[0]]] >= 0]
-    flat = [rows for rows in rows_of(body) if bodies.flat[body[rows[0]]]]
+    flat = [rows for rows in rows_of(body) if volumes[body[rows[0]]] == 0.0]
     if not parts or len(parts) + len(flat) < 2:
         return
     level = work.points[clusters(work.points, touch)]  # bodies that touch do so exactly
