@@ -5,12 +5,10 @@ from scipy.spatial import cKDTree
 
 from grasp3d.arrays import Bools, Floats, Ints, used_indices
 from grasp3d.mesh.measures import (
-    Edges,
     connected,
     edges_of,
     first_connected,
     has_area,
-    is_closed,
     paired_edges,
     parts_of,
 )
@@ -62,22 +60,19 @@ def without_mirrored(faces: Ints) -> Bools:
         The faces to keep, shape (F,).
     """
     first, same = first_alike(np.sort(faces, axis=1))
-    mask = np.ones(len(faces), dtype=bool)
     if len(first) == len(faces):
-        return mask
-    once = np.sort(first)
-    sheet_of_face = np.zeros(len(faces), dtype=np.int64)
-    one, two = paired_edges(faces[once])
-    sheet_of_face[once] = connected(len(once), one // 3, two // 3)
-    body = _is_body(faces[once], sheet_of_face[once])
-    mask[body[sheet_of_face[first[same]]]] = False
-    mask[once] = True
+        return np.ones(len(faces), dtype=bool)
+    once = faces[first]
+    one, two = paired_edges(once)
+    sheet = connected(len(once), one // 3, two // 3)
+    mask = ~_is_body(once, sheet)[sheet[same]]
+    mask[first] = True
     return mask
 
 
 def _is_body(faces: Ints, sheet: Ints) -> Bools:
     """Mask of the sheets that are closed except for small holes, in any winding."""
-    turn, _ = disagreeing(faces)
+    turn = disagreeing(faces)
     size = int(faces.max()) + 1
     apart = np.where(turn[:, None], faces[:, ::-1], faces) + sheet[:, None] * size
     edges = edges_of(apart)
@@ -98,7 +93,7 @@ def first_alike(rows: Ints) -> tuple[Ints, Ints]:
     return kinds[new], same
 
 
-def disagreeing(faces: Ints) -> tuple[Bools, int]:
+def disagreeing(faces: Ints) -> Bools:
     """Find the fewest faces to flip so that neighbours across an edge are wound alike.
 
     A graph has two nodes per face, as given and flipped, and links the nodes of neighbours that are
@@ -108,17 +103,13 @@ def disagreeing(faces: Ints) -> tuple[Bools, int]:
         faces: Welded faces (F, 3).
 
     Returns:
-        The faces to flip (F,); the number of faces on one-sided surfaces (Möbius strips), which
-        cannot be wound alike and are not flipped.
+        The faces to flip (F,); none of surfaces with one side (Möbius strips).
     """
     count = len(faces)
-    flip = np.zeros(count, dtype=bool)
-    if is_closed(faces):
-        return flip, 0
     one, two = paired_edges(faces)
     against = ends_of(faces, one)[0] == ends_of(faces, two)[0]
     if not against.any():
-        return flip, 0
+        return np.zeros(count, dtype=bool)
     first, second = one // 3, two // 3
     other = np.where(against, count, 0)
     part = connected(
@@ -128,10 +119,7 @@ def disagreeing(faces: Ints) -> tuple[Bools, int]:
     )
     as_is, flipped = part[:count], part[count:]
     size = np.bincount(as_is, minlength=int(part.max()) + 1)
-    fewer = size[flipped] > size[as_is]
-    tied = (size[flipped] == size[as_is]) & (flipped < as_is)
-    one_sided = as_is == flipped
-    return (fewer | tied) & ~one_sided, int(one_sided.sum())
+    return np.asarray(2 * size[flipped] + (flipped < as_is) > 2 * size[as_is])
 
 
 def ends_of(faces: Ints, half_edges: Ints) -> tuple[Ints, Ints]:
@@ -197,8 +185,8 @@ def weld_nearby(points: Floats, faces: Ints, rounding: float) -> Ints:
     Returns:
         Canonical vertex of each vertex, shape (V,).
     """
-    best, edges = np.arange(len(points)), _edges_once(faces)
-    fewest, border = _uneven(edges), used_indices(edges.ends[edges.faces != PAIR])
+    best, uneven = np.arange(len(points)), _uneven_edges(faces)
+    fewest, border = len(uneven), used_indices(uneven)
     close = 4.0 * rounding
     wider = [(weld, border) for weld in WELDS if weld > close]
     for distance, among in [(close, used_indices(faces)), *wider]:
@@ -207,19 +195,15 @@ def weld_nearby(points: Floats, faces: Ints, rounding: float) -> Ints:
         lost = ~is_face(joined[faces])
         if not fewest or has_area(points, faces[lost], rounding).any():
             break
-        count = _uneven(_edges_once(joined[faces]))
+        count = len(_uneven_edges(joined[faces]))
         if count < fewest:
             best, fewest = joined, count
     return best
 
 
-def _uneven(edges: Edges) -> int:
-    """Number of edges with other than two faces."""
-    return int((edges.faces != PAIR).sum())
-
-
-def _edges_once(faces: Ints) -> Edges:
-    """Edges of the distinct faces: a repeated one, in either winding, does not close a gap."""
+def _uneven_edges(faces: Ints) -> Ints:
+    """Ends (k, 2) of the edges with other than two faces, of which repeated ones count once."""
     faces = faces[is_face(faces)]
     first, _ = first_alike(np.sort(faces, axis=1))
-    return edges_of(faces[first])
+    edges = edges_of(faces[first])
+    return np.asarray(edges.ends[edges.faces != PAIR])

@@ -105,9 +105,7 @@ def _triangles(best: Ints) -> Ints:
 def _clipped(corners: Floats) -> Ints:
     """Triangulate a cycle (n, 3) in the plane in which it encloses the largest area."""
     across = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
-    _, _, axes = np.linalg.svd(across[None])
-    flat = corners @ axes[1:].T
-    turn = np.linalg.det(np.vstack([across, axes[1:]]))
-    if turn < 0.0:
-        flat[:, 1] *= -1.0
-    return np.asarray(manifold3d.triangulate([np.ascontiguousarray(flat)]), dtype=np.int64)
+    side, up = np.linalg.svd(across[None])[2][1:]
+    if np.cross(side, up) @ across < 0.0:
+        side = -side
+    return np.asarray(manifold3d.triangulate([corners @ np.stack([side, up], axis=1)]))

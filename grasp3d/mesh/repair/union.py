@@ -1,8 +1,5 @@
 """Union of bodies that overlap or touch, so that no face lies inside the object, and its seams."""
 
-from dataclasses import dataclass
-from itertools import chain
-
 import manifold3d
 import numpy as np
 from scipy.spatial import cKDTree
@@ -27,22 +24,6 @@ FAR = np.array([3.0, 2.0, 1.0])
 
 MOST_FLIPS = 100
 """Most rounds in which faces without an area are removed."""
-
-
-@dataclass(frozen=True, eq=False)
-class United:
-    """A surface whose bodies do not overlap."""
-
-    points: Floats
-    """Positions (V', 3): the given ones, then those on the lines where bodies meet."""
-    faces: Ints
-    """Shape (F', 3)."""
-    canonical: Ints
-    """Canonical vertex of each vertex, shape (V',)."""
-    joined: int
-    """Number of solids that lost faces to others."""
-    within: int
-    """Number of solids that lost all faces."""
 
 
 def union_of(solids: list[Solid]) -> manifold3d.Manifold | None:
@@ -70,30 +51,43 @@ def is_inside(whole: manifold3d.Manifold, point: Floats) -> bool:
     return bool(hits) and float(np.dot(hits[0].normal, FAR)) > 0.0
 
 
+def count_united(whole: manifold3d.Manifold, solids: list[Solid], touch: float) -> tuple[int, int]:
+    """Number of solids that lost faces in their union, and of those that lost all.
+
+    Both are 0 if no solids overlap, or touch over an area.
+    """
+    mesh = whole.to_mesh64()
+    runs = np.searchsorted([solid.mark for solid in solids], mesh.run_original_id)
+    own = face_areas(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts))
+    part = np.repeat(runs, np.diff(mesh.run_index) // 3)
+    left = np.bincount(part, own, minlength=len(solids))
+    areas = np.array([solid.manifold.surface_area() for solid in solids])
+    areas *= 1.0 - max(REAL, 100.0 * touch)
+    if left.sum() >= areas.sum():
+        return 0, 0
+    return int((left < areas).sum()), int((left == 0.0).sum())
+
+
 def united(
-    points: Floats, others: Ints, whole: manifold3d.Manifold, solids: list[Solid], touch: float
-) -> United | None:
-    """Express a union over the given vertices; None if no solids overlap, or touch over an area.
+    points: Floats, whole: manifold3d.Manifold, solids: list[Solid], touch: float
+) -> tuple[Floats, Ints, Ints]:
+    """Express a union over the given vertices.
 
     The given positions are restored; a given vertex that lies on the united surface is made a
     corner of it even if the union removed it.
 
     Args:
         points: Positions (V, 3) of a surface of size about 1.
-        others: Faces that are part of no solid, shape (F, 3).
         whole: The union.
         solids: Its parts.
         touch: Offset of their faces.
+
+    Returns:
+        Positions (V', 3): the given ones, then those on the lines where bodies meet; the faces of
+        the union (F', 3); canonical vertex of each vertex, shape (V',).
     """
     mesh = whole.to_mesh64()
-    crossings, cut = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(int)
-    runs = np.searchsorted([solid.mark for solid in solids], mesh.run_original_id)
-    part = np.repeat(runs, np.diff(mesh.run_index) // 3)
-    left = np.bincount(part, face_areas(crossings, cut), minlength=len(solids))
-    areas = np.array([solid.manifold.surface_area() for solid in solids])
-    real = 1.0 - max(REAL, 100.0 * touch)
-    if left.sum() >= real * areas.sum():
-        return None
+    crossings, cut = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts)
     given = np.concatenate([solid.corners for solid in solids])
     displaced = np.concatenate([solid.points for solid in solids])
     same = first_at_position(np.concatenate([displaced, crossings]))[len(displaced) :]
@@ -105,9 +99,7 @@ def united(
     canonical, faces = _snapped(own, number[cut], among, len(points), touch)
     loose = among[(canonical[among] == among) & (among < len(points))]
     faces = put_on_surface(own, faces, np.setdiff1d(loose, faces), NEAR * touch)
-    faces = np.concatenate([others, faces])
-    lost = left < real * areas
-    return United(own, faces, canonical, int(lost.sum()), int((left == 0.0).sum()))
+    return own, faces, canonical
 
 
 def _snapped(points: Floats, cut: Ints, among: Ints, count: int, touch: float) -> tuple[Ints, Ints]:
@@ -146,27 +138,22 @@ def put_on_surface(points: Floats, faces: Ints, loose: Ints, distance: float) ->
     Returns:
         The faces, the divided ones replaced. Vertices that lie on no face change nothing.
     """
-    if len(loose) == 0 or len(faces) == 0:
+    if not len(loose):
         return faces
     corners = points[faces]
     middles = corners.mean(axis=1)
     radii = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
-    tree, reach = cKDTree(points[loose]), radii + distance
-    counts = tree.query_ball_point(middles, reach, return_length=True)
-    near = tree.query_ball_point(middles, reach, return_sorted=True)
-    face = np.repeat(np.arange(len(faces)), counts)
-    vertex = loose[np.fromiter(chain.from_iterable(near), np.int64, int(counts.sum()))]
+    tree = cKDTree(points[loose])
+    near = tree.query_ball_point(middles, radii + distance, return_sorted=True)
     across = unit_rows(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    off = np.einsum("ij,ij->i", points[vertex] - corners[face, 0], across[face])
-    on = np.abs(off) <= distance
-    pieces: dict[int, list[tuple[int, ...]]] = {}
-    for number, point in zip(face[on].tolist(), vertex[on].tolist(), strict=True):
-        own = pieces.setdefault(number, [tuple(faces[number].tolist())])
-        pieces[number] = _divided(points, own, point, across[number], distance)
-    whole = np.ones(len(faces), dtype=bool)
-    whole[list(pieces)] = False
-    added = np.array(list(chain.from_iterable(pieces.values())), dtype=np.int64).reshape(-1, 3)
-    return np.concatenate([faces[whole], added])
+    divided: list[tuple[int, ...]] = []
+    for face, normal, rows in zip(faces.tolist(), across, near, strict=True):
+        pieces = [tuple(face)]
+        for point in [int(loose[row]) for row in rows]:
+            if abs((points[point] - points[face[0]]) @ normal) <= distance:
+                pieces = _divided(points, pieces, point, normal, distance)
+        divided += pieces
+    return np.array(divided, dtype=np.int64)
 
 
 def _divided(
@@ -187,16 +174,12 @@ def _divided(
 
 
 def without_slits(faces: Ints) -> Ints:
-    """Remove collapsed faces, and pairs of faces on the same vertices with opposite winding."""
+    """Remove collapsed faces, and faces on the same vertices if half of them face either way."""
     faces = faces[is_face(faces)]
     _, same = first_alike(np.sort(faces, axis=1))
     _, after, last = from_least_corner(faces).T
-    side = 2 * same + (after < last)
-    counts = np.bincount(side, minlength=2 * len(faces))
-    order = np.argsort(side, kind="stable")
-    rank = np.empty(len(faces), dtype=np.int64)
-    rank[order] = np.arange(len(faces)) - (np.cumsum(counts) - counts)[side[order]]
-    return np.asarray(faces[rank >= counts[side ^ 1]])
+    balance = np.bincount(same, np.sign(after - last))
+    return np.asarray(faces[balance[same] != 0.0])
 
 
 def without_slivers(points: Floats, faces: Ints, rounding: float) -> Ints:

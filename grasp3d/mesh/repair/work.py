@@ -26,7 +26,7 @@ from grasp3d.mesh.repair.cleaning import (
 )
 from grasp3d.mesh.repair.holes import SMALL, close_hole, holes_of
 from grasp3d.mesh.repair.solids import Solid
-from grasp3d.mesh.repair.union import is_inside, union_of, united
+from grasp3d.mesh.repair.union import count_united, is_inside, union_of, united
 from grasp3d.settings.mesh_options import Repair
 from grasp3d.system.counts import counted, noun
 
@@ -165,12 +165,7 @@ def _clean(work: _Work) -> None:
     once = is_first(work.faces)
     once[once] = without_mirrored(work.faces[once])
     work.keep("repeated", once, "left out: came twice")
-    turned, one_sided = disagreeing(work.faces)
-    work.flip("rewound", turned, "turned to agree with neighbours")
-    if one_sided:
-        work.warnings.append(
-            f"a surface with one side only, {counted(one_sided, 'faces')}, has no inside"
-        )
+    work.flip("rewound", disagreeing(work.faces), "turned to agree with neighbours")
 
 
 def _close_holes(work: _Work, *, every: bool) -> None:
@@ -211,8 +206,8 @@ def _unite(work: _Work, *, fill: bool) -> None:
     flat = [rows for rows in rows_of(body) if volumes[body[rows[0]]] == 0.0]
     if not parts or len(parts) + len(flat) < 2:
         return
-    level = work.points[clusters(work.points, touch)]  # bodies that touch do so exactly
-    solids = [Solid.of(level, work.faces[rows], touch) for rows in parts]
+    exact = work.points[clusters(work.points, touch)]  # bodies that touch do so exactly
+    solids = [Solid.of(exact, work.faces[rows], touch) for rows in parts]
     whole = union_of(solids)
     if whole is None:
         work.warnings.append(
@@ -226,16 +221,17 @@ def _unite(work: _Work, *, fill: bool) -> None:
         kept[rows] = not is_inside(whole, work.points[face].mean(axis=0))
     others = work.faces[kept & (owner[body] < 0)]
     work.keep("walls", kept, "left out: back to back inside the object")
-    result = united(work.points, others, whole, solids, touch)
-    if result is None:
+    joined, within = count_united(whole, solids, touch)
+    if not joined:
         return
-    added = np.arange(len(work.points), len(result.points))
-    work.points, work.faces = result.points, result.faces
-    work.canonical = result.canonical[np.append(work.canonical, added)]
+    count = len(work.points)
+    work.points, faces, canonical = united(work.points, whole, solids, touch)
+    work.faces = np.concatenate([others, faces])
+    work.canonical = canonical[np.append(work.canonical, np.arange(count, len(work.points)))]
     work.rounding = max(work.rounding, touch)
-    work.note("united", result.joined, "bodies", "united: overlapping or touching")
-    if result.within:
+    work.note("united", joined, "bodies", "united: overlapping or touching")
+    if within:
         work.warnings.append(
-            f"{counted(result.within, 'bodies')} within others and wound alike: taken as part of "
-            "them; cavities must be wound inward"
+            f"{counted(within, 'bodies')} within others and wound alike: taken as part of them; "
+            "cavities must be wound inward"
         )
