@@ -108,7 +108,8 @@ def orient(
         The bodies to flip, shape (B,). The body that each body is part of, shape (B,): itself; for
         a cavity, wound inward, the smallest body around it; -1 if it is open or flat.
     """
-    own = [faces[rows] for rows in rows_of(body)]
+    turns = np.where(volumes < 0.0, -1, 1).tolist()
+    own = [faces[rows][:, ::turn] for rows, turn in zip(rows_of(body), turns, strict=True)]
     flip = np.zeros(len(own), dtype=bool)
     for number in np.flatnonzero(np.isnan(volumes)).tolist():
         flip[number] = _outward_vote(points, own[number]) < -CLEAR_VOTE
@@ -118,20 +119,21 @@ def orient(
     owner = np.where(np.abs(signs) > 0.0, np.arange(len(flip)), -1)
     outward = np.flatnonzero(signs > 0.0)
     outward = outward[np.argsort(np.abs(volumes[outward]))]
+    low = np.array([points[each].min(axis=(0, 1)) for each in own])
+    high = np.array([points[each].max(axis=(0, 1)) for each in own])
     around: dict[int, Solid] = {}
     for number in np.flatnonzero(signs < 0.0).tolist():
-        turn = 1 if flip[number] else -1
-        inner = Solid.of(points, own[number][:, ::turn], touch)
-        for outer in outward.tolist():
+        inner = Solid.of(points, own[number], touch)
+        larger = (low[outward] < low[number]) & (high[number] < high[outward])
+        for outer in outward[larger.all(axis=1)].tolist():
             if outer not in around:
-                turn = -1 if flip[outer] else 1
-                around[outer] = Solid.of(points, own[outer][:, ::turn], -touch)
+                around[outer] = Solid.of(points, own[outer], -touch)
             rest = inner.manifold - around[outer].manifold
             if rest.status() == manifold3d.Error.NoError and rest.is_empty():
                 owner[number] = outer
                 break
         else:
-            main = outward[-1] if len(outward) else number
+            main = outward[-1]
             small = np.abs(volumes[number]) < FRAGMENT * np.abs(volumes[main])
             if small and np.isin(own[number], own[main]).any():
                 owner[number] = main

@@ -35,9 +35,8 @@ def is_first(faces: Ints) -> Bools:
 
     Faces with the same corners in the opposite winding are not equal: a sheet may have two sides.
     """
-    first, _ = first_alike(from_least_corner(faces))
     mask = np.zeros(len(faces), dtype=bool)
-    mask[first] = True
+    mask[first_alike(from_least_corner(faces))[0]] = True
     return mask
 
 

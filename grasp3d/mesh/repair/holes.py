@@ -51,8 +51,6 @@ def close_hole(points: Floats, hole: Ints) -> Ints:
         points: Positions (V, 3).
         hole: Vertices of the cycle (n,).
     """
-    if len(hole) == 3:
-        return hole[None]
     corners = points[hole] - points[hole].mean(axis=0)
     if len(hole) > LONG:
         return hole[_clipped(corners)]

@@ -19,8 +19,8 @@ meet at a small angle; the first that leaves no face without an area is used."""
 REAL = 1e-6
 """Fraction of the area that must vanish in a union; bodies that touch in a line are not united."""
 
-FAR = np.array([3.0, 2.0, 1.0])
-"""Direction in which a ray leaves a surface of size about 1."""
+FAR = np.sqrt([7.0, 3.0, 2.0])
+"""Direction in which a ray leaves a surface of size about 1, through no edges of regular grids."""
 
 MOST_FLIPS = 100
 """Most rounds in which faces without an area are removed."""
@@ -52,7 +52,7 @@ def is_inside(whole: manifold3d.Manifold, point: Floats) -> bool:
 
 
 def count_united(whole: manifold3d.Manifold, solids: list[Solid], touch: float) -> tuple[int, int]:
-    """Number of solids that lost faces in their union, and of those that lost all.
+    """Number of solids that lost faces in their union, and of those that lie within others.
 
     Both are 0 if no solids overlap, or touch over an area.
     """
@@ -65,7 +65,9 @@ def count_united(whole: manifold3d.Manifold, solids: list[Solid], touch: float) 
     areas *= 1.0 - max(REAL, 100.0 * touch)
     if left.sum() >= areas.sum():
         return 0, 0
-    return int((left < areas).sum()), int((left == 0.0).sum())
+    gone, volumes = left == 0.0, np.array([solid.manifold.volume() for solid in solids])
+    tiled = volumes.sum() - whole.volume() < 0.5 * volumes[gone].sum()  # the others surround them
+    return int((left < areas).sum()), 0 if tiled else int(gone.sum())
 
 
 def united(
