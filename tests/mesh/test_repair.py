@@ -330,16 +330,42 @@ def test_the_fewest_faces_are_flipped() -> None:
     assert np.array_equal(disagreeing(mixed), wrong)
 
 
-@pytest.mark.parametrize("part", [0.2, 0.5, 0.98])
+def opened(surface: Surface, low: float) -> Surface:
+    """Without the faces below a fraction of the height."""
+    vertices, faces = surface
+    height = vertices[faces].mean(axis=1)[:, 2]
+    return vertices, faces[height > np.quantile(height, low)]
+
+
+def thin_cup() -> Surface:
+    """A cup with a wall of 1 % of its size: most normals of its inside point to the middle."""
+    cup = manifold3d.Manifold.cylinder(1.0, 0.5, 0.5, 48) - (
+        manifold3d.Manifold.cylinder(1.0, 0.49, 0.49, 48).translate((0.0, 0.0, 0.01))
+    )
+    mesh = cup.refine_to_length(0.1).to_mesh64()
+    return np.array(mesh.vert_properties), np.array(mesh.tri_verts).astype(np.int64)
+
+
 @pytest.mark.parametrize("turn", [1, -1])
-def test_an_open_body_is_wound_outward(part: float, turn: int) -> None:
-    """A shallow bowl, half a ball, and a ball with a hole."""
-    vertices, faces = shapes.sphere(3)
-    order = np.argsort(vertices[faces].mean(axis=1)[:, 2])
-    bowl = faces[order[: int(part * len(faces))]]
-    surface = repaired((vertices, bowl[:, ::turn]))
-    assert np.array_equal(surface.faces, bowl)
-    assert counts(surface).get("inverted", 0) == (len(bowl) if turn < 0 else 0)
+@pytest.mark.parametrize(
+    "body",
+    [*(opened(shapes.sphere(3), part) for part in (0.02, 0.5, 0.8)), opened(thin_cup(), 0.1)],
+)
+def test_an_open_body_is_wound_outward(body: Surface, turn: int) -> None:
+    vertices, faces = body
+    surface = repaired((vertices, faces[:, ::turn]))
+    assert not surface.closed
+    assert np.array_equal(surface.faces, faces)
+    assert counts(surface).get("inverted", 0) == (len(faces) if turn < 0 else 0)
+
+
+def test_a_rough_sheet_is_not_turned() -> None:
+    x, y = np.meshgrid(np.arange(20.0), np.arange(20.0))
+    rough = 0.02 * np.random.default_rng(0).normal(size=x.size)
+    points = np.stack([x.ravel(), y.ravel(), rough], axis=1)
+    low = (np.arange(19)[:, None] * 20 + np.arange(19)).reshape(-1, 1)
+    faces = np.concatenate([low + [0, 1, 20], low + [1, 21, 20]])
+    assert repaired((points, faces)).steps == repaired((points, faces[:, ::-1])).steps == ()
 
 
 # Holes

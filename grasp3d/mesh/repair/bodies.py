@@ -13,10 +13,12 @@ from grasp3d.mesh.measures import (
     part_volumes,
 )
 from grasp3d.mesh.repair.cleaning import ends_of
+from grasp3d.mesh.repair.holes import holes_of
 from grasp3d.mesh.repair.solids import Solid
 
-CLEAR_VOTE = 0.5
-"""An open body is flipped when its vote is below minus this; see `_outward_vote`."""
+CLEAR = 1e-3
+"""Volume, in units of the area to the power 3/2, from which an open body has an orientation: 0.002
+for a thin bowl, 0.0001 for a flat sheet that is rough."""
 
 NO_VOLUME = 1e-10
 """Volume below which a closed body is flat, in units of its area to the power 3/2."""
@@ -112,7 +114,7 @@ def orient(
     own = [faces[rows][:, ::turn] for rows, turn in zip(rows_of(body), turns, strict=True)]
     flip = np.zeros(len(own), dtype=bool)
     for number in np.flatnonzero(np.isnan(volumes)).tolist():
-        flip[number] = _outward_vote(points, own[number]) < -CLEAR_VOTE
+        flip[number] = _is_inward(points, own[number])
     if np.nansum(volumes) < 0.0:  # the whole object with its cavities
         flip |= ~np.isnan(volumes)
     signs = np.sign(np.where(flip, -volumes, volumes))
@@ -142,12 +144,11 @@ def orient(
     return flip, owner
 
 
-def _outward_vote(points: Floats, faces: Ints) -> float:
-    """Agreement of an open body's winding with the directions away from its middle, -1 to 1."""
-    corners = points[faces]
-    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = np.linalg.norm(doubled, axis=1)
-    middles = corners.mean(axis=1)
-    away = middles - areas @ middles / max(areas.sum(), np.finfo(np.float64).tiny)
-    votes = np.einsum("ij,ij->i", doubled, away)
-    return float(votes.sum() / max(np.abs(votes).sum(), np.finfo(np.float64).tiny))
+def _is_inward(points: Floats, faces: Ints) -> bool:
+    """Return whether an open body is clearly inside out: closed by fans over its holes."""
+    rings = [points[hole] for hole in holes_of(faces)]
+    fans = [np.stack([r, np.roll(r, -1, axis=0), 0.0 * r + r.mean(axis=0)], axis=1) for r in rings]
+    corners = np.concatenate([points[faces], *fans])
+    a, b, c = np.moveaxis(corners - corners[0, 0], 1, 0)
+    volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0
+    return bool(volume < -CLEAR * face_areas(points, faces).sum() ** 1.5)
