@@ -1,4 +1,4 @@
-"""Reading of files in a child process, whose memory and time the operating system limits.
+"""Reading of files, and repair of meshes, in child processes whose memory and time are limited.
 
 The command line, the jobs of a batch and the viewer read so: damaged files crash libraries, or take
 all time and memory. In Python files are read without limits, in the process itself.

@@ -6,6 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from grasp3d.arrays import first_at_position
+from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.repair.bodies import bodies_of, orient
 from grasp3d.mesh.repair.union import without_slits
 from tests.helpers import shapes
@@ -13,6 +15,9 @@ from tests.helpers.repairs import counts, inward, joined, moved, repaired, volum
 from tests.helpers.shapes import Surface
 
 ORDERS = range(6)
+
+STEPS = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
+"""To the cubes beside a cube."""
 
 FINE = 1.0 / 3.0
 """Scale that makes positions need more than 32 bits, so that they count as exact."""
@@ -117,6 +122,58 @@ def test_within_agrees_with_an_intersection(
 
 
 # Unions
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.sets(st.tuples(*[st.integers(0, 2)] * 3), min_size=1),
+    st.integers(0, 1000),
+    st.booleans(),
+    st.booleans(),
+)
+def test_cubes_side_by_side_are_the_solid_that_they_tile(
+    cells: set[tuple[int, int, int]],
+    seed: int,
+    welded: bool,
+    turned: bool,
+) -> None:
+    """They touch in faces, edges and corners, with vertices of their own or common ones."""
+    surface = joined(*(moved(shapes.box(), (float(x), y, z)) for x, y, z in sorted(cells)))
+    if welded:
+        surface = surface[0], first_at_position(surface[0])[surface[1]]
+    if turned:
+        surface = surface[0] @ shapes.rotation(seed).T, surface[1]
+    found = repaired(in_order(surface, seed))
+    steps = [(x + dx, y + dy, z + dz) for x, y, z in cells for dx, dy, dz in STEPS]
+    assert found.closed
+    assert found.warnings == ()
+    assert volume_of(found) == pytest.approx(len(cells))
+    exposed = sum(step not in cells for step in steps)
+    assert face_areas(found.vertices, found.faces).sum() == pytest.approx(exposed)
+
+
+@pytest.mark.parametrize("seed", ORDERS)
+@pytest.mark.parametrize("turn", [1, -1])
+def test_boxes_that_overlap_and_share_an_edge_are_united(seed: int, turn: int) -> None:
+    """As in a file without indices, where vertices at one position are one."""
+    long = moved(shapes.box((2.0, 0.5, 1.0)), (0.5, -0.25, 0.0))
+    vertices, faces = joined(shapes.box(), (long[0], long[1][:, ::turn]))
+    surface = repaired(in_order((vertices, first_at_position(vertices)[faces]), seed))
+    assert surface.closed
+    assert volume_of(surface) == pytest.approx(1.5)
+    assert counts(surface)["united"] == 2
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.01])
+def test_an_inward_fragment_on_a_body_is_part_of_it_and_apart_from_it_is_turned(
+    shift: float,
+) -> None:
+    """Scanners leave such pockets where a surface touches itself."""
+    box, pocket = shapes.box(), moved(shapes.box(), (0.525 + shift, 0.525, 0.525), 0.05)
+    vertices, faces = joined(box, inward(pocket))
+    surface = repaired((vertices, first_at_position(vertices)[faces]))
+    assert "inverted" in counts(surface) if shift else "inverted" not in counts(surface)
+    assert volume_of(surface) == pytest.approx(1.0 + (1.0 if shift else -1.0) * 0.05**3)
 
 
 def test_a_solid_without_a_volume_is_not_united() -> None:
