@@ -5,13 +5,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from grasp3d.arrays import Bools, Floats, Ints, unit_rows
-from grasp3d.mesh.measures import (
-    connected,
-    crowded_edges,
-    face_areas,
-    paired_edges,
-    part_volumes,
-)
+from grasp3d.mesh.measures import connected, crowded_edges, face_areas, paired_edges, part_volumes
 from grasp3d.mesh.repair.cleaning import ends_of
 from grasp3d.mesh.repair.holes import holes_of
 from grasp3d.mesh.repair.solids import Solid
@@ -22,10 +16,6 @@ for a thin bowl, 0.0001 for a flat sheet that is rough."""
 
 NO_VOLUME = 1e-10
 """Volume below which a closed body is flat, in units of its area to the power 3/2."""
-
-FRAGMENT = 1e-3
-"""Volume of a body, as a fraction of the largest, below which it is part of it if they touch, even
-if it is wound inward."""
 
 APART = 10.0
 """Cost of pairing faces of different sheets at an edge: more than any root of an angle."""
@@ -40,8 +30,10 @@ def rows_of(number: Ints) -> list[Ints]:
     return np.split(order, np.flatnonzero(np.diff(number[order])) + 1)
 
 
-def bodies_of(points: Floats, faces: Ints, rounding: float) -> tuple[Ints, Floats]:
+def bodies_of(points: Floats, faces: Ints, rounding: float) -> tuple[Ints, Floats, Ints]:
     """Divide a surface into bodies, each bounded by faces that are neighbours across edges.
+
+    A vertex or an edge where a surface touches itself is divided too.
 
     Args:
         points: Positions (V, 3) of a surface of size about 1.
@@ -50,19 +42,22 @@ def bodies_of(points: Floats, faces: Ints, rounding: float) -> tuple[Ints, Float
 
     Returns:
         Body of each face, shape (F,). Volume of each body, negative if wound inward, 0 if it is
-        flat (a sheet with two sides), nan if it is open, shape (B,).
+        flat (a sheet with two sides), nan if it is open, shape (B,). The faces over vertices that
+        only neighbours share, counted from 0, shape (F, 3).
     """
     one, two = _neighbours(points, faces)
-    body = connected(len(faces), one, two)
+    body = connected(len(faces), one // 3, two // 3)
+    starts, ends = ends_of(np.arange(faces.size).reshape(-1, 3), np.stack([one, two]))
+    divided = connected(faces.size, starts, ends[::-1])
     areas = np.bincount(body, face_areas(points, faces))
     volumes = part_volumes(points, faces, body)
     flat = np.abs(volumes) <= np.maximum(NO_VOLUME * areas**1.5, 2.0 * rounding * areas)
-    closed = 2 * np.bincount(body[one], minlength=len(areas)) == 3 * np.bincount(body)
-    return body, np.where(closed, np.where(flat, 0.0, volumes), np.nan)
+    closed = 2 * np.bincount(body[one // 3], minlength=len(areas)) == 3 * np.bincount(body)
+    return body, np.where(closed, np.where(flat, 0.0, volumes), np.nan), divided.reshape(-1, 3)
 
 
 def _neighbours(points: Floats, faces: Ints) -> tuple[Ints, Ints]:
-    """Pairs of faces that run along one edge in opposite directions, each half-edge in one pair.
+    """Pairs of half-edges that run along one edge in opposite directions, each in one pair.
 
     Where more than two faces meet, those pairs are neighbours that are connected elsewhere, and
     then those with the thinnest wedges of material between them: bodies that touch are divided
@@ -90,20 +85,21 @@ def _neighbours(points: Floats, faces: Ints) -> tuple[Ints, Ints]:
         wedge[wedge > 2.0 * np.pi - BACK_TO_BACK] = 0.0
         one, two = linear_sum_assignment(np.sqrt(wedge) + APART * (own[ahead] != own[back]))
         pairs.append(crowded[np.stack([ahead[one, 0], back[two]])])
-    one, two = np.concatenate(pairs, axis=1) // 3
+    one, two = np.concatenate(pairs, axis=1)
     return one, two
 
 
 def orient(
-    points: Floats, faces: Ints, body: Ints, volumes: Floats, touch: float
+    points: Floats, faces: Ints, vertex: Ints, body: Ints, volumes: Floats, touch: float
 ) -> tuple[Bools, Ints]:
     """Find the bodies that are inside out, and the cavities of the others.
 
     Args:
         points: Positions (V, 3).
-        faces: Faces (F, 3).
+        faces: Faces (F, 3), divided as in `bodies_of`.
+        vertex: The same for all vertices that were one before, shape (V,).
         body: Body of each face, shape (F,).
-        volumes: Their volumes, as in `bodies_of`, shape (B,).
+        volumes: Their volumes, shape (B,).
         touch: Distance within which bodies touch.
 
     Returns:
@@ -123,24 +119,20 @@ def orient(
     outward = outward[np.argsort(np.abs(volumes[outward]))]
     low = np.array([points[each].min(axis=(0, 1)) for each in own])
     high = np.array([points[each].max(axis=(0, 1)) for each in own])
-    around: dict[int, Solid] = {}
+    around: dict[tuple[int, float], Solid] = {}
     for number in np.flatnonzero(signs < 0.0).tolist():
-        inner = Solid.of(points, own[number], touch)
-        larger = (low[outward] < low[number]) & (high[number] < high[outward])
+        larger = (low[outward] <= low[number]) & (high[number] <= high[outward])
         for outer in outward[larger.all(axis=1)].tolist():
-            if outer not in around:
-                around[outer] = Solid.of(points, own[outer], -touch)
-            rest = inner.manifold - around[outer].manifold
+            shares = np.isin(vertex[own[number]], vertex[own[outer]]).any()
+            gap = -touch if shares else touch  # a cavity touches only a wall that it is part of
+            if (outer, gap) not in around:
+                around[outer, gap] = Solid.of(points, own[outer], -gap)
+            rest = Solid.of(points, own[number], gap).manifold - around[outer, gap].manifold
             if rest.status() == manifold3d.Error.NoError and rest.is_empty():
                 owner[number] = outer
                 break
         else:
-            main = outward[-1]
-            small = np.abs(volumes[number]) < FRAGMENT * np.abs(volumes[main])
-            if small and np.isin(own[number], own[main]).any():
-                owner[number] = main
-            else:
-                flip[number] ^= True
+            flip[number] ^= True
     return flip, owner
 
 

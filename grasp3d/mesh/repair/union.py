@@ -6,7 +6,14 @@ from scipy.spatial import cKDTree
 
 from grasp3d.arrays import Floats, Ints, first_at_position, unit_rows
 from grasp3d.mesh.measures import face_areas, has_area, paired_edges
-from grasp3d.mesh.repair.cleaning import WELDS, clusters, first_alike, from_least_corner, is_face
+from grasp3d.mesh.repair.cleaning import (
+    WELDS,
+    clusters,
+    first_alike,
+    from_least_corner,
+    is_face,
+    is_first,
+)
 from grasp3d.mesh.repair.solids import Solid
 
 NEAR = 4.0
@@ -19,9 +26,6 @@ meet at a small angle; the first that leaves no face without an area is used."""
 REAL = 1e-6
 """Fraction of the area that must vanish in a union; bodies that touch in a line are not united."""
 
-FAR = np.sqrt([7.0, 3.0, 2.0])
-"""Direction in which a ray leaves a surface of size about 1, through no edges of regular grids."""
-
 MOST_FLIPS = 100
 """Most rounds in which faces without an area are removed."""
 
@@ -33,10 +37,9 @@ def union_of(solids: list[Solid]) -> manifold3d.Manifold | None:
         solids: The solids, faces offset outward by less than the precision of their positions, so
             that faces in contact surely overlap, and coplanar faces stay coplanar.
     """
-    whole = manifold3d.Manifold.batch_boolean(
-        [solid.manifold for solid in solids], manifold3d.OpType.Add
-    )
-    volumes = [solid.manifold.volume() for solid in solids]
+    parts = [solid.manifold for solid in solids]
+    whole = manifold3d.Manifold.batch_boolean(parts, manifold3d.OpType.Add)
+    volumes = [part.volume() for part in parts]
     sound = (
         whole.status() == manifold3d.Error.NoError
         and min(volumes) > 0.0
@@ -45,10 +48,14 @@ def union_of(solids: list[Solid]) -> manifold3d.Manifold | None:
     return whole if sound else None
 
 
-def is_inside(whole: manifold3d.Manifold, point: Floats) -> bool:
-    """Return whether a point (3,) of a surface of size about 1 lies in a solid."""
-    hits = whole.ray_cast(point.tolist(), (point + FAR).tolist())
-    return bool(hits) and float(np.dot(hits[0].normal, FAR)) > 0.0
+def winding_number(corners: Floats) -> float:
+    """Winding number of triangles (F, 3, 3) about the origin (van Oosterom & Strackee 1983)."""
+    lengths = np.linalg.norm(corners, axis=2)
+    a, b, c = corners.swapaxes(0, 1)
+    dots = np.stack([np.einsum("ij,ij->i", *pair) for pair in ((b, c), (c, a), (a, b))], axis=1)
+    below = lengths.prod(axis=1) + (dots * lengths).sum(axis=1)
+    angles = np.arctan2(np.einsum("ij,ij->i", a, np.cross(b, c)), below)
+    return float(angles.sum() / (2.0 * np.pi))
 
 
 def count_united(whole: manifold3d.Manifold, solids: list[Solid], touch: float) -> tuple[int, int]:
@@ -71,7 +78,7 @@ def count_united(whole: manifold3d.Manifold, solids: list[Solid], touch: float) 
 
 
 def united(
-    points: Floats, whole: manifold3d.Manifold, solids: list[Solid], touch: float
+    points: Floats, vertex: Ints, whole: manifold3d.Manifold, solids: list[Solid], touch: float
 ) -> tuple[Floats, Ints, Ints]:
     """Express a union over the given vertices.
 
@@ -80,6 +87,7 @@ def united(
 
     Args:
         points: Positions (V, 3) of a surface of size about 1.
+        vertex: Its vertex for each vertex of the solids.
         whole: The union.
         solids: Its parts.
         touch: Offset of their faces.
@@ -90,7 +98,7 @@ def united(
     """
     mesh = whole.to_mesh64()
     crossings, cut = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts)
-    given = np.concatenate([solid.corners for solid in solids])
+    given = vertex[np.concatenate([solid.corners for solid in solids])]
     displaced = np.concatenate([solid.points for solid in solids])
     same = first_at_position(np.concatenate([displaced, crossings]))[len(displaced) :]
     new = same >= len(displaced)
@@ -164,24 +172,29 @@ def _divided(
     """Divide the pieces of a face that a point lies in, or on an edge of."""
     result: list[tuple[int, ...]] = []
     for piece in pieces:
-        edges = list(zip(piece, piece[1:] + piece[:1], strict=True))
-        start, end = points[list(piece)], points[list(piece[1:] + piece[:1])]
-        depth = np.cross(across, unit_rows(end - start)) * (points[point] - start)
-        away = [edge for edge, far in zip(edges, depth.sum(axis=1) > distance, strict=True) if far]
-        if len(away) > 1 and depth.sum(axis=1).min() > -distance:
-            result += [(*edge, point) for edge in away]
+        edges = np.stack([piece, np.roll(piece, -1)], axis=1)
+        start, end = points[np.sort(edges, axis=1)].swapaxes(0, 1)  # as for the face beyond
+        along, to = end - start, points[point] - start
+        fraction = (to * along).sum(axis=1) / (along * along).sum(axis=1)
+        gap = np.linalg.norm(to - fraction[:, None] * along, axis=1)
+        away = (gap > distance) | (fraction <= 0.0) | (fraction >= 1.0)
+        start, end = points[edges].swapaxes(0, 1)
+        inside = np.cross(end - start, points[point] - start) @ across > 0.0
+        if inside.all() or not away.all():
+            result += [(*edge, point) for edge in edges[away].tolist()]
         else:
             result.append(piece)
     return result
 
 
 def without_slits(faces: Ints) -> Ints:
-    """Remove collapsed faces, and faces on the same vertices if half of them face either way."""
+    """Remove collapsed faces, and of those on the same vertices all but what faces are ahead."""
     faces = faces[is_face(faces)]
     _, same = first_alike(np.sort(faces, axis=1))
     _, after, last = from_least_corner(faces).T
-    balance = np.bincount(same, np.sign(after - last))
-    return np.asarray(faces[balance[same] != 0.0])
+    side = np.sign(after - last)
+    faces = faces[side * np.bincount(same, side)[same] > 0.0]
+    return np.asarray(faces[is_first(faces)])
 
 
 def without_slivers(points: Floats, faces: Ints, rounding: float) -> Ints:

@@ -26,7 +26,7 @@ from grasp3d.mesh.repair.cleaning import (
 )
 from grasp3d.mesh.repair.holes import SMALL, close_hole, holes_of
 from grasp3d.mesh.repair.solids import Solid
-from grasp3d.mesh.repair.union import count_united, is_inside, union_of, united
+from grasp3d.mesh.repair.union import count_united, union_of, united, winding_number
 from grasp3d.settings.mesh_options import Repair
 from grasp3d.system.counts import counted, noun
 
@@ -35,6 +35,9 @@ MOST_ROUNDING = 1e-6
 
 TOUCH = 1e-10
 """Distance within which bodies touch, as a fraction of the size, unless rounding is larger."""
+
+HALF = 0.5
+"""Threshold between the winding numbers outside, 0, and inside, 1."""
 
 SMALL_HOLES = 0.01
 """Small holes are closed if the faces that close them add at most this fraction to the area."""
@@ -103,10 +106,6 @@ class _Work:
         self.faces = self.faces[mask]
         self.note(name, (~mask).sum(), "faces", message)
 
-    def flip(self, name: str, mask: Bools, message: str) -> None:
-        self.faces = np.where(mask[:, None], self.faces[:, ::-1], self.faces)
-        self.note(name, mask.sum(), "faces", message)
-
 
 def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> RepairedSurface:
     """Repair a surface as far as a level allows.
@@ -165,7 +164,9 @@ def _clean(work: _Work) -> None:
     once = is_first(work.faces)
     once[once] = without_mirrored(work.faces[once])
     work.keep("repeated", once, "left out: came twice")
-    work.flip("rewound", disagreeing(work.faces), "turned to agree with neighbours")
+    flip = disagreeing(work.faces)
+    work.faces = np.where(flip[:, None], work.faces[:, ::-1], work.faces)
+    work.note("rewound", flip.sum(), "faces", "turned to agree with neighbours")
 
 
 def _close_holes(work: _Work, *, every: bool) -> None:
@@ -195,19 +196,30 @@ def _close_holes(work: _Work, *, every: bool) -> None:
 def _unite(work: _Work, *, fill: bool) -> None:
     """Wind the bodies outward, fill cavities, and unite the bodies that overlap or touch."""
     touch = max(TOUCH, 2.0 * work.rounding)
-    body, volumes = bodies_of(work.points, work.faces, work.rounding)
-    flip, owner = orient(work.points, work.faces, body, volumes, touch)
-    work.flip("inverted", flip[body], "turned: they were inside out")
+    body, volumes, divided = bodies_of(work.points, work.faces, work.rounding)
+    vertex = np.empty(int(divided.max()) + 1, dtype=np.int64)
+    vertex[divided] = work.faces
+    flip, owner = orient(work.points[vertex], divided, vertex, body, volumes, touch)
+    work.note("inverted", flip[body].sum(), "faces", "turned: they were inside out")
+    divided = np.where(flip[body][:, None], divided[:, ::-1], divided)
+    cavity = (owner >= 0) & (owner != np.arange(len(owner)))
     if fill:
-        cavity = (owner >= 0) & (owner != np.arange(len(owner)))
         work.note("solid", cavity.sum(), "sealed cavities", "filled")
-        work.faces, body = work.faces[~cavity[body]], body[~cavity[body]]
+        divided, body = divided[~cavity[body]], body[~cavity[body]]
+    work.faces = vertex[divided]
     parts = [rows for rows in rows_of(owner[body]) if owner[body[rows[0]]] >= 0]
     flat = [rows for rows in rows_of(body) if volumes[body[rows[0]]] == 0.0]
-    if not parts or len(parts) + len(flat) < 2:
+    kept, areas = np.ones(len(body), dtype=bool), face_areas(work.points, work.faces)
+    corners = work.points[work.faces[owner[body] >= 0]]
+    for rows in flat if parts else []:
+        face = work.faces[rows[np.argmax(areas[rows])]]
+        kept[rows] = winding_number(corners - work.points[face].mean(axis=0)) < HALF
+    others = work.faces[kept & (owner[body] < 0)]
+    work.keep("walls", kept, "left out: back to back inside the object")
+    if len(parts) < 2:
         return
     exact = work.points[clusters(work.points, touch)]  # bodies that touch do so exactly
-    solids = [Solid.of(exact, work.faces[rows], touch) for rows in parts]
+    solids = [Solid.of(exact[vertex], divided[rows], touch) for rows in parts]
     whole = union_of(solids)
     if whole is None:
         work.warnings.append(
@@ -215,17 +227,11 @@ def _unite(work: _Work, *, fill: bool) -> None:
             "soundly: the volume may count some regions twice"
         )
         return
-    kept, areas = np.ones(len(body), dtype=bool), face_areas(work.points, work.faces)
-    for rows in flat:
-        face = work.faces[rows[np.argmax(areas[rows])]]
-        kept[rows] = not is_inside(whole, work.points[face].mean(axis=0))
-    others = work.faces[kept & (owner[body] < 0)]
-    work.keep("walls", kept, "left out: back to back inside the object")
     joined, within = count_united(whole, solids, touch)
     if not joined:
         return
     count = len(work.points)
-    work.points, faces, canonical = united(work.points, whole, solids, touch)
+    work.points, faces, canonical = united(work.points, vertex, whole, solids, touch)
     work.faces = np.concatenate([others, faces])
     work.canonical = canonical[np.append(work.canonical, np.arange(count, len(work.points)))]
     work.rounding = max(work.rounding, touch)
