@@ -18,16 +18,23 @@ from grasp3d.mesh.reading.sources import RawMesh
 from grasp3d.mesh.refinement import DEFAULT_EDGE, check_refinement, refine
 from grasp3d.mesh.region import restricted
 from grasp3d.mesh.repair.work import MOST_ROUNDING, RepairedSurface, repair_surface
-from grasp3d.mesh.work_bounds import bounds_of
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.costs import check_cost
 from grasp3d.settings.units import Unit, with_units
+from grasp3d.system.limited_reading import Limits, in_limits
 
 OUTSIDE = 1e-6
 """Distance from the bounding box, as a fraction of the size, from which a point is outside it."""
 
 FAR = 100.0
 """Distance of a centre of mass from the object, in its sizes, that cannot be meant."""
+
+SECONDS = 120.0
+"""Time to repair a mesh, or to divide its edges, where reading is limited [s]; 4 s are usual for
+300,000 faces."""
+
+MEMORY = 4e9
+"""Memory for the same [bytes]."""
 
 FLAT_VOLUME = 1e-9
 """Volume, as a fraction of the size cubed, below which a closed surface encloses none."""
@@ -96,13 +103,16 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
 
 
 def prepare(
-    source: MeshSource, options: MeshOptions
+    source: MeshSource, options: MeshOptions, *settings: object, in_metres: str = ""
 ) -> tuple[ObjectMesh, RepairedSurface, RawMesh]:
     """Prepare a mesh, as `load_mesh` does, and keep the surfaces that it was made of.
 
     Args:
         source: As in `load_mesh`; an `ObjectMesh` is prepared again.
         options: How the mesh is read and prepared.
+        settings: Further settings, whose lengths may need the unit of the mesh.
+        in_metres: What else needs it, the beginning of a sentence; empty: nothing. It is asked for
+            before any work.
 
     Returns:
         The mesh; its surface before long edges were divided, and as it was read, in the file's
@@ -110,16 +120,23 @@ def prepare(
 
     Raises:
         MeshError: For the same reasons as in `load_mesh`.
-        SettingError: A length has a unit, but that of the mesh is not known; or the centre of mass
-            is far away.
+        SettingError: The unit of the mesh is needed, but not known; or the centre of mass is far
+            away.
     """
     given = read_source(source)
     if (options.unit or given.unit) is None:
-        for name, length in with_units("", options):
-            raise unknown_unit(f"{name} is {length}", given.name, given.extent)
+        lengths = (f"{name} is {length}" for name, length in with_units("", (options, *settings)))
+        if what := in_metres or next(lengths, ""):
+            raise unknown_unit(what, given.name, given.extent)
     check_cost(len(given.faces) // 2, options.max_memory, given.where, "simplify the mesh")
-    with bounds_of(given.where):
-        repaired = repair_surface(given.vertices, given.faces, options.repair, given.where)
+    limits = Limits(
+        SECONDS,
+        MEMORY,
+        f"{given.where}: repairing it",
+        "mend it in a CAD program, or give --repair none",
+    )
+    arguments = given.vertices, given.faces, options.repair, given.where
+    repaired = in_limits(limits, repair_surface, *arguments)
     return _refined(given, repaired, options), repaired, given
 
 
@@ -132,8 +149,14 @@ def _refined(source: RawMesh, repaired: RepairedSurface, options: MeshOptions) -
     normals = corner_normals(surface, options.crease_angle)
     edge = DEFAULT_EDGE if options.max_edge is None else options.max_edge / (metres * size)
     check_refinement(surface, edge, options.max_memory, where)
-    with bounds_of(where):
-        refined, normals = refine(surface, normals, edge, min(error / size, MOST_ROUNDING))
+    rounding = min(error / size, MOST_ROUNDING)
+    limits = Limits(
+        SECONDS,
+        MEMORY,
+        f"{where}: dividing its long edges",
+        "give a longer max_edge (--max-edge)",
+    )
+    refined, normals = in_limits(limits, refine, surface, normals, edge, rounding)
     center_mass, volume = center_and_volume(surface)
     center_from = "volume"
     if not volume > FLAT_VOLUME:

@@ -3,9 +3,9 @@
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints, first_at_position, unit_rows
-from grasp3d.mesh.measures import Triangles, first_connected
+from grasp3d.mesh.measures import Triangles
 from grasp3d.mesh.normals import CornerNormals
-from grasp3d.mesh.work_bounds import close_pairs
+from grasp3d.mesh.repair.cleaning import clusters
 from grasp3d.settings.costs import check_cost
 
 MAX_ROUNDS = 40
@@ -61,10 +61,8 @@ def _first_nearby(points: Floats, same: Ints, count: int, tolerance: float) -> I
     `same` is the first point at each point's position. At a T-junction one face has a vertex in the
     middle of another's edge, and the midpoints of the two faces there agree only up to rounding.
     """
-    distinct = np.flatnonzero(same == np.arange(len(points)))  # any number may be at one position
-    pairs = distinct[close_pairs(points[distinct], tolerance)]
-    ends = np.concatenate([pairs.T, [np.arange(len(points)), same]], axis=1)
-    first = first_connected(len(points), *ends)
+    distinct, row = np.unique(same, return_inverse=True)  # any number may be at one position
+    first = distinct[clusters(points[distinct], tolerance)][row]
     first[:count] = np.arange(count)  # given vertices stay distinct
     return first
 

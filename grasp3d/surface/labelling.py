@@ -14,6 +14,7 @@ from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach, GivenTable
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
+from grasp3d.mesh.preparing import prepare
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.loads import GivenLoad, Load
 from grasp3d.settings import (
@@ -30,7 +31,7 @@ from grasp3d.settings.pose_error import PoseError
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_numbers import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.load_case import LoadCase, input_warnings
+from grasp3d.surface.load_case import DENSITY, LoadCase, input_warnings
 from grasp3d.surface.sampling.antipodal import best_pairs
 from grasp3d.surface.sampling.multifinger import search
 from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at, grasps_differ
@@ -163,7 +164,8 @@ class Labelling:
             SettingError: As in `label_surface`, or a length cannot be meant.
             MeshError: The mesh cannot be read, or is too large.
         """
-        mesh = load_mesh(source, options)
+        hand = reach.hand is not None
+        mesh = _mesh_of(source, options, model, sampling, load, hand=hand)
         if not force:
             refuse_lengths(mesh, model, sampling)
         return cls.of(mesh, model, sampling, Scene.of(reach, mesh), load)
@@ -276,9 +278,24 @@ def label_surface(
     model = GraspModel.given("model", model) or GraspModel()
     sampling = Sampling.given("sampling", sampling)
     load, hand = Load.given("load", load), given_hand(hand)
-    surface = load_mesh(mesh)
+    on_hand = hand is not None or scene is not None
+    surface = _mesh_of(mesh, None, model, sampling, load, hand=on_hand)
     scene = scene or Scene.given(surface, hand, table, approach, pose_error)
     return Labelling.of(surface, model, sampling, scene, load).labels()
+
+
+def _mesh_of(
+    source: MeshSource,
+    options: MeshOptions | None,
+    *settings: object,
+    hand: bool,
+) -> ObjectMesh:
+    """Prepare a mesh; its unit is asked for before any work where hand or settings need it."""
+    if isinstance(source, ObjectMesh):
+        return load_mesh(source, options)
+    has_density = any(isinstance(one, Load) and one.density is not None for one in settings)
+    in_metres = IN_METRES if hand else DENSITY if has_density else ""
+    return prepare(source, options or MeshOptions(), *settings, in_metres=in_metres)[0]
 
 
 BEFORE_ANGLES = 0.9

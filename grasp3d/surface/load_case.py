@@ -18,6 +18,9 @@ from grasp3d.settings import GraspModel
 from grasp3d.settings.units import LengthSettings
 from grasp3d.system.counts import short_number
 
+DENSITY = "density is in kg/m^3"
+"""What needs the unit of a mesh, for the error."""
+
 
 def mass_of(mesh: ObjectMesh, load: Load) -> float | None:
     """Mass of an object [kg]: as given, or from the density; None: neither is given.
@@ -38,7 +41,7 @@ def mass_of(mesh: ObjectMesh, load: Load) -> float | None:
             "(--mass) and the centre of mass (--center-of-mass) instead, or close the mesh "
             "(--repair full)"
         )
-    mesh.needs_metres("density is in kg/m^3")
+    mesh.needs_metres(DENSITY)
     return load.density * mesh.volume
 
 

@@ -1,4 +1,4 @@
-"""Reading of files in a child process, whose memory and time the operating system limits.
+"""Reading of files, and repair of meshes, in child processes whose memory and time are limited.
 
 The command line, the jobs of a batch and the viewer read so: damaged files crash libraries, or take
 all time and memory. In Python files are read without limits, in the process itself.
@@ -16,6 +16,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,15 +24,30 @@ from grasp3d.errors import FileUnreadError, GraspError
 from grasp3d.system.names import printable
 
 SECONDS = 30.0
-"""Time of a child process [s]."""
+"""Time to read a file [s]."""
 
 MEMORY = 2e9
-"""Memory that a child process may take beside what it has when it begins [bytes]."""
+"""Memory to read a file [bytes]."""
 
 GRACE = 2.0
 """Time after which a child process that its own alarm has not ended is killed [s]."""
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of a child process, and what is said where it exceeds them."""
+
+    seconds: float
+    """Its time [s]."""
+    memory: float
+    """Memory that it may take beside what it has when it begins [bytes]."""
+    doing: str
+    """What it does, as the subject of a sentence that begins with the file."""
+    remedy: str
+    """What to do about it."""
+
 
 _is_limited = ContextVar("is_limited", default=False)
 _starting = threading.Lock()
@@ -61,11 +77,28 @@ def read_file(read: Callable[..., T], path: Path, *arguments: Any) -> T:
         FileUnreadError: The child process crashed, or exceeded a limit.
         Exception: What the function raises.
     """
+    limits = Limits(SECONDS, MEMORY, f"{path}: reading it", "is it damaged?")
+    return in_limits(limits, read, path, *arguments)
+
+
+def in_limits(limits: Limits, work: Callable[..., T], *arguments: Any) -> T:
+    """Return what a function makes of a file's content, in a child process if reading is limited.
+
+    Args:
+        limits: Limits of the child process.
+        work: A function of a module.
+        arguments: What it is called with.
+
+    Raises:
+        FileUnreadError: The child process crashed, or exceeded a limit.
+        Exception: What the function raises.
+    """
     if not _is_limited.get():
-        return read(path, *arguments)
-    data, code = _answer(read, (path, *arguments))
+        return work(*arguments)
+    data, code = _answer(limits, work, arguments)
     if not data:
-        raise FileUnreadError(printable(f"{path}: reading it {_why(data, code)}; is it damaged?"))
+        why = _why(limits, data, code)
+        raise FileUnreadError(printable(f"{limits.doing} {why}; {limits.remedy}"))
     is_raised, value = pickle.loads(data)  # noqa: S301, from a child process of ours
     if is_raised:
         raise pickle.loads(value)  # noqa: S301, as above
@@ -73,15 +106,19 @@ def read_file(read: Callable[..., T], path: Path, *arguments: Any) -> T:
     return result
 
 
-def _answer(read: Callable[..., object], arguments: tuple[Any, ...]) -> tuple[bytes | None, int]:
+def _answer(
+    limits: Limits, work: Callable[..., object], arguments: tuple[Any, ...]
+) -> tuple[bytes | None, int]:
     """The answer of a child process, None if there is none, and how it ended."""
     with _starting:  # so that no other child process inherits this pipe, and keeps it open
         answers, sender = _processes.Pipe(duplex=False)
-        process = _processes.Process(target=_serve, args=(sender, read, arguments), daemon=True)
+        process = _processes.Process(
+            target=_serve, args=(sender, limits, work, arguments), daemon=True
+        )
         process.start()
         sender.close()
     try:
-        data = answers.recv_bytes() if answers.poll(SECONDS + GRACE) else None
+        data = answers.recv_bytes() if answers.poll(limits.seconds + GRACE) else None
     except EOFError:  # it ended before
         data = None
     finally:
@@ -91,22 +128,24 @@ def _answer(read: Callable[..., object], arguments: tuple[Any, ...]) -> tuple[by
     return data, process.exitcode
 
 
-def _why(data: bytes | None, code: int) -> str:
+def _why(limits: Limits, data: bytes | None, code: int) -> str:
     """Why there is no answer, the end of a sentence."""
     if data is not None:
-        return f"takes more than {MEMORY / 1e9:g} GB of memory"
+        return f"takes more than {limits.memory / 1e9:g} GB of memory"
     if -code in {signal.SIGKILL, signal.SIGALRM}:
-        return f"takes more than {SECONDS:g} s, or more memory than the machine has"
+        return f"takes more than {limits.seconds:g} s, or more memory than the machine has"
     return f"ended its process ({signal.strsignal(-code) if code < 0 else f'exit code {code}'})"
 
 
-def _serve(sender: Any, read: Callable[..., object], arguments: tuple[Any, ...]) -> None:
+def _serve(
+    sender: Any, limits: Limits, work: Callable[..., object], arguments: tuple[Any, ...]
+) -> None:
     """Send whether a function raises, and what; nothing where it takes too much memory."""
     gc.disable()  # what the parent has made is not the child's to delete
     _is_limited.set(False)  # what is read meanwhile is limited with it
-    _set_limits()
+    _set_limits(limits)
     try:
-        answer = pickle.dumps((False, read(*arguments)), pickle.HIGHEST_PROTOCOL)
+        answer = pickle.dumps((False, work(*arguments)), pickle.HIGHEST_PROTOCOL)
     except MemoryError:
         answer = b""
     except Exception as error:  # noqa: BLE001, the parent raises it
@@ -130,7 +169,7 @@ def pickled_error(error: Exception, dumps: Callable[[object], bytes] = pickle.du
     return data
 
 
-def _set_limits() -> None:
+def _set_limits(limits: Limits) -> None:
     """Limit this process, print nothing, and end at an interrupt without a word."""
     faulthandler.disable()
     null = os.open(os.devnull, os.O_RDWR)
@@ -139,12 +178,12 @@ def _set_limits() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     if sys.platform != "win32":
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.setitimer(signal.ITIMER_REAL, SECONDS)
+        signal.setitimer(signal.ITIMER_REAL, limits.seconds)
     if sys.platform == "linux":
         import resource
 
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[5])
         hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
-        limit = pages * resource.getpagesize() + int(MEMORY)
+        limit = pages * resource.getpagesize() + int(limits.memory)
         limit = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
         resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))

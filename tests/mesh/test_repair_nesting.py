@@ -3,18 +3,21 @@
 import manifold3d
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from grasp3d.mesh.repair import solids
-from grasp3d.mesh.repair.bodies import Bodies
-from grasp3d.mesh.repair.solids import enclosed, overlap_groups, overlapping
+from grasp3d.arrays import first_at_position
+from grasp3d.mesh.measures import face_areas
+from grasp3d.mesh.repair.bodies import bodies_of, orient
 from grasp3d.mesh.repair.union import without_slits
 from tests.helpers import shapes
 from tests.helpers.repairs import counts, inward, joined, moved, repaired, volume_of
 from tests.helpers.shapes import Surface
 
 ORDERS = range(6)
+
+STEPS = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
+"""To the cubes beside a cube."""
 
 FINE = 1.0 / 3.0
 """Scale that makes positions need more than 32 bits, so that they count as exact."""
@@ -32,6 +35,15 @@ def in_order(surface: Surface, seed: int) -> Surface:
     start = rng.integers(0, 3, len(faces))[:, None]
     turned = np.take_along_axis(faces, (np.arange(3) + start) % 3, axis=1)
     return vertices, turned[rng.permutation(len(faces))]
+
+
+def owners_of(surface: Surface) -> list[tuple[int, int]]:
+    """Rank of each body by its size, the largest 0, and that of the body that it is part of."""
+    points, faces = surface
+    body, volumes, _ = bodies_of(points, faces, 0.0)
+    _, owner = orient(points, faces, np.arange(len(points)), body, volumes, 1e-10)
+    rank = np.argsort(np.argsort(-np.abs(volumes)))
+    return sorted(zip(rank.tolist(), rank[owner].tolist(), strict=True))
 
 
 # Within or not
@@ -74,8 +86,7 @@ def test_a_body_that_touches_a_slanted_wall_from_inside_is_not_within(
     small = moved(shapes.box((0.5, 0.5, 0.5)), (0.25 + depth, 0.0, 0.0))
     vertices, faces = joined(shapes.box(), inward(small))
     turned = vertices @ shapes.rotation(seed).T, faces
-    inner, outer = Bodies(*in_order(turned, seed)).within
-    assert len(inner) == len(outer) == (depth < 0.0)
+    assert owners_of(in_order(turned, seed)) == [(0, 0), (1, 0 if depth < 0.0 else 1)]
 
 
 @pytest.mark.slow
@@ -85,15 +96,7 @@ def test_each_cavity_belongs_to_the_smallest_body_around_it(seed: int) -> None:
     radii = (1.0, 0.85, 0.7, 0.5)
     balls = [moved(shapes.sphere(2), (0.02 * k, 0.0, 0.0), r) for k, r in enumerate(radii)]
     shells = [inward(ball) if k % 2 else ball for k, ball in enumerate(balls)]
-    bodies = Bodies(*in_order(joined(*shells), seed))
-    order = np.argsort(-np.abs(bodies.volumes))  # the outermost first
-    rank = np.argsort(order)
-    owners = rank[bodies.owners()[order]]
-    assert owners.tolist() == [0, 0, 2, 2]
-    assert {(rank[i], rank[j]) for i, j in zip(*bodies.within, strict=True)} == {
-        (i, j) for i in range(4) for j in range(i)
-    }
-    assert bodies.doubled() == 0
+    assert owners_of(in_order(joined(*shells), seed)) == [(0, 0), (1, 0), (2, 2), (3, 2)]
     solids = [manifold3d.Manifold(manifold3d.Mesh64(v, f.astype(np.uint64))) for v, f in balls]
     bar = shapes.box((0.1, 0.1, 3.0))
     whole = (solids[0] - solids[1]) + (solids[2] - solids[3])
@@ -115,27 +118,89 @@ def test_within_agrees_with_an_intersection(
         manifold3d.Manifold(manifold3d.Mesh64(v, f.astype(np.uint64))) for v, f in (outer, inner)
     )
     outside = 1.0 - (one ^ two).volume() / two.volume()
-    found, _ = Bodies(*in_order(joined(outer, inward(inner)), seed)).within
-    assert len(found) == (abs(outside) < 1e-9)
+    cavity = owners_of(in_order(joined(outer, inward(inner)), seed)) == [(0, 0), (1, 0)]
+    assert cavity == (abs(outside) < 1e-9)
 
 
 # Unions
 
 
-def test_a_solid_without_a_volume_is_not_united() -> None:
-    """Two cavities that overlap are larger together than the body around them."""
-    box = shapes.box()
-    two = joined(
-        inward(moved(box, (0.02, 0.0, 0.0), 0.9)), inward(moved(box, (-0.02, 0.0, 0.0), 0.9))
-    )
-    hollow = joined(box, two)
-    row = [moved(shapes.box(), (0.9 * k, 0.0, 0.0)) for k in range(1, 6)]
-    repaired_surface = repaired(joined(hollow, *row))
-    assert repaired_surface.steps == ()
-    assert len(repaired_surface.warnings) == 1
-    assert (
-        "6 bodies seem to overlap but could not be united soundly" in repaired_surface.warnings[0]
-    )
+@settings(max_examples=25, deadline=None)
+@given(
+    st.sets(st.tuples(*[st.integers(0, 2)] * 3), min_size=1),
+    st.integers(0, 1000),
+    st.booleans(),
+    st.booleans(),
+)
+def test_cubes_side_by_side_are_the_solid_that_they_tile(
+    cells: set[tuple[int, int, int]],
+    seed: int,
+    welded: bool,
+    turned: bool,
+) -> None:
+    """They touch in faces, edges and corners, with vertices of their own or common ones."""
+    surface = joined(*(moved(shapes.box(), (float(x), y, z)) for x, y, z in sorted(cells)))
+    if welded:
+        surface = surface[0], first_at_position(surface[0])[surface[1]]
+    if turned:
+        surface = surface[0] @ shapes.rotation(seed).T, surface[1]
+    found = repaired(in_order(surface, seed))
+    steps = [(x + dx, y + dy, z + dz) for x, y, z in cells for dx, dy, dz in STEPS]
+    assert found.closed
+    assert found.warnings == ()
+    assert volume_of(found) == pytest.approx(len(cells))
+    exposed = sum(step not in cells for step in steps)
+    assert face_areas(found.vertices, found.faces).sum() == pytest.approx(exposed)
+
+
+@pytest.mark.slow
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.tuples(*[st.integers(0, 3)] * 3, *[st.integers(1, 4)] * 3), min_size=2, max_size=5),
+    st.integers(0, 1000),
+    st.sampled_from([0, 1]),
+)
+@example([(3, 3, 3, 3, 1, 2), (3, 1, 3, 1, 2, 4), (2, 3, 2, 1, 2, 3), (2, 3, 2, 2, 4, 2)], 41, 1)
+def test_boxes_on_a_lattice_have_the_volume_and_area_of_their_union(
+    boxes: list[tuple[int, ...]], seed: int, single: int
+) -> None:
+    """Many of their faces are coplanar, and vertices lie on edges and faces of others."""
+    cells, parts = np.zeros((9, 9, 9), dtype=np.int64), []
+    for box in boxes:
+        low, size = np.array(box[:3]), np.array(box[3:])
+        cells[tuple(slice(a + 1, a + b + 1) for a, b in zip(low, size, strict=True))] = 1
+        parts.append(moved(shapes.box(tuple(size.tolist())), tuple((low + size / 2.0).tolist())))
+    vertices, faces = in_order(joined(*parts), seed)
+    turned = vertices @ shapes.rotation(seed).T
+    found = repaired((turned.astype(np.float32).astype(np.float64) if single else turned, faces))
+    area = sum(np.abs(np.diff(cells, axis=axis)).sum() for axis in range(3))
+    assert found.closed
+    assert volume_of(found) == pytest.approx(cells.sum(), rel=1e-5)
+    assert face_areas(found.vertices, found.faces).sum() == pytest.approx(area, rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", ORDERS)
+@pytest.mark.parametrize("turn", [1, -1])
+def test_boxes_that_overlap_and_share_an_edge_are_united(seed: int, turn: int) -> None:
+    """As in a file without indices, where vertices at one position are one."""
+    long = moved(shapes.box((2.0, 0.5, 1.0)), (0.5, -0.25, 0.0))
+    vertices, faces = joined(shapes.box(), (long[0], long[1][:, ::turn]))
+    surface = repaired(in_order((vertices, first_at_position(vertices)[faces]), seed))
+    assert surface.closed
+    assert volume_of(surface) == pytest.approx(1.5)
+    assert counts(surface)["united"] == 2
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_an_inward_body_at_a_corner_is_a_cavity_if_it_is_inside(*, inside: bool) -> None:
+    """Scanners leave such pockets where a surface touches itself."""
+    box, pocket = shapes.box(), moved(shapes.box(), (0.475 if inside else 0.525,) * 3, 0.05)
+    vertices, faces = joined(box, inward(pocket))
+    corner = np.flatnonzero((np.abs(vertices - 0.5) < 1e-9).all(axis=1))
+    faces = np.where(faces == corner[1], corner[0], faces)
+    surface = repaired((vertices, faces))
+    assert counts(surface).get("inverted", 0) == (0 if inside else 12)
+    assert surface.bodies == 1
 
 
 @pytest.mark.slow
@@ -164,32 +229,6 @@ def test_many_pairs_are_each_united() -> None:
     assert step < 1e-6
 
 
-def test_opposite_faces_cancel_in_pairs() -> None:
-    faces = np.array([[0, 1, 2], [3, 4, 5], [2, 1, 0], [1, 2, 0], [5, 4, 3], [6, 7, 8], [6, 6, 8]])
-    assert without_slits(faces).tolist() == [[1, 2, 0], [6, 7, 8]]
-
-
-# Boxes
-
-
-@given(st.integers(0, 1000), st.integers(1, 30), st.floats(0.01, 2.0), st.integers(1, 200))
-@settings(max_examples=40, deadline=None)
-def test_overlapping_boxes_agree_with_pairwise_comparison(
-    seed: int, count: int, size: float, at_once: int
-) -> None:
-    rng = np.random.default_rng(seed)
-    lower = rng.integers(-4, 4, (count, 3)) / 2.0  # many that touch
-    upper = lower + np.round(2.0 * size * rng.random((count, 3))) / 2.0
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(solids, "AT_ONCE", at_once)
-        found = [pair for pairs in overlapping(lower, upper) for pair in zip(*pairs, strict=True)]
-        groups = overlap_groups(lower, upper)
-        inside = set(zip(*enclosed(lower, upper), strict=True))
-    meet = (lower[:, None] <= upper).all(axis=2) & (lower <= upper[:, None]).all(axis=2)
-    assert len(found) == len({frozenset(pair) for pair in found})
-    assert {(min(p), max(p)) for p in found} == set(zip(*np.nonzero(np.triu(meet, 1)), strict=True))
-    within = (lower[:, None] > lower).all(axis=2) & (upper[:, None] < upper).all(axis=2)
-    assert inside == set(zip(*np.nonzero(within), strict=True))
-    linked = np.linalg.matrix_power(meet.astype(float), count) > 0.0
-    expected = {tuple(np.flatnonzero(row)) for row in linked if row.sum() > 1}
-    assert {tuple(sorted(group)) for group in groups} == expected
+def test_opposite_faces_cancel() -> None:
+    faces = np.array([[0, 1, 2], [3, 4, 5], [1, 3, 2], [2, 1, 0], [5, 4, 3], [6, 7, 8], [6, 6, 8]])
+    assert without_slits(faces).tolist() == [[1, 3, 2], [6, 7, 8]]

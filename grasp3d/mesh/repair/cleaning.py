@@ -1,20 +1,18 @@
 """Welding of vertices, and degenerate, repeated and mirrored faces, their sheets and winding."""
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from grasp3d.arrays import Bools, Floats, Ints, used_indices
 from grasp3d.mesh.measures import (
-    Edges,
     connected,
     edges_of,
     first_connected,
     has_area,
-    is_closed,
     paired_edges,
     parts_of,
 )
 from grasp3d.mesh.repair.holes import SMALL, holes_of
-from grasp3d.mesh.work_bounds import close_pairs
 
 FEW = 0.01
 """Largest fraction of open edges of a body."""
@@ -37,9 +35,8 @@ def is_first(faces: Ints) -> Bools:
 
     Faces with the same corners in the opposite winding are not equal: a sheet may have two sides.
     """
-    first, _ = first_alike(from_least_corner(faces))
     mask = np.zeros(len(faces), dtype=bool)
-    mask[first] = True
+    mask[first_alike(from_least_corner(faces))[0]] = True
     return mask
 
 
@@ -62,27 +59,19 @@ def without_mirrored(faces: Ints) -> Bools:
         The faces to keep, shape (F,).
     """
     first, same = first_alike(np.sort(faces, axis=1))
-    mask = np.ones(len(faces), dtype=bool)
     if len(first) == len(faces):
-        return mask
-    once = np.sort(first)
-    sheet_of_face = np.zeros(len(faces), dtype=np.int64)
-    sheet_of_face[once] = sheets_of(faces[once])
-    body = _is_body(faces[once], sheet_of_face[once])
-    mask[body[sheet_of_face[first[same]]]] = False
-    mask[once] = True
+        return np.ones(len(faces), dtype=bool)
+    once = faces[first]
+    one, two = paired_edges(once)
+    sheet = connected(len(once), one // 3, two // 3)
+    mask = ~_is_body(once, sheet)[sheet[same]]
+    mask[first] = True
     return mask
-
-
-def sheets_of(faces: Ints) -> Ints:
-    """Sheet of each face, shape (F,): components connected across edges with exactly two faces."""
-    one, two = paired_edges(faces)
-    return connected(len(faces), one // 3, two // 3)
 
 
 def _is_body(faces: Ints, sheet: Ints) -> Bools:
     """Mask of the sheets that are closed except for small holes, in any winding."""
-    turn, _ = disagreeing(faces)
+    turn = disagreeing(faces)
     size = int(faces.max()) + 1
     apart = np.where(turn[:, None], faces[:, ::-1], faces) + sheet[:, None] * size
     edges = edges_of(apart)
@@ -103,7 +92,7 @@ def first_alike(rows: Ints) -> tuple[Ints, Ints]:
     return kinds[new], same
 
 
-def disagreeing(faces: Ints) -> tuple[Bools, int]:
+def disagreeing(faces: Ints) -> Bools:
     """Find the fewest faces to flip so that neighbours across an edge are wound alike.
 
     A graph has two nodes per face, as given and flipped, and links the nodes of neighbours that are
@@ -113,17 +102,13 @@ def disagreeing(faces: Ints) -> tuple[Bools, int]:
         faces: Welded faces (F, 3).
 
     Returns:
-        The faces to flip (F,); the number of faces on one-sided surfaces (Möbius strips), which
-        cannot be wound alike and are not flipped.
+        The faces to flip (F,); none of surfaces with one side (Möbius strips).
     """
     count = len(faces)
-    flip = np.zeros(count, dtype=bool)
-    if is_closed(faces):
-        return flip, 0
     one, two = paired_edges(faces)
-    against = _start(faces, one) == _start(faces, two)
+    against = ends_of(faces, one)[0] == ends_of(faces, two)[0]
     if not against.any():
-        return flip, 0
+        return np.zeros(count, dtype=bool)
     first, second = one // 3, two // 3
     other = np.where(against, count, 0)
     part = connected(
@@ -133,16 +118,13 @@ def disagreeing(faces: Ints) -> tuple[Bools, int]:
     )
     as_is, flipped = part[:count], part[count:]
     size = np.bincount(as_is, minlength=int(part.max()) + 1)
-    fewer = size[flipped] > size[as_is]
-    tied = (size[flipped] == size[as_is]) & (flipped < as_is)
-    one_sided = as_is == flipped
-    return (fewer | tied) & ~one_sided, int(one_sided.sum())
+    return np.asarray(2 * size[flipped] + (flipped < as_is) > 2 * size[as_is])
 
 
-def _start(faces: Ints, half_edges: Ints) -> Ints:
-    """Start vertex of each half-edge, numbered by the corner opposite to it."""
+def ends_of(faces: Ints, half_edges: Ints) -> tuple[Ints, Ints]:
+    """Start and end of half-edges, which are numbered by the corner opposite to them."""
     face, corner = np.divmod(half_edges, 3)
-    return np.asarray(faces[face, (corner + 1) % 3])
+    return faces[face, (corner + 1) % 3], faces[face, (corner + 2) % 3]
 
 
 def first_of_body(faces: Ints, first_vertex: Ints) -> Ints:
@@ -168,14 +150,6 @@ def first_of_body(faces: Ints, first_vertex: Ints) -> Ints:
     return np.asarray(first[inverse], dtype=np.int64)
 
 
-def first_of_linked(*canonical: Ints) -> Ints:
-    """First vertex of those that several maps of canonical vertices connect, shape (V,)."""
-    count = len(canonical[0])
-    return first_connected(
-        count, np.tile(np.arange(count), len(canonical)), np.concatenate(canonical)
-    )
-
-
 def clusters(
     points: Floats, distance: float, *, loose: Bools | None = None, reach: float = 0.0
 ) -> Ints:
@@ -187,7 +161,7 @@ def clusters(
         loose: Points (V,) to and from which steps may be longer.
         reach: Longest such step.
     """
-    pairs = close_pairs(points, max(distance, reach))
+    pairs = cKDTree(points).query_pairs(max(distance, reach), output_type="ndarray")
     if loose is not None:
         length = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
         pairs = pairs[(length <= distance) | loose[pairs].any(axis=1)]
@@ -197,10 +171,10 @@ def clusters(
 def weld_nearby(points: Floats, faces: Ints, rounding: float) -> Ints:
     """Join vertices whose positions differ by rounding only, if that repairs some edges.
 
-    Vertices within rounding of each other are joined if fewer edges then have other than two faces;
-    then those on open edges, within the smallest of several distances that leaves the fewest such
-    edges. A distance at which a face with an area would collapse is too large: the two sides of a
-    thin plate must not be joined. A sound surface is not changed.
+    All vertices within rounding of each other, or those on edges with other than two faces within
+    larger distances: the smallest distance that leaves the fewest such edges. One at which a face
+    with an area would collapse is too large: the two sides of a thin plate must not be joined. A
+    sound surface is not changed.
 
     Args:
         points: Positions (V, 3) of a surface of size about 1.
@@ -210,44 +184,25 @@ def weld_nearby(points: Floats, faces: Ints, rounding: float) -> Ints:
     Returns:
         Canonical vertex of each vertex, shape (V,).
     """
-    best = np.arange(len(points))
-    edges = _edges_once(faces)
-    fewest = int((edges.faces != PAIR).sum())
+    best, uneven = np.arange(len(points)), _uneven_edges(faces)
+    fewest, border = len(uneven), used_indices(uneven)
     close = 4.0 * rounding
-    if fewest:
-        joined = _joined(points, faces, used_indices(faces), close, rounding)
-        if joined is not None:
-            joined_edges = _edges_once(joined[faces])
-            if (joined_edges.faces != PAIR).sum() < fewest:
-                best, edges = joined, joined_edges
-    start, border = best, used_indices(edges.ends[edges.faces == 1])
-    fewest = int((edges.faces == 1).sum())
-    for distance in (weld for weld in (close, *WELDS) if weld >= close):
-        if fewest == 0:
+    wider = [(weld, border) for weld in WELDS if weld > close]
+    for distance, among in [(close, used_indices(faces)), *wider]:
+        joined = np.arange(len(points))
+        joined[among] = among[clusters(points[among], distance)]
+        lost = ~is_face(joined[faces])
+        if not fewest or has_area(points, faces[lost], rounding).any():
             break
-        joined = _joined(points, start[faces], border, distance, rounding)
-        if joined is None:
-            break
-        count = int((_edges_once(joined[start[faces]]).faces == 1).sum())
+        count = len(_uneven_edges(joined[faces]))
         if count < fewest:
-            best, fewest = joined[start], count
+            best, fewest = joined, count
     return best
 
 
-def _joined(
-    points: Floats, faces: Ints, among: Ints, distance: float, rounding: float
-) -> Ints | None:
-    """Canonical vertex of each vertex; None if a face with an area would collapse."""
-    joined = np.arange(len(points))
-    joined[among] = among[clusters(points[among], distance)]
-    lost = ~is_face(joined[faces])
-    if lost.any() and has_area(points, faces[lost], rounding).any():
-        return None
-    return joined
-
-
-def _edges_once(faces: Ints) -> Edges:
-    """Edges of the distinct faces: a repeated one, in either winding, does not close a gap."""
+def _uneven_edges(faces: Ints) -> Ints:
+    """Ends (k, 2) of the edges with other than two faces, of which repeated ones count once."""
     faces = faces[is_face(faces)]
     first, _ = first_alike(np.sort(faces, axis=1))
-    return edges_of(faces[first])
+    edges = edges_of(faces[first])
+    return np.asarray(edges.ends[edges.faces != PAIR])

@@ -5,16 +5,12 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints
 from grasp3d.mesh.measures import edges_of
-from grasp3d.mesh.work_bounds import LONG_HOLES
 
 SMALL = 4
 """Edges of the largest small hole."""
 
 LONG = 256
 """Edges of a hole above which it is closed in its mean plane instead of with the least area."""
-
-MOST_COMPARED = 1e9
-"""Largest sum of the cubes of the edges of the holes that are closed with the least area."""
 
 
 def holes_of(faces: Ints) -> list[Ints]:
@@ -38,26 +34,6 @@ def holes_of(faces: Ints) -> list[Ints]:
     return [cycle for start in after for cycle in _cycles_from(start, after)]
 
 
-def close_holes(points: Floats, holes: list[Ints]) -> list[Ints]:
-    """Faces that close each hole, as `close_hole` does.
-
-    If there are many long holes, fewer of them are closed with the least area.
-
-    Args:
-        points: Positions (V, 3).
-        holes: Vertices of each cycle.
-
-    Raises:
-        WorkBoundError: The longest ones are too long.
-    """
-    edges = np.array([len(hole) for hole in holes], dtype=np.float64)
-    longest = LONG
-    while longest > SMALL and (edges[edges <= longest] ** 3).sum() > MOST_COMPARED:
-        longest //= 2
-    LONG_HOLES.check(float((edges[edges > longest] ** 2).sum()))
-    return [close_hole(points, hole, longest) for hole in holes]
-
-
 def fan_area(points: Floats, hole: Ints) -> float:
     """Area of the triangles between a hole's edges and the mean of its vertices."""
     corners = points[hole] - points[hole].mean(axis=0)
@@ -65,7 +41,7 @@ def fan_area(points: Floats, hole: Ints) -> float:
     return float(0.5 * np.linalg.norm(across, axis=1).sum())
 
 
-def close_hole(points: Floats, hole: Ints, longest: int = LONG) -> Ints:
+def close_hole(points: Floats, hole: Ints) -> Ints:
     """Faces that close a hole, shape (n - 2, 3): the triangulation with the smallest area.
 
     Barequet & Sharir 1995, by dynamic programming over the parts of the cycle, in O(n^3); very long
@@ -74,12 +50,9 @@ def close_hole(points: Floats, hole: Ints, longest: int = LONG) -> Ints:
     Args:
         points: Positions (V, 3).
         hole: Vertices of the cycle (n,).
-        longest: Edges of a hole above which it is closed in its mean plane.
     """
-    if len(hole) == 3:
-        return hole[None]
     corners = points[hole] - points[hole].mean(axis=0)
-    if len(hole) > longest:
+    if len(hole) > LONG:
         return hole[_clipped(corners)]
     count = len(hole)
     area = np.zeros((count, count))
@@ -130,9 +103,7 @@ def _triangles(best: Ints) -> Ints:
 def _clipped(corners: Floats) -> Ints:
     """Triangulate a cycle (n, 3) in the plane in which it encloses the largest area."""
     across = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
-    _, _, axes = np.linalg.svd(across[None])
-    flat = corners @ axes[1:].T
-    turn = np.linalg.det(np.vstack([across, axes[1:]]))
-    if turn < 0.0:
-        flat[:, 1] *= -1.0
-    return np.asarray(manifold3d.triangulate([np.ascontiguousarray(flat)]), dtype=np.int64)
+    side, up = np.linalg.svd(across[None])[2][1:]
+    if np.cross(side, up) @ across < 0.0:
+        side = -side
+    return np.asarray(manifold3d.triangulate([corners @ np.stack([side, up], axis=1)]))

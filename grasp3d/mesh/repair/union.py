@@ -1,19 +1,20 @@
 """Union of bodies that overlap or touch, so that no face lies inside the object, and its seams."""
 
-from dataclasses import dataclass
-from itertools import chain
-
 import manifold3d
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from grasp3d.arrays import Floats, Ints, first_at_position, unit_rows
-from grasp3d.mesh.measures import has_area, paired_edges
-from grasp3d.mesh.repair.bodies import Bodies
-from grasp3d.mesh.repair.cleaning import WELDS, clusters, first_alike, from_least_corner, is_face
-from grasp3d.mesh.repair.solids import Solid, estimated_overlaps, overlap_groups, solids_of
-from grasp3d.mesh.work_bounds import NEAR_FACES, POINTS_ON_FACES, UNITED_BODIES
+from grasp3d.mesh.measures import face_areas, has_area, paired_edges
+from grasp3d.mesh.repair.cleaning import (
+    WELDS,
+    clusters,
+    first_alike,
+    from_least_corner,
+    is_face,
+    is_first,
+)
+from grasp3d.mesh.repair.solids import Solid
 
 NEAR = 4.0
 """Distance within which vertices are merged after faces were offset, in units of the offset."""
@@ -29,180 +30,110 @@ MOST_FLIPS = 100
 """Most rounds in which faces without an area are removed."""
 
 
-@dataclass(frozen=True, eq=False)
-class United:
-    """A surface whose bodies do not overlap."""
-
-    points: Floats
-    """Positions (V', 3): the given ones, then those on the lines where bodies meet."""
-    faces: Ints
-    """Shape (F', 3)."""
-    canonical: Ints
-    """Canonical vertex of each vertex, shape (V',)."""
-    bodies: int
-    """Number of bodies that overlapped or touched others."""
-    refused: int
-    """Number of bodies with overlapping boxes whose union was not sound."""
-    rounding: float
-    """Largest distance of a position from the given faces."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Union:
-    """The union of some solids, with its own numbering of vertices."""
-
-    given: Ints
-    """Vertices of the solids, shape (k,), its first ones."""
-    added: Floats
-    """Positions of the other vertices, shape (m, 3)."""
-    canonical: Ints
-    """Canonical vertex of each vertex, shape (k + m,)."""
-    faces: Ints
-    """Shape (f, 3)."""
-    changed: int
-    """Number of solids that lost faces."""
-
-
-def unite(bodies: Bodies) -> United:
-    """Unite the closed bodies that overlap, or touch over an area.
-
-    Each body's faces are first offset outward by less than the precision of its positions, so that
-    faces in contact surely overlap, and coplanar faces stay coplanar. The given positions are then
-    restored; a given vertex that lies on the united surface is made a corner of it even if the
-    union removed it.
+def union_of(solids: list[Solid]) -> manifold3d.Manifold | None:
+    """Unite solids; None if the volume is not between the largest part's and the sum of all parts'.
 
     Args:
-        bodies: Bodies of a surface of size about 1, its faces counter-clockwise from outside.
+        solids: The solids, faces offset outward by less than the precision of their positions, so
+            that faces in contact surely overlap, and coplanar faces stay coplanar.
     """
-    points, touch = bodies.points, bodies.touch
-    owner = bodies.owners()
-    outer = np.flatnonzero(owner == np.arange(bodies.count))
-    groups = [
-        outer[group]
-        for group in overlap_groups(bodies.lower[outer] - touch, bodies.upper[outer] + touch)
-    ]
-    if not groups:
-        return United(points, bodies.faces, np.arange(len(points)), 0, 0, 0.0)
-    unions, joined, refused = [], [outer[:0]], 0
-    for group, solids in zip(groups, _solids(bodies, owner, groups), strict=True):
-        whole = manifold3d.Manifold.batch_boolean(
-            [solid.manifold for solid in solids], manifold3d.OpType.Add
-        )
-        if not _is_sound(whole, solids):
-            refused += len(group)
-        elif _has_less_area(whole, solids, touch):
-            unions.append(_union(points, whole, solids, touch))
-            joined.append(group)
-    unchanged = ~np.isin(owner, np.concatenate(joined))
-    faces = bodies.faces[unchanged[bodies.body]]
-    return _put_together(points, faces, unions, refused, touch if unions else 0.0)
-
-
-def _solids(bodies: Bodies, owner: Ints, groups: list[Ints]) -> list[list[Solid]]:
-    """Solids of the bodies of each group, with their cavities.
-
-    Raises:
-        WorkBoundError: Too many of their faces may cross; some are compared with all others.
-    """
-    members = np.concatenate(groups)
-    number = np.full(bodies.count + 1, -1)  # owner -1 (none) indexes the last entry
-    number[members] = np.arange(len(members))
-    of_face = number[owner][bodies.body]
-    faces, solid = bodies.faces[of_face >= 0], of_face[of_face >= 0]
-    corners = bodies.points[faces]
-    UNITED_BODIES.check(estimated_overlaps(corners.min(axis=1), corners.max(axis=1), solid))
-    solids = solids_of(bodies.points, faces, solid, bodies.touch)
-    ends = np.cumsum([len(group) for group in groups]).tolist()
-    return [solids[end - len(group) : end] for group, end in zip(groups, ends, strict=True)]
-
-
-def _is_sound(whole: manifold3d.Manifold, solids: list[Solid]) -> bool:
-    """Return whether a union's volume is between its largest part's and the sum of all parts'."""
-    volumes = [solid.manifold.volume() for solid in solids]
-    return bool(
+    parts = [solid.manifold for solid in solids]
+    whole = manifold3d.Manifold.batch_boolean(parts, manifold3d.OpType.Add)
+    volumes = [part.volume() for part in parts]
+    sound = (
         whole.status() == manifold3d.Error.NoError
         and min(volumes) > 0.0
         and (1.0 - REAL) * max(volumes) < whole.volume() < (1.0 + REAL) * sum(volumes)
     )
+    return whole if sound else None
 
 
-def _has_less_area(whole: manifold3d.Manifold, solids: list[Solid], touch: float) -> bool:
-    """Return whether the parts of a union meet over an area."""
-    area = sum(solid.manifold.surface_area() for solid in solids)
-    return bool(whole.surface_area() < (1.0 - max(REAL, 100.0 * touch)) * area)
+def winding_number(corners: Floats) -> float:
+    """Winding number of triangles (F, 3, 3) about the origin (van Oosterom & Strackee 1983)."""
+    lengths = np.linalg.norm(corners, axis=2)
+    a, b, c = corners.swapaxes(0, 1)
+    dots = np.stack([np.einsum("ij,ij->i", *pair) for pair in ((b, c), (c, a), (a, b))], axis=1)
+    below = lengths.prod(axis=1) + (dots * lengths).sum(axis=1)
+    angles = np.arctan2(np.einsum("ij,ij->i", a, np.cross(b, c)), below)
+    return float(angles.sum() / (2.0 * np.pi))
 
 
-def _union(points: Floats, whole: manifold3d.Manifold, solids: list[Solid], touch: float) -> _Union:
-    """Express a union over the given vertices."""
+def count_united(whole: manifold3d.Manifold, solids: list[Solid], touch: float) -> tuple[int, int]:
+    """Number of solids that lost faces in their union, and of those that lie within others.
+
+    Both are 0 if no solids overlap, or touch over an area.
+    """
     mesh = whole.to_mesh64()
-    ids, corners = np.unique(
-        np.concatenate([solid.corners for solid in solids]), return_inverse=True
-    )
+    runs = np.searchsorted([solid.mark for solid in solids], mesh.run_original_id)
+    own = face_areas(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts))
+    part = np.repeat(runs, np.diff(mesh.run_index) // 3)
+    left = np.bincount(part, own, minlength=len(solids))
+    areas = np.array([solid.manifold.surface_area() for solid in solids])
+    areas *= 1.0 - max(REAL, 100.0 * touch)
+    if left.sum() >= areas.sum():
+        return 0, 0
+    gone, volumes = left == 0.0, np.array([solid.manifold.volume() for solid in solids])
+    tiled = volumes.sum() - whole.volume() < 0.5 * volumes[gone].sum()  # the others surround them
+    return int((left < areas).sum()), 0 if tiled else int(gone.sum())
+
+
+def united(
+    points: Floats, vertex: Ints, whole: manifold3d.Manifold, solids: list[Solid], touch: float
+) -> tuple[Floats, Ints, Ints]:
+    """Express a union over the given vertices.
+
+    The given positions are restored; a given vertex that lies on the united surface is made a
+    corner of it even if the union removed it.
+
+    Args:
+        points: Positions (V, 3) of a surface of size about 1.
+        vertex: Its vertex for each vertex of the solids.
+        whole: The union.
+        solids: Its parts.
+        touch: Offset of their faces.
+
+    Returns:
+        Positions (V', 3): the given ones, then those on the lines where bodies meet; the faces of
+        the union (F', 3); canonical vertex of each vertex, shape (V',).
+    """
+    mesh = whole.to_mesh64()
+    crossings, cut = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts)
+    given = vertex[np.concatenate([solid.corners for solid in solids])]
     displaced = np.concatenate([solid.points for solid in solids])
-    crossings = np.asarray(mesh.vert_properties)[:, :3]
     same = first_at_position(np.concatenate([displaced, crossings]))[len(displaced) :]
     new = same >= len(displaced)
-    number = len(ids) + np.cumsum(new) - 1
-    number[~new] = corners[same[~new]]
-    own = np.concatenate([points[ids], crossings[new]])
-    cut = number[np.asarray(mesh.tri_verts).astype(np.int64)]
-    canonical, faces = _snapped(own, cut, len(ids), touch)
-    lost = canonical == np.arange(len(own))
-    lost[faces] = False
-    faces = put_on_surface(own, faces, np.flatnonzero(lost[: len(ids)]), NEAR * touch)
-    parts = np.searchsorted(ids, np.concatenate([solid.corners[solid.faces] for solid in solids]))
-    gone = ~np.isin(_keys(parts), _keys(cut))
-    solid_of_face = np.repeat(np.arange(len(solids)), [len(solid.faces) for solid in solids])
-    return _Union(ids, crossings[new], canonical, faces, len(np.unique(solid_of_face[gone])))
+    number = len(points) + np.cumsum(new) - 1
+    number[~new] = given[same[~new]]
+    own = np.concatenate([points, crossings[new]])
+    among = np.append(np.unique(given), np.arange(len(points), len(own)))
+    canonical, faces = _snapped(own, number[cut], among, len(points), touch)
+    loose = among[(canonical[among] == among) & (among < len(points))]
+    faces = put_on_surface(own, faces, np.setdiff1d(loose, faces), NEAR * touch)
+    return own, faces, canonical
 
 
-def _put_together(
-    points: Floats, unchanged: Ints, unions: list[_Union], refused: int, rounding: float
-) -> United:
-    """Combine unions with the faces that are not part of any."""
-    count = len(points) + sum(len(union.added) for union in unions)
-    canonical, faces, end = np.arange(count), [unchanged], len(points)
-    for union in unions:
-        own = np.concatenate([union.given, np.arange(end, end + len(union.added))])
-        canonical[own] = own[union.canonical]
-        faces.append(own[union.faces])
-        end += len(union.added)
-    return United(
-        points=np.concatenate([points, *(union.added for union in unions)]),
-        faces=np.concatenate(faces),
-        canonical=canonical,
-        bodies=sum(union.changed for union in unions),
-        refused=refused,
-        rounding=rounding,
-    )
-
-
-def _snapped(points: Floats, cut: Ints, count: int, touch: float) -> tuple[Ints, Ints]:
+def _snapped(points: Floats, cut: Ints, among: Ints, count: int, touch: float) -> tuple[Ints, Ints]:
     """Merge the vertices of a union that differ only by the offset of the faces.
 
     Args:
         points: Positions (V, 3) of its vertices and those of its parts.
         cut: Faces of the union (F, 3).
+        among: Vertices of the union and of its parts, shape (k,).
         count: Number of given vertices, which come first.
         touch: Offset of the faces.
 
     Returns:
         Canonical vertex of each vertex (V,); the faces, with an area as far as possible.
     """
-    new = np.arange(len(points)) >= count
+    canonical = np.arange(len(points))
     for snap in SNAPS:
         reach = min(snap * touch, WELDS[-1])
-        canonical = clusters(points, NEAR * touch, loose=new, reach=reach)
+        near = clusters(points[among], NEAR * touch, loose=among >= count, reach=reach)
+        canonical[among] = among[near]
         faces = without_slivers(points, without_slits(canonical[cut]), touch)
         if has_area(points, faces, touch).all():
             break
     return canonical, faces
-
-
-def _keys(faces: Ints) -> npt.NDArray[np.void]:
-    """One value for each face, independent of the corner that it begins at, shape (F,)."""
-    rotated = np.ascontiguousarray(from_least_corner(faces))
-    return rotated.view(np.dtype((np.void, rotated.dtype.itemsize * 3))).ravel()
 
 
 def put_on_surface(points: Floats, faces: Ints, loose: Ints, distance: float) -> Ints:
@@ -217,29 +148,22 @@ def put_on_surface(points: Floats, faces: Ints, loose: Ints, distance: float) ->
     Returns:
         The faces, the divided ones replaced. Vertices that lie on no face change nothing.
     """
-    if len(loose) == 0 or len(faces) == 0:
+    if not len(loose):
         return faces
     corners = points[faces]
     middles = corners.mean(axis=1)
     radii = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
-    tree, reach = cKDTree(points[loose]), radii + distance
-    counts = tree.query_ball_point(middles, reach, return_length=True)
-    NEAR_FACES.check(int(counts.sum()))
-    near = tree.query_ball_point(middles, reach, return_sorted=True)
-    face = np.repeat(np.arange(len(faces)), counts)
-    vertex = loose[np.fromiter(chain.from_iterable(near), np.int64, int(counts.sum()))]
+    tree = cKDTree(points[loose])
+    near = tree.query_ball_point(middles, radii + distance, return_sorted=True)
     across = unit_rows(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    off = np.einsum("ij,ij->i", points[vertex] - corners[face, 0], across[face])
-    on = np.abs(off) <= distance
-    POINTS_ON_FACES.check(int((np.bincount(face[on], minlength=1) ** 2).sum()))
-    pieces: dict[int, list[tuple[int, ...]]] = {}
-    for number, point in zip(face[on].tolist(), vertex[on].tolist(), strict=True):
-        own = pieces.setdefault(number, [tuple(faces[number].tolist())])
-        pieces[number] = _divided(points, own, point, across[number], distance)
-    whole = np.ones(len(faces), dtype=bool)
-    whole[list(pieces)] = False
-    added = np.array(list(chain.from_iterable(pieces.values())), dtype=np.int64).reshape(-1, 3)
-    return np.concatenate([faces[whole], added])
+    divided: list[tuple[int, ...]] = []
+    for face, normal, rows in zip(faces.tolist(), across, near, strict=True):
+        pieces = [tuple(face)]
+        for point in [int(loose[row]) for row in rows]:
+            if abs((points[point] - points[face[0]]) @ normal) <= distance:
+                pieces = _divided(points, pieces, point, normal, distance)
+        divided += pieces
+    return np.array(divided, dtype=np.int64)
 
 
 def _divided(
@@ -248,38 +172,29 @@ def _divided(
     """Divide the pieces of a face that a point lies in, or on an edge of."""
     result: list[tuple[int, ...]] = []
     for piece in pieces:
-        edges = [(piece[k], piece[(k + 1) % 3]) for k in range(3)]
-        away = [edge for edge in edges if not _lies_on(points, point, edge, distance)]
-        inside = all(
-            np.dot(np.cross(points[end] - points[start], points[point] - points[start]), across) > 0
-            for start, end in edges
-        )
-        if inside or len(away) < len(edges):
-            result += [(start, end, point) for start, end in away]
+        edges = np.stack([piece, np.roll(piece, -1)], axis=1)
+        start, end = points[np.sort(edges, axis=1)].swapaxes(0, 1)  # as for the face beyond
+        along, to = end - start, points[point] - start
+        fraction = (to * along).sum(axis=1) / (along * along).sum(axis=1)
+        gap = np.linalg.norm(to - fraction[:, None] * along, axis=1)
+        away = (gap > distance) | (fraction <= 0.0) | (fraction >= 1.0)
+        start, end = points[edges].swapaxes(0, 1)
+        inside = np.cross(end - start, points[point] - start) @ across > 0.0
+        if inside.all() or not away.all():
+            result += [(*edge, point) for edge in edges[away].tolist()]
         else:
             result.append(piece)
     return result
 
 
-def _lies_on(points: Floats, point: int, ends: tuple[int, ...], distance: float) -> bool:
-    """Return whether a point lies on an edge, identically for the faces on its two sides."""
-    start, end = points[min(ends)], points[max(ends)]
-    along, to = end - start, points[point] - start
-    fraction = float(to @ along) / float(along @ along)
-    return 0.0 < fraction < 1.0 and float(np.linalg.norm(to - fraction * along)) <= distance
-
-
 def without_slits(faces: Ints) -> Ints:
-    """Remove collapsed faces, and pairs of faces on the same vertices with opposite winding."""
+    """Remove collapsed faces, and of those on the same vertices all but what faces are ahead."""
     faces = faces[is_face(faces)]
     _, same = first_alike(np.sort(faces, axis=1))
     _, after, last = from_least_corner(faces).T
-    side = 2 * same + (after < last)
-    counts = np.bincount(side, minlength=2 * len(faces))
-    order = np.argsort(side, kind="stable")
-    rank = np.empty(len(faces), dtype=np.int64)
-    rank[order] = np.arange(len(faces)) - (np.cumsum(counts) - counts)[side[order]]
-    return np.asarray(faces[rank >= counts[side ^ 1]])
+    side = np.sign(after - last)
+    faces = faces[side * np.bincount(same, side)[same] > 0.0]
+    return np.asarray(faces[is_first(faces)])
 
 
 def without_slivers(points: Floats, faces: Ints, rounding: float) -> Ints:
