@@ -25,8 +25,8 @@ from grasp3d.mesh.plausible_units import UnitGuess, guess_unit, impossible_size
 from grasp3d.mesh.preparing import PreparedMesh, prepare, repair_given
 from grasp3d.mesh.ray_tracing import crossings
 from grasp3d.mesh.repair.cleaning import is_face
-from grasp3d.mesh.repair.holes import fan_area, holes_of
-from grasp3d.mesh.repair.solids import manifold_status
+from grasp3d.mesh.repair.holes import holes_of
+from grasp3d.mesh.repair.solids import Solid
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.settings import (
     AnySampling,
@@ -255,7 +255,7 @@ def diagnose(
         before=_measure(given_surface, mesh),
         after=_measure(surface, mesh),
         repairs=repaired.steps,
-        manifold=manifold_status(surface.vertices, surface.faces),
+        manifold=Solid.of(surface.vertices, surface.faces).manifold.status().name,
         crossing_faces=len(crossing),
         self_intersecting_fraction=fraction,
         noise=noise,
@@ -333,7 +333,9 @@ def _hole_warnings(prepared: PreparedMesh, options: MeshOptions) -> Iterator[Mes
 def _missing_fraction(surface: Triangles) -> tuple[int, float]:
     """Return the number of holes, and their area fraction of the closed surface."""
     points, holes = surface.vertices, holes_of(surface.faces)
-    lids = sum(fan_area(points, hole) for hole in holes)
+    rings = [points[hole] - points[hole].mean(axis=0) for hole in holes]
+    across = (np.cross(ring, np.roll(ring, -1, axis=0)) for ring in rings)  # fans close them
+    lids = sum(0.5 * float(np.linalg.norm(each, axis=1).sum()) for each in across)
     return len(holes), lids / (lids + float(surface.areas.sum()))
 
 
