@@ -25,7 +25,7 @@ from grasp3d.mesh.plausible_units import UnitGuess, guess_unit
 from grasp3d.mesh.preparing import prepare
 from grasp3d.mesh.ray_tracing import crossing_faces
 from grasp3d.mesh.repair.cleaning import is_face
-from grasp3d.mesh.repair.holes import fan_area, holes_of
+from grasp3d.mesh.repair.holes import holes_of
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.settings import (
     GivenModel,
@@ -246,7 +246,9 @@ def _warnings(
     """Warn about holes, intersecting faces, separate bodies and inaccurate normals."""
     holes, area = holes_of(surface.faces), float(surface.areas.sum())
     if holes:
-        lids = sum(fan_area(surface.vertices, hole) for hole in holes)
+        rings = [surface.vertices[hole] - surface.vertices[hole].mean(axis=0) for hole in holes]
+        fans = (np.cross(ring, np.roll(ring, -1, axis=0)) for ring in rings)
+        lids = sum(0.5 * float(np.linalg.norm(fan, axis=1).sum()) for fan in fans)
         missing = lids / (lids + area)
         yield MeshWarning(
             Trust.NO if missing > MISSING else Trust.CARE,

@@ -34,13 +34,6 @@ def holes_of(faces: Ints) -> list[Ints]:
     return [cycle for start in after for cycle in _cycles_from(start, after)]
 
 
-def fan_area(points: Floats, hole: Ints) -> float:
-    """Area of the triangles between a hole's edges and the mean of its vertices."""
-    corners = points[hole] - points[hole].mean(axis=0)
-    across = np.cross(corners, np.roll(corners, -1, axis=0))
-    return float(0.5 * np.linalg.norm(across, axis=1).sum())
-
-
 def close_hole(points: Floats, hole: Ints) -> Ints:
     """Faces that close a hole, shape (n - 2, 3): the triangulation with the smallest area.
 

@@ -47,16 +47,6 @@ class Solid:
         return cls(corners, own, mark, manifold3d.Manifold(mesh))
 
 
-def manifold_status(points: Floats, faces: Ints) -> str:
-    """Name of Manifold's status for a surface: NoError, NotManifold, NonFiniteVertex, ...
-
-    Args:
-        points: Positions (V, 3).
-        faces: Faces (F, 3).
-    """
-    return str(Solid.of(points, faces).manifold.status().name)
-
-
 def _unit_shifts(points: Floats, faces: Ints) -> Floats:
     """Least-squares displacements (V, 3) of the vertices that move all faces outward by 1."""
     surface = Triangles(points, faces)

@@ -6,14 +6,7 @@ from scipy.spatial import cKDTree
 
 from grasp3d.arrays import Floats, Ints, first_at_position, unit_rows
 from grasp3d.mesh.measures import face_areas, has_area, paired_edges
-from grasp3d.mesh.repair.cleaning import (
-    WELDS,
-    clusters,
-    first_alike,
-    from_least_corner,
-    is_face,
-    is_first,
-)
+from grasp3d.mesh.repair.cleaning import WELDS, clusters, first_alike, from_least_corner, is_face
 from grasp3d.mesh.repair.solids import Solid
 
 NEAR = 4.0
@@ -48,14 +41,17 @@ def union_of(solids: list[Solid]) -> manifold3d.Manifold | None:
     return whole if sound else None
 
 
-def winding_number(corners: Floats) -> float:
-    """Winding number of triangles (F, 3, 3) about the origin (van Oosterom & Strackee 1983)."""
+def surround(corners: Floats) -> bool:
+    """Return whether triangles (F, 3, 3) surround the origin: their winding number is not 0.
+
+    Van Oosterom & Strackee 1983.
+    """
     lengths = np.linalg.norm(corners, axis=2)
     a, b, c = corners.swapaxes(0, 1)
     dots = np.stack([np.einsum("ij,ij->i", *pair) for pair in ((b, c), (c, a), (a, b))], axis=1)
     below = lengths.prod(axis=1) + (dots * lengths).sum(axis=1)
     angles = np.arctan2(np.einsum("ij,ij->i", a, np.cross(b, c)), below)
-    return float(angles.sum() / (2.0 * np.pi))
+    return bool(angles.sum() > np.pi)
 
 
 def count_united(whole: manifold3d.Manifold, solids: list[Solid], touch: float) -> tuple[int, int]:
@@ -194,7 +190,8 @@ def without_slits(faces: Ints) -> Ints:
     _, after, last = from_least_corner(faces).T
     side = np.sign(after - last)
     faces = faces[side * np.bincount(same, side)[same] > 0.0]
-    return np.asarray(faces[is_first(faces)])
+    first, _ = first_alike(np.sort(faces, axis=1))
+    return np.asarray(faces[np.sort(first)])
 
 
 def without_slivers(points: Floats, faces: Ints, rounding: float) -> Ints:

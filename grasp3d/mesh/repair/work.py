@@ -26,7 +26,7 @@ from grasp3d.mesh.repair.cleaning import (
 )
 from grasp3d.mesh.repair.holes import SMALL, close_hole, holes_of
 from grasp3d.mesh.repair.solids import Solid
-from grasp3d.mesh.repair.union import count_united, union_of, united, winding_number
+from grasp3d.mesh.repair.union import count_united, surround, union_of, united
 from grasp3d.settings.mesh_options import Repair
 from grasp3d.system.counts import counted, noun
 
@@ -35,9 +35,6 @@ MOST_ROUNDING = 1e-6
 
 TOUCH = 1e-10
 """Distance within which bodies touch, as a fraction of the size, unless rounding is larger."""
-
-HALF = 0.5
-"""Threshold between the winding numbers outside, 0, and inside, 1."""
 
 SMALL_HOLES = 0.01
 """Small holes are closed if the faces that close them add at most this fraction to the area."""
@@ -139,12 +136,12 @@ def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> 
     closed = is_closed(work.faces) or is_closed(work.faces[solid])
     work.keep("flat", solid, "left out: no area")
     every = np.arange(len(work.points))
-    added = every[len(vertices) :]
-    links = np.concatenate([work.canonical, first, added])  # bodies are joined where they touch
+    added = work.points[len(first) :] * size + center
+    links = np.concatenate([work.canonical, first, every[len(first) :]])  # joined where they touch
     canonical = first_connected(len(every), np.append(every, every), links)
     faces = canonical[work.faces]
     return RepairedSurface(
-        vertices=np.concatenate([vertices, work.points[added] * size + center]),
+        vertices=np.concatenate([vertices, added]),
         faces=faces,
         canonical=canonical,
         closed=closed,
@@ -213,7 +210,7 @@ def _unite(work: _Work, *, fill: bool) -> None:
     corners = work.points[work.faces[owner[body] >= 0]]
     for rows in flat if parts else []:
         face = work.faces[rows[np.argmax(areas[rows])]]
-        kept[rows] = winding_number(corners - work.points[face].mean(axis=0)) < HALF
+        kept[rows] = not surround(corners - work.points[face].mean(axis=0))
     others = work.faces[kept & (owner[body] < 0)]
     work.keep("walls", kept, "left out: back to back inside the object")
     if len(parts) < 2:
