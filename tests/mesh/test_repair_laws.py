@@ -190,6 +190,7 @@ def test_one_kind_of_damage_is_repaired(name: str, kind: str) -> None:
     st.floats(0.0, 1e4),
 )
 @settings(max_examples=30, deadline=None)
+@example("blob", {"partly_turned", "with_a_hole", "shuffled", "twice_apart"}, 1, 0.0, 0.0)
 @example("blob", {"twice_apart", "soup", "partly_turned", "twice", "shuffled"}, 0, 0.0, 0.0)
 def test_combined_damage_is_repaired_in_any_pose(
     name: str, kinds: set[str], seed: int, power: float, far: float

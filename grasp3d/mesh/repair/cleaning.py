@@ -185,18 +185,18 @@ def weld_nearby(points: Floats, faces: Ints, rounding: float) -> Ints:
         Canonical vertex of each vertex, shape (V,).
     """
     best, uneven = np.arange(len(points)), _uneven_edges(faces)
-    fewest, border = len(uneven), used_indices(uneven)
-    close = 4.0 * rounding
-    wider = [(weld, border) for weld in WELDS if weld > close]
-    for distance, among in [(close, used_indices(faces)), *wider]:
+    among, close = used_indices(faces), 4.0 * rounding
+    for distance in (close, *(weld for weld in WELDS if weld > close)):
         joined = np.arange(len(points))
         joined[among] = among[clusters(points[among], distance)]
+        joined = joined[best]
         lost = ~is_face(joined[faces])
-        if not fewest or has_area(points, faces[lost], rounding).any():
+        if not len(uneven) or has_area(points, faces[lost], rounding).any():
             break
-        count = len(_uneven_edges(joined[faces]))
-        if count < fewest:
-            best, fewest = joined, count
+        left = _uneven_edges(joined[faces])
+        if len(left) < len(uneven):
+            best, uneven = joined, left
+        among = used_indices(uneven)
     return best
 
 
