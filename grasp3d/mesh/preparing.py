@@ -129,12 +129,8 @@ def prepare(
         if what := in_metres or next(lengths, ""):
             raise unknown_unit(what, given.name, given.extent)
     check_cost(len(given.faces) // 2, options.max_memory, given.where, "simplify the mesh")
-    limits = Limits(
-        SECONDS,
-        MEMORY,
-        f"{given.where}: repairing it",
-        "mend it in a CAD program, or give --repair none",
-    )
+    remedy = "mend it in a CAD program, or give --repair none"
+    limits = Limits(SECONDS, MEMORY, f"{given.where}: repairing it", remedy)
     arguments = given.vertices, given.faces, options.repair, given.where
     repaired = in_limits(limits, repair_surface, *arguments)
     return _refined(given, repaired, options), repaired, given
@@ -150,12 +146,8 @@ def _refined(source: RawMesh, repaired: RepairedSurface, options: MeshOptions) -
     edge = DEFAULT_EDGE if options.max_edge is None else options.max_edge / (metres * size)
     check_refinement(surface, edge, options.max_memory, where)
     rounding = min(error / size, MOST_ROUNDING)
-    limits = Limits(
-        SECONDS,
-        MEMORY,
-        f"{where}: dividing its long edges",
-        "give a longer max_edge (--max-edge)",
-    )
+    remedy = "give a longer max_edge (--max-edge)"
+    limits = Limits(SECONDS, MEMORY, f"{where}: dividing its long edges", remedy)
     refined, normals = in_limits(limits, refine, surface, normals, edge, rounding)
     center_mass, volume = center_and_volume(surface)
     center_from = "volume"
