@@ -151,12 +151,15 @@ def _module(command: object) -> Any:
         from grasp3d.rendering.opengl import begin_render_test
 
         begin_render_test()
+    was_enabled = gc.isenabled()
     gc.disable()
-    module = import_module(f"{__name__}.{type(command).__name__.lower()}")
-    if not gc.get_freeze_count():  # once: later there may be garbage among them
-        gc.freeze()
-    gc.enable()
-    return module
+    try:
+        return import_module(f"{__name__}.{type(command).__name__.lower()}")
+    finally:
+        if not gc.get_freeze_count():  # once: later there may be garbage among them
+            gc.freeze()
+        if was_enabled:
+            gc.enable()
 
 
 def _kind(name: str) -> type:

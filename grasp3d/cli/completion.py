@@ -6,13 +6,14 @@ from string import Template
 from grasp3d.cli.options import options_of
 
 _SCRIPT = Template("""\
-if [ -n "$ZSH_VERSION" ]; then
-    autoload -U +X compinit bashcompinit && compinit && bashcompinit
+if [ -n "$${ZSH_VERSION-}" ]; then
+    whence compdef > /dev/null || { autoload -U +X compinit && compinit; }
+    autoload -U +X bashcompinit && bashcompinit
 fi
 _grasp3d() {
     local words="" word="$${COMP_WORDS[COMP_CWORD]}"
-    case "$COMP_CWORD $${COMP_WORDS[1]} $${COMP_WORDS[COMP_CWORD-1]}" in
-        "1 "*) words="$commands --help --version" ;;
+    case "$$COMP_CWORD $${COMP_WORDS[1]} $${COMP_WORDS[COMP_CWORD-1]}" in
+        "1 "*) words="$commands --help --version --completion" ;;
 $values
         *) case "$${COMP_WORDS[1]} $$word" in
 $options
@@ -41,6 +42,5 @@ def completion_script(kinds: Mapping[str, type]) -> str:
                 ends = f'        *" {command} {one.names[-1]}") words="{" ".join(words)}" ;;'
                 values.append(ends)
     return _SCRIPT.substitute(
-        commands=" ".join(kinds), values="\n".join(values), options="\n".join(options),
-        ZSH_VERSION="$ZSH_VERSION", COMP_CWORD="$COMP_CWORD",
-    )  # fmt: skip
+        commands=" ".join(kinds), values="\n".join(values), options="\n".join(options)
+    )

@@ -6,7 +6,6 @@ from grasp3d.cli.report import Report, exact_angle
 from grasp3d.cli.tool_commands import Design
 from grasp3d.contact.friction_cones import effective_friction
 from grasp3d.contact.sensor import MARGIN_ROUNDING, Sensor, required_counts, resolution_limit
-from grasp3d.settings.units import Metres
 
 FRICTIONS = tuple(step / 10.0 for step in range(1, 11))
 """Coefficients of friction if neither they nor a sensor are given."""
@@ -26,30 +25,15 @@ _PAPER_NOTE = (
 
 def run(command: Design) -> int:
     """Run the command, and return the exit code."""
-    given = _millimetres(command, "fingertip_radius")
-    radius = RADIUS if given is None else given
-    sensor = _sensor(command, radius)
-    if sensor is None:
-        _print_limits(command, radius)
-    else:
-        _print_sensor(command, sensor)
-    return 0
-
-
-def _millimetres(command: Design, name: str) -> float | None:
-    """A length of the options [mm]; None: it is not given."""
-    length: float | None = getattr(command, name)
-    return 1000.0 * length if isinstance(length, Metres) else length
-
-
-def _sensor(command: Design, radius: float) -> Sensor | None:
-    """The sensor of the options; None: they define none."""
-    field = _millimetres(command, "receptive_field")
+    given, field = command.fingertip_radius, command.receptive_field
+    radius = RADIUS if given is None else 1000.0 * given
     if field is not None:
-        return Sensor(field, radius)
-    if command.sensor_resolution is not None:
-        return Sensor.for_resolution(command.sensor_resolution, radius)
-    return None
+        _print_sensor(command, Sensor(1000.0 * field, radius))
+    elif command.sensor_resolution is not None:
+        _print_sensor(command, Sensor.for_resolution(command.sensor_resolution, radius))
+    else:
+        _print_limits(command, radius)
+    return 0
 
 
 def _print_limits(command: Design, radius: float) -> None:

@@ -50,7 +50,8 @@ def run(command: Evaluate) -> int:
         )
     poses = holds_poses(command.contacts)
     _check_options(command, poses=poses)
-    inputs = [command.file, command.contacts, *command.load.task.files]
+    mask = getattr(command.mesh.region, "path", None)
+    inputs = [command.file, command.contacts, mask, *command.load.task.files]
     check_output(output, SUFFIXES, "table", overwrite=command.overwrite, inputs=inputs)
     if command.picture is not None:
         _check_picture(command)

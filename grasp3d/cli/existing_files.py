@@ -5,6 +5,7 @@ from pathlib import Path
 
 from grasp3d.errors import OutputError
 from grasp3d.system.files import check_suffix, check_writable
+from grasp3d.system.limited_reading import files_read
 
 
 def check_output(
@@ -22,7 +23,8 @@ def check_output(
         suffixes: Of the formats, in lower case; none: they are checked elsewhere.
         what: What the file contains, for the error: a table, a figure.
         overwrite: Whether any existing file may be replaced.
-        inputs: Files that the command reads, which it must not replace; None: no local file.
+        inputs: Files that the command is going to read, which it must not replace, nor those that
+            it has read; None: no local file.
 
     Raises:
         OutputError: The suffix is not known, it cannot be written, or a file is there already.
@@ -34,7 +36,8 @@ def check_output(
     check_writable(path)
     if not path.exists():
         return
-    if any(one is not None and one.exists() and path.samefile(one) for one in inputs):
+    every = filter(None, (*inputs, *files_read()))
+    if any(one.exists() and path.samefile(one) for one in every):
         raise OutputError(f"{path}: is read by this command; name another file")
     if not overwrite:
         raise OutputError(f"{path}: exists; name another file, or replace it with --overwrite")

@@ -53,11 +53,12 @@ def print_grasps(grasps: Grasps, *outputs: Path) -> None:
     report, mesh, size = Report(), grasps.mesh, grasps.size
     words = model_words(grasps.model, mesh.unit)
     report.heading(mesh.report.source, f"{_kind(grasps)}; {words}")
+    of = "grasp" if isinstance(grasps, GraspTable) else "pose"
     counts = np.bincount(grasps.letter, minlength=len(Label))
     report.letters(
         "scan",
         {
-            "grasps": lambda label: str(counts[label]),
+            f"{of}s": lambda label: str(counts[label]),
             "fraction": lambda label: percent_text(counts[label] / size),
         },
     )

@@ -109,13 +109,13 @@ def print_hand(hand: AnyHand, *paths: Path) -> None:
     report = Report()
     if isinstance(hand, ArticulatedHand):
         units = "a hand with joints; angles in °, sliding in mm and N"
-        report.heading(hand.name, f"({units})")
+        report.line(f"[bold]{escaped(hand.name)}[/] ({units})")
         report.table(JOINTS, _joints(hand), texts=(0, 1))
         report.table(LINKS, _links(hand), texts=(0, 1, 2))
         report.values(_rows(hand))
         report.warnings(implausible(hand))
     elif isinstance(hand, ParallelGripper):
-        report.heading(hand.name, "(lengths in mm)")
+        report.line(f"[bold]{escaped(hand.name)}[/] (lengths in mm)")
         report.values(_fields(hand))
     if paths:
         report.written(*paths)
@@ -126,7 +126,8 @@ def _fields(gripper: ParallelGripper) -> Iterator[tuple[str, str]]:
     low, high = gripper.limits
     for one in fields(gripper):
         value = getattr(gripper, one.name)
-        if one.name in {"name", "sensor_resolution"} or value in {None, ()}:
+        is_joint = one.name.startswith("joint_")
+        if one.name in {"name", "sensor_resolution"} or value in {None, ()} or is_joint:
             continue
         text = str(value)
         if one.name == "max_force":
@@ -136,8 +137,11 @@ def _fields(gripper: ParallelGripper) -> Iterator[tuple[str, str]]:
         elif isinstance(value, float):
             text = _mm(value)
         elif isinstance(value, tuple):
-            text = ", ".join(f"{item:g}" if isinstance(item, float) else item for item in value)
+            text = ", ".join(value)
         yield one.name.replace("_", " "), text
+    joints = gripper.joint_names, gripper.joint_closed, gripper.joint_scale
+    for name, closed, scale in zip(*joints, strict=True):
+        yield "joint", f"{name} = {closed:.6g} {scale:+.6g} x opening [m]"
     yield "opening of a grasp", f"{_mm(low)} to {_mm(high)}"
     yield "frame", FRAME
     alpha = gripper.resolution
@@ -153,7 +157,7 @@ def _joints(hand: ArticulatedHand) -> Iterator[list[str]]:
     for name, limits, opened, speed, torque in zip(hand.joint_names, *columns, strict=True):
         link, joint = moved[name]
         unit = 1e3 if joint.kind == "slides" else math.degrees(1.0)
-        numbers = [f"{unit * value:.4g}" for value in (*limits, opened)]
+        numbers = [f"{unit * value + 0.0:.4g}" for value in (*limits, opened)]
         closes = f"{speed:+g}" if speed else ""
         force = NOT_STATED if math.isnan(torque) else f"{torque:g}" if torque else "no motor"
         yield [escaped(name), escaped(link), *numbers, closes, force]
@@ -164,7 +168,7 @@ def _links(hand: ArticulatedHand) -> Iterator[list[str]]:
         role = "fingertip" if name in hand.fingertips else "palm" if name == hand.palm else ""
         if shapes or role:
             counts = Counter(shape.kind for shape in shapes)
-            text = ", ".join(f"{count} {kind}" for kind, count in counts.items())
+            text = ", ".join(f"{count} x {kind}" for kind, count in counts.items())
             yield [escaped(name), role, text]
 
 

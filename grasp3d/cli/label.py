@@ -89,7 +89,8 @@ def _files(command: Label) -> tuple[Path, Path]:
         if command.posed_hand is not None:
             check_external(command.sampling)
     for path in (output, *grasp_files):
-        inputs = [command.file, *command.load.task.files]
+        mask = getattr(command.mesh.region, "path", None)
+        inputs = [command.file, mask, *command.load.task.files]
         check_output(path, overwrite=command.overwrite, inputs=inputs)
     return output, grasp_file
 
@@ -149,7 +150,9 @@ def _write_best(
     from grasp3d.rendering.opengl import can_render
     from grasp3d.viewer.scene.sheets import draw_grasps
 
-    written = []
+    written, picture = [], output.with_suffix(".png")
+    for old in (output, picture):  # of other settings
+        old.unlink(missing_ok=True)
     if grasps.size or isinstance(grasps, GraspTable):  # files of poses cannot be empty
         written.append(output)
         write_grasps(
@@ -160,8 +163,8 @@ def _write_best(
     if grasps.size and can_draw:
         with progress_bars.progress("drawing grasps", quiet=command.quiet):
             pictures = draw_grasps(grasps, labels)
-        written.append(output.with_suffix(".png"))
-        save_as(grasp_figure(grasps, pictures), written[-1])
+        written.append(picture)
+        save_as(grasp_figure(grasps, pictures), picture)
     if not command.quiet:
         grasp_report.print_best(
             grasps, command.best or 0, can_draw=can_draw, object_pose=command.object_pose,

@@ -233,7 +233,7 @@ def _parser(hint: Any) -> Parser:
     if own := [note for note in notes if isinstance(note, Parser)]:
         return own[0]
     if get_args(Radians)[1] in notes:
-        return Parser("DEGREES", _angle, _degrees)
+        return Parser("DEGREES", typed_angle, _degrees)
     inner = get_args(base)
     if get_origin(base) is Literal:
         return Parser("|".join(map(str, inner)), partial(_one_of, {str(one): one for one in inner}))
@@ -261,7 +261,8 @@ def _number(kind: type, option: str, word: str) -> Any:
         raise SettingError(f"{option} must be a {whole}number; got {word!r}") from error
 
 
-def _angle(option: str, word: str) -> float:
+def typed_angle(option: str, word: str) -> float:
+    """Return the angle [rad] of a word; a small number without a unit is asked about."""
     angle = parse_angle(option, word)
     if 0.0 < abs(angle) < SMALL and word[-1].isdecimal():
         raise SettingError(
@@ -326,7 +327,7 @@ _PARSERS: dict[Any, Parser] = {
 NumberRanges = Annotated[
     tuple[str, ...], Stated(metavar="NUMBER|FROM:TO:STEP ..."), Group("sensor")
 ]
-"""Words for `parse_numbers`."""
+"""Words for `parse_frictions`."""
 
 DegreeRanges = Annotated[
     tuple[str, ...], Stated(metavar="DEGREES|FROM:TO:STEP ..."), Group("sensor")

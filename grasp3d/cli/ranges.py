@@ -4,7 +4,9 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from grasp3d.cli.options import typed_angle
 from grasp3d.errors import SettingError
+from grasp3d.settings.friction import friction_interval
 from grasp3d.settings.units import ANGLE, ANGLE_UNITS, parse_angle
 
 MAX_VALUES = 10_000
@@ -30,24 +32,29 @@ def parse_angles(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
         >>> parse_angles("resolution", ("0:0.2:0.1rad", "0deg"))
         (0.0, 0.1, 0.2)
     """
-    values = _values(what, ANGLE, words, ANGLE_UNITS)
+    values = list(_values(what, ANGLE, words, ANGLE_UNITS))
+    if len(values) == 1 and ":" not in words[0]:
+        return (typed_angle(what, words[0].strip().lower()),)
     return tuple(sorted({parse_angle(what, f"{number!r}{unit}") for number, unit in values}))
 
 
-def parse_numbers(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
-    """Parse numbers and ranges FROM:TO:STEP; see `parse_angles`.
+def parse_frictions(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
+    """Parse coefficients of friction and ranges FROM:TO:STEP; see `parse_angles`.
 
     Args:
         what: What a single value is, for the error.
         words: Words of the command line.
 
     Returns:
-        The numbers, in increasing order, without duplicates.
+        The coefficients, in increasing order, without duplicates.
 
     Raises:
-        SettingError: A word is neither a number nor a range, or there are too many.
+        SettingError: A word is neither a coefficient nor a range, or there are too many.
     """
-    return tuple(sorted({number for number, _ in _values(what, "a number", words)}))
+    values = sorted({number for number, _ in _values(what, "a number", words)})
+    for number in values[:1] + values[-1:]:
+        friction_interval(f"{number:g}")
+    return tuple(values)
 
 
 def _values(

@@ -116,8 +116,11 @@ class Report:
         least = self.console.measure(table, options=unlimited).minimum
         width = self.console.width
         self.console.width = max(least, width)
-        self.console.print(table)
+        with self.console.capture() as printed:
+            self.console.print(table)
         self.console.width = width
+        lines = (line.rstrip() for line in printed.get().splitlines())
+        print(*lines, sep="\n", file=self.console.file)
 
     def values(self, rows: Iterable[tuple[str, str]]) -> None:
         """Print names and their values, which have no markup."""

@@ -23,7 +23,7 @@ from grasp3d.batch.sweeping import (
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Sweep
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.ranges import parse_angles, parse_numbers
+from grasp3d.cli.ranges import parse_angles, parse_frictions
 from grasp3d.cli.report import FAILED, NONE, NOTE, Report, escaped
 from grasp3d.errors import GraspError
 from grasp3d.plots.figures import METADATA, save_as
@@ -50,7 +50,7 @@ MAX_CREASES = 1.0 / 3.0
 def run(command: Sweep) -> int:
     """Run the command, and return the exit code."""
     settings = SweepSettings(
-        friction=parse_numbers("--friction", command.friction),
+        friction=parse_frictions("--friction", command.friction),
         sensor_resolution=parse_angles("--sensor-resolution", command.sensor_resolution),
         sampling=command.sampling,
         mesh=command.mesh,

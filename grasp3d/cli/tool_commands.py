@@ -7,7 +7,9 @@ from typing import Annotated
 from grasp3d.cli.options import POSITIONAL, LengthOption, Overwriting, Quiet, Stated
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE, Radians
+from grasp3d.settings.friction import friction_interval
 from grasp3d.settings.parsing import Group
+from grasp3d.settings.units import Metres
 
 _NAME = Stated(metavar="[NAME|FILE]")
 _LINKS = Stated(metavar="LINK LINK")
@@ -46,6 +48,12 @@ class Design:
     need, after quadrature decoding."""
 
     def __post_init__(self) -> None:
+        for friction in self.friction:
+            friction_interval(f"{friction:g}")
+        for name in ("fingertip_radius", "receptive_field"):
+            length = getattr(self, name)
+            if length is not None and not isinstance(length, Metres):
+                raise SettingError(f"{name} needs its unit, such as {length:g}mm")
         has_sensor = self.receptive_field is not None or self.sensor_resolution is not None
         if self.receptive_field is not None and self.sensor_resolution is not None:
             raise SettingError(

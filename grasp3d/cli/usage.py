@@ -19,7 +19,7 @@ GROUPS = {
     "object": "The object and its mesh. A LENGTH has a unit: 80mm, 8cm, 0.08m, 3in; without one it "
     "is in metres, or in the mesh's own unit where that is not known.",
     "noise": "The noise of a scan, and the copies that have it.",
-    "fingertip": "The fingertip, and its finger. A LENGTH has a unit, or is in mm.",
+    "fingertip": "The fingertip, and its finger. A LENGTH has a unit, such as 10mm.",
     "sensor": "Friction, what the fingertips' sensors resolve, and what else is uncertain.",
     "hand": "The fingers, the hand that must reach each grasp, and what the object stands on.",
     "load": "What each grasp must hold, and the force at hand.",

@@ -6,7 +6,7 @@ from pathlib import Path
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Validate
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.ranges import parse_angles, parse_numbers
+from grasp3d.cli.ranges import parse_angles, parse_frictions
 from grasp3d.cli.report import Report, escaped
 from grasp3d.errors import OutputError
 from grasp3d.plots.validations import FIGURES, save_figures
@@ -26,7 +26,7 @@ def run(command: Validate) -> int:
     """Run the command, and return the exit code."""
     settings = replace(
         command.statistics,
-        frictions=parse_numbers("--frictions", command.frictions),
+        frictions=parse_frictions("--frictions", command.frictions),
         sensor_resolutions=parse_angles("--sensor-resolutions", command.sensor_resolutions),
     )
     _check_output(command)

@@ -70,6 +70,9 @@ _WRONG = {
 }
 
 
+_NOWHERE = "no grasp holds at all poses that the pose error allows"
+
+
 @dataclass(frozen=True)
 class Remedy:
     """A change of one setting that makes a grasp surely hold, all others being as they are."""
@@ -281,7 +284,8 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
     """
     labels = grasps if isinstance(grasps, SurfaceLabels) else None
     tried, named, count = _judged(grasps)
-    code = max([*tried.letter, *named.letter], default=Label.U)
+    # Without a named one, all that were tried fail where their poses are wrong.
+    code = max([*tried.letter, *named.letter] if named.size else [], default=Label.U)
     reachable = getattr(tried, "reachable", np.ones(tried.size, dtype=bool))
     load = LoadVerdict.of(tried.take(np.flatnonzero(reachable)))
     verdict = Verdict(
@@ -293,6 +297,8 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
         wrong=_wrong(tried),
         lost=labels is not None and bool((labels.grasps.letter > code).any()),
     )
+    if tried.letter.any() and not named.size:
+        return replace(verdict, wrong=_NOWHERE, lost=False)
     if labels is None and not reachable.any():
         return replace(verdict, causes={Cause.COLLIDES: 1.0})
     if labels is not None and code == Label.U and (not labels.label.any() or not tried.size):

@@ -187,7 +187,13 @@ def check_mesh(
     joined = first_at_position(given.vertices)  # vertices at equal positions count once
     crossing, bodies, noise = crossing_faces(surface), _count_bodies(surface), normal_noise(surface)
     meant = Trust.CARE if force else Trust.NO
-    inside = Trust.NO if repaired.closed and math.isnan(mesh.volume) else Trust.CARE
+    low, high = (
+        getattr(repaired.vertices[repaired.faces], end)(axis=(0, 1)) for end in ("min", "max")
+    )
+    center = mesh.center_mass / mesh.file_scale
+    is_outside = options.center_of_mass is None and not ((low <= center) & (center <= high)).all()
+    has_none = repaired.closed and math.isnan(mesh.volume)
+    inside = Trust.NO if has_none or is_outside else Trust.CARE
     warnings = (
         *(MeshWarning(inside, message) for message in mesh.report.warnings),
         *_warnings(surface, crossing, bodies, noise),

@@ -32,6 +32,9 @@ Row = tuple[float, ...]
 MAX_WRENCHES = 200
 """Most wrenches of a text: the header of a PLY states them."""
 
+COLUMNS = "fx,fy,fz,tx,ty,tz"
+"""The line of names with which a file of wrenches may begin."""
+
 LARGEST_FILE = 2**20
 """Bytes of the largest file of wrenches."""
 
@@ -61,7 +64,10 @@ def _weight_within(text: str, angle: str, axis: str) -> _Part:
 
 
 def _acceleration(text: str, size: str) -> _Part:
-    return _Part(text, "acceleration", (_numbers(size, 1, "the acceleration in m/s^2 as"),))
+    row = _numbers(size, 1, "the acceleration in m/s^2 as")
+    if row[0] < 0.0:
+        raise SettingError("the acceleration must be at least 0")
+    return _Part(text, "acceleration", (row,))
 
 
 def _wrench(text: str, rows: str) -> _Part:
@@ -70,18 +76,27 @@ def _wrench(text: str, rows: str) -> _Part:
 
 def _wrench_file(_: str, name: str) -> _Part:
     lines = file_bytes(Path(name), LARGEST_FILE).decode("utf-8-sig").splitlines()
-    stated = (line for line in lines if line.strip() and line[0].lower() not in "#f")
-    rows = tuple(map(_numbers, stated))
+    numbered = [(number, line.strip()) for number, line in enumerate(lines, 1)]
+    stated = [(number, line) for number, line in numbered if line and not line.startswith("#")]
+    if stated and stated[0][1].replace('"', "").replace(" ", "").lower() == COLUMNS:
+        del stated[0]
+    rows = []
+    for number, line in stated:
+        try:
+            rows.append(_numbers(line))
+        except SettingError as error:
+            raise SettingError(f"line {number}: {error}") from error
     if not rows:
         raise SettingError("the file has no wrench")
     words = ([repr(number).removesuffix(".0") for number in row] for row in rows)
-    return _Part(f"wrench {'; '.join(map(','.join, words))}", "wrench", rows, file=Path(name))
+    text = f"wrench {'; '.join(map(','.join, words))}"
+    return _Part(text, "wrench", tuple(rows), file=Path(name))
 
 
 _FORMS: tuple[tuple[str, str, Callable[..., _Part]], ...] = (
     ("weight", r"weight", lambda text: _Part(text, "weight")),
     ("weight within DEGREES of AXIS", r"weight\s+within\s+(.+?)\s+of\s+(.+)", _weight_within),
-    ("acceleration NUMBER", r"acceleration\s+([^-].*?)(?:\s*m/s\^?2)?", _acceleration),
+    ("acceleration NUMBER", r"acceleration\s+(.*?)(?:\s*m/s\^?2)?", _acceleration),
     ("wrench FX,FY,FZ,TX,TY,TZ", r"wrench\s+(.+)", _wrench),
     ("FILE.csv", r"(?i:(.+\.csv))", _wrench_file),
 )

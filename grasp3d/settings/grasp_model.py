@@ -127,12 +127,6 @@ class GraspModel(LengthSettings):
         return math.atan(self.friction_interval[1]) + self.tilt
 
     @property
-    def is_uncertain(self) -> bool:
-        """Whether anything but the sensor's normals is uncertain."""
-        smallest, largest = self.friction_interval
-        return smallest < largest or self.location_error != 0.0
-
-    @property
     def unstable_from(self) -> float:
         """Critical friction angle from which a grasp is U [rad]: beta + alpha/2.
 

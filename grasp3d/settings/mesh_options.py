@@ -28,10 +28,10 @@ class MeshOptions(LengthSettings):
             object's size.
         crease_angle: An edge whose faces meet at more than this angle is a crease (a sharp edge):
             the faces keep their own normals there.
-        repair: How much of a damaged surface is repaired. none: only faces without area are
-            removed; safe: also vertices are welded, faces oriented outward, pinholes closed,
-            overlapping bodies united; full: also every hole is closed, and sealed cavities are
-            filled.
+        repair: How much of a damaged surface is repaired. none: vertices at equal positions are
+            joined, and faces without area left out; safe: also vertices a rounding error apart are
+            joined, faces oriented outward, pinholes closed, overlapping bodies united; full: also
+            every hole is closed, and sealed cavities are filled.
         center_of_mass: Centre of mass of the object in the mesh's frame, three lengths with commas:
             10mm,0,-2.5mm. none: that of a uniform density, or, if the mesh is open, of its surface.
         region: Part of the surface where contacts may be: box:X0,Y0,Z0,X1,Y1,Z1 (its lowest and its

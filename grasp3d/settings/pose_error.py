@@ -13,6 +13,7 @@ from grasp3d.settings.units import (
     LengthSettings,
     Metres,
     Radians,
+    describe_length,
     parse_angle,
     parse_length,
 )
@@ -30,6 +31,9 @@ to the side; the other one is opposite."""
 
 ABOUT = (3.0**-0.5,) * 3
 """Axis of one of the turns."""
+
+LARGEST_SHIFT = 0.2
+"""Largest shift [m]."""
 
 LARGEST_ANGLE = math.pi / 2.0
 """Largest turn [rad]."""
@@ -64,6 +68,11 @@ class PoseError(LengthSettings):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_length("position of a pose error", self.position)
+        if self.position > LARGEST_SHIFT:
+            raise SettingError(
+                f"a pose error of {describe_length(self.position)} cannot be meant, of which a "
+                f"robot makes at most some millimetres: give its unit, as in 5mm"
+            )
         check_range("angle of a pose error", self.angle, 0.0, LARGEST_ANGLE, degrees=True)
 
     @classmethod
@@ -81,7 +90,8 @@ class PoseError(LengthSettings):
         if not both and length.lower().endswith(ANGLE_UNITS):
             length, both, angle = "0", ",", length
         try:
-            position, turn = parse_length("position", length), parse_angle("angle", angle or "0")
+            position = parse_length("position", length)
+            turn = parse_angle("angle", angle if both else "0")
             # A lone number may be meant as either.
             unclear = not both and position and not isinstance(position, Metres)
         except SettingError:

@@ -21,7 +21,8 @@ class Box(LengthSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        assert self.corners is not None
+        if self.corners is None:
+            raise SettingError("a box needs its lowest and its highest corner: six lengths")
         for axis, low, high in zip("xyz", self.corners[:3], self.corners[3:], strict=True):
             if not low <= high:
                 raise SettingError(

@@ -299,7 +299,7 @@ def describe_length(length: float | None) -> str:
 
 
 def small_length(length: float, *, metres: bool, digits: int = 4) -> str:
-    """A length that is small beside the object, for reports: in millimetres.
+    """A length for reports: in millimetres, from a metre on in metres.
 
     Args:
         length: The length.
@@ -311,7 +311,9 @@ def small_length(length: float, *, metres: bool, digits: int = 4) -> str:
         >>> small_length(0.001, metres=True), small_length(0.25, metres=False)
         ('1 mm', '0.25')
     """
-    return f"{1000.0 * length:.{digits}g} mm" if metres else f"{length:.{digits}g}"
+    if not metres:
+        return f"{length:.{digits}g}"
+    return f"{length:.{digits}g} m" if length >= 1.0 else f"{1000.0 * length:.{digits}g} mm"
 
 
 def is_number(value: object) -> bool:

@@ -50,6 +50,7 @@ class Limits:
 
 
 _is_limited = ContextVar("is_limited", default=False)
+_files: ContextVar[tuple[Path, ...]] = ContextVar("files", default=())
 _starting = threading.Lock()
 # A fork needs no second to import modules; elsewhere libraries of the system do not work in forks.
 _processes: Any = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
@@ -58,11 +59,17 @@ _processes: Any = multiprocessing.get_context("fork" if sys.platform == "linux" 
 @contextmanager
 def limited_reading() -> Iterator[None]:
     """Let `read_file` read in child processes inside this context."""
-    token = _is_limited.set(True)
+    tokens = _is_limited.set(True), _files.set(())
     try:
         yield
     finally:
-        _is_limited.reset(token)
+        _is_limited.reset(tokens[0])
+        _files.reset(tokens[1])
+
+
+def files_read() -> tuple[Path, ...]:
+    """The files that `read_file` was called with inside the context of `limited_reading`."""
+    return _files.get()
 
 
 def read_file(read: Callable[..., T], path: Path, *arguments: Any) -> T:
@@ -77,6 +84,8 @@ def read_file(read: Callable[..., T], path: Path, *arguments: Any) -> T:
         FileUnreadError: The child process crashed, or exceeded a limit.
         Exception: What the function raises.
     """
+    if _is_limited.get():
+        _files.set((*_files.get(), path))
     limits = Limits(SECONDS, MEMORY, f"{path}: reading it", "is it damaged?")
     return in_limits(limits, read, path, *arguments)
 

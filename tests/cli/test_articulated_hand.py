@@ -23,7 +23,7 @@ def test_a_description_is_proposed_printed_and_drawn(tmp_path: Path) -> None:
     assert text.endswith("written: three.json, three.png\n")
     for line in (
         r"knuckle0  inner0  -68.75  17.19      0      -1  not stated",
-        r"outer2  fingertip  1 box",
+        r"outer2  fingertip  1 x box",
         r"assumed an effort of 10 is not that of such a motor: the torque is not stated (knuckle0",
         r"approach   (0, 0, 1) in it, open",
     ):

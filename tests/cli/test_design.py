@@ -49,7 +49,7 @@ def test_without_options_it_prints_the_numbers_of_the_paper() -> None:
 
 
 def test_required_sensors_for_some_frictions() -> None:
-    text = printed("--fingertip-radius", 6, "--friction", 0.3, 0.7)
+    text = printed("--fingertip-radius", "6mm", "--friction", 0.3, 0.7)
     expected = [Sensor.limiting(friction, 6.0) for friction in (0.3, 0.7)]
     for row, sensor in zip(rows(text), expected, strict=True):
         assert float(row[1]) == pytest.approx(sensor.receptive_field, rel=1e-3)
@@ -59,7 +59,7 @@ def test_required_sensors_for_some_frictions() -> None:
 
 
 def test_required_friction_for_a_sensor() -> None:
-    text = printed("--fingertip-radius", 10, "--receptive-field", 4)
+    text = printed("--fingertip-radius", "10mm", "--receptive-field", "4mm")
     assert facts(text) | {
         "fingertip": "radius 10 mm",
         "receptive field": "4 mm",
@@ -72,16 +72,18 @@ def test_required_friction_for_a_sensor() -> None:
 
 
 def test_the_resolution_can_be_given_in_degrees_instead() -> None:
-    given = facts(printed("--sensor-resolution", 22.6, "--fingertip-radius", 10))
+    given = facts(printed("--sensor-resolution", 22.6, "--fingertip-radius", "10mm"))
     assert given["sensor resolution"] == "22.60°"
     assert given["receptive field"] == f"{10.0 * math.radians(22.6):.4g} mm"
     assert given["required friction"] == f"above {math.tan(math.radians(11.3)):.4g}"
-    by_field = printed("--receptive-field", 10.0 * math.radians(22.6), "--fingertip-radius", 10)
+    by_field = printed(
+        "--receptive-field", f"{10.0 * math.radians(22.6)}mm", "--fingertip-radius", "10mm"
+    )
     assert facts(by_field) == given
 
 
 def test_a_sensor_is_compared_with_frictions() -> None:
-    text = printed("--receptive-field", 4, "--friction", 0.2, 0.5, "--joints", 2)
+    text = printed("--receptive-field", "4mm", "--friction", 0.2, 0.5, "--joints", 2)
     sensor = Sensor(4.0, 10.0)
     for row, friction in zip(rows(text), (0.2, 0.5), strict=True):
         margin = math.atan(friction) - sensor.tilt
@@ -102,7 +104,8 @@ def test_a_sensor_with_the_limiting_resolution_is_not_fine_enough() -> None:
 
 def test_lengths_have_units_of_their_own() -> None:
     given = ("--fingertip-radius", "0.8cm", "--receptive-field", "3mm")
-    assert printed(*given) == printed("--fingertip-radius", 8, "--receptive-field", 3)
+    assert printed(*given) == printed("--fingertip-radius", "8mm", "--receptive-field", "0.3cm")
+    assert "fingertip_radius needs its unit, such as 8mm" in design("--fingertip-radius", 8).stderr
     error = design("--receptive-field", "2ft").stderr
     assert "must be a length: a number, or a number with a unit (m, cm, mm, in)" in " ".join(
         error.replace("│", " ").split()

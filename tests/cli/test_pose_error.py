@@ -70,3 +70,11 @@ def test_the_best_grasps_say_it_too(folder: Path, monkeypatch: pytest.MonkeyPatc
     text = printed("label", "box.stl", *options, "--best", "2", "--pose-error", "2mm", cwd=folder)
     assert len(rows_of(text)) == 2
     assert all("■ S  " in row for row in rows_of(text))
+
+
+def test_an_error_that_no_grasp_survives_is_a_verdict(folder: Path) -> None:
+    options = ("--unit", "m", "--max-edge", "12mm", "--hand", "hand.json", "--best", "2")
+    text = printed("label", "box.stl", *options, "--pose-error", "60mm", cwd=folder)
+    assert "best grasps: none may hold" in text
+    assert "no grasp holds at all poses that the pose error allows" in text
+    assert not list(folder.glob("*_grasps.*"))

@@ -33,6 +33,10 @@ label ball.ply -o no/where.ply | cannot be written
 label ball.ply -o ball.ply | is read by
 label ball.ply --at 0,0 | at must be 3 finite lengths | got '0,0'
 label box.stl --unit mm --at 0,0,90mm | at 0.0,0.0,90 mm is 50 mm from the surface of box.stl, more
+label ball.ply --hand franka --best 1 --pose-error 5,3deg | of 5 cannot be meant | as in 5mm
+label ball.ply --hand franka --best 1 --pose-error 5mm, | a pose error must be a length
+label box.stl --unit mm --hand hand.json --best 2 --grasps hand.json --overwrite | is read by
+label box.stl --task named.csv | line 3: give force [N] and torque [N m] as 6 finite numbers
 label ball.ply --best 0 | best must be at least 1
 label box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not known | add --unit mm
 label box.stl --unit mm --max-opening 70 | is 70 m, 650 times the size of box.stl, 0.1077 m: if
@@ -43,7 +47,7 @@ label box.stl --unit mm --hand franka --fingers 3 | flat pads
 label box.stl --unit mm --hand franka --min-opening 100 --force | contradicts
 label box.stl --mass 1e300 | mass must be at most 1e+09 [kg]; got 1e300
 label box.stl --mass 1 --density 9 | mass and density exclude each other
-label box.stl --task five.csv | task 'five.csv': give force [N] and torque [N m] as 6 finite
+label box.stl --task five.csv | task 'five.csv': line 1: give force [N] and torque [N m] as 6 finite
 label box.stl --task missing.csv | missing.csv': there is no such file
 label box.stl --task wieght | no task is called 'wieght'; known: weight
 label box.stl --task pushes.csv | torques of the task are in N m, but the unit of box
@@ -104,6 +108,8 @@ sweep void | no mesh in it
 sweep circle --figure x.docx | unsupported figure format .docx
 sweep circle -o notes.csv | notes.csv: exists; name another file
 sweep sphere --friction 0.4..0.6 | --friction must be a number, or a range FROM:TO:STEP
+sweep circle --friction 50 | that of rubber is some 2; got 50: is 0.5 meant?
+sweep circle --sensor-resolution 0.39 | write 0.39deg for that, or 0.39rad
 sweep circle --fingers 3 | closed form for two fingers only; got 3
 check void | no mesh in it
 check ball.ply --max-memory 0.1 | max memory must be at least 0.5 GB
@@ -119,8 +125,10 @@ view . --screenshot a.png | was not written by grasp3d batch
 view bad.ply --screenshot a.png | have a property 'label' but no 'critical_angle'
 view ball.ply --screenshot a.png --fingers 9 | fingers must be from 2 to 5
 view ball.ply --web --port 70000 | port must be from 0 to 65535
-design --receptive-field 4 --sensor-resolution 20 | each define the sensor
-design --receptive-field 32 | pi x 10 = 31.42; got 32
+design --friction 50 | is 0.5 meant?
+design --fingertip-radius 8 | fingertip_radius needs its unit, such as 8mm
+design --receptive-field 4mm --sensor-resolution 20 | each define the sensor
+design --receptive-field 32mm | pi x 10 = 31.42; got 32
 design --joints 2 --friction 0.5 | --joints needs --friction and a sensor
 label box.stl --hand pad_width.json | pad_width (0.03) must be at most finger_width
 sweep box.stl --hand finger_length.json | millimetres
@@ -270,6 +278,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         **{f"notes.{suffix}": "name,price\n" for suffix in NOTES},
         "pushes.csv": "fx,fy,fz,tx,ty,tz\n5,0,0,0,0,0.1\n",
         "five.csv": "5,0,0,0,0\n",
+        "named.csv": "fx,fy,fz,tx,ty,tz\n5,0,0,0,0,0\nforce 0,5,0,0,0,0\n",
         "damaged.json": '{"format": ',
     }
     write_hand(folder / "hand.json", HAND)

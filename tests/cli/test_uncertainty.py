@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from grasp3d import GraspModel
-from grasp3d.cli.ranges import parse_angles, parse_numbers
+from grasp3d.cli.ranges import parse_angles, parse_frictions
 from grasp3d.cli.usage import parse
 from grasp3d.errors import SettingError
 from grasp3d.settings.parsing import plain_values
@@ -37,7 +37,7 @@ def test_the_options_are_the_settings() -> None:
 
 
 def test_ranges_of_angles_and_numbers() -> None:
-    assert parse_numbers("it", ("0.1", "0:0.2:0.1")) == pytest.approx((0.0, 0.1, 0.2))
+    assert parse_frictions("it", ("0.1", "0.1:0.3:0.1")) == pytest.approx((0.1, 0.2, 0.3))
     assert parse_angles("it", ("180",)) == (math.pi,)
     assert parse_angles("it", ("0:0.2:0.1rad", "0.3 RAD")) == (0.0, 0.1, 0.2, 0.3)
     assert parse_angles("it", ("0:30:15deg",)) == parse_angles("it", ("0:30:15",))

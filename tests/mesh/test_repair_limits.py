@@ -12,7 +12,6 @@ import trimesh
 from grasp3d import load_mesh
 from grasp3d.arrays import Floats
 from grasp3d.cli import main
-from grasp3d.errors import MeshError
 from grasp3d.mesh import preparing
 from tests.helpers import shapes
 from tests.helpers.repairs import joined, repaired, volume_of
@@ -59,15 +58,6 @@ def test_a_book_of_many_pages_takes_linear_time() -> None:
 
 
 @pytest.mark.slow
-def test_many_separate_triangles_are_refused_for_memory_before_repair() -> None:
-    surface = separate(1_000_000)
-    started = time.thread_time()
-    with pytest.raises(MeshError, match=r"arrays: 3,000,000 vertices would take about .* simplify"):
-        load_mesh(surface)
-    assert time.thread_time() - started < 10.0
-
-
-@pytest.mark.slow
 def test_separate_vertices_within_rounding_are_not_refused_for_memory() -> None:
     """As in an STL that was written with errors of rounding: they are joined."""
     vertices, faces = shapes.sphere(6)
@@ -87,7 +77,7 @@ def test_many_bodies_within_each_other_become_one() -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are Linux's")
 @pytest.mark.parametrize(
     ("limit", "value", "message"),
-    [("MEMORY", 1e8, "more than 0.1 GB"), ("SECONDS", 0.2, "more than 0.2 s")],
+    [("MEMORY", 1e6, "more than 0.001 GB"), ("SECONDS", 0.01, "more than 0.01 s")],
 )
 def test_repair_beyond_a_limit_is_an_error_in_a_command_and_not_in_python(
     limit: str,
@@ -101,6 +91,7 @@ def test_repair_beyond_a_limit_is_an_error_in_a_command_and_not_in_python(
     surface = boxes(np.full(1000, 1.0))  # 4 million pairs of vertices at one position
     path = tmp_path / "a.ply"
     trimesh.Trimesh(*surface, process=False).export(path)
+    monkeypatch.chdir(tmp_path)
     assert main(["label", str(path), "--unit", "m", "--max-edge", "1m"]) == 2
     printed = capsys.readouterr().err
     assert f"{path}: repairing it " in printed

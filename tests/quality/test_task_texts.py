@@ -77,7 +77,7 @@ def test_gravity_acts_along_its_axis(axis: str) -> None:
         ("weight within 30 of 0,inf,0", "3 finite numbers"),
         ("acceleration", "no task is called 'acceleration'; known: .*acceleration NUMBER"),
         ("acceleration fast", "the acceleration in m/s.2 as 1 finite number; got 'fast'"),
-        ("acceleration -5", "no task is called 'acceleration -5'"),
+        ("acceleration -5", "the acceleration must be at least 0"),
         ("acceleration inf", "1 finite number"),
         ("wrench 0,0,-5", r"force \[N\] and torque \[N m\] as 6 finite numbers; got '0,0,-5'"),
         ("wrench 0,0,-5,0,0,nan", "6 finite numbers"),

@@ -42,7 +42,7 @@ def union_of(solids: list[Solid]) -> manifold3d.Manifold | None:
 
 
 def surround(corners: Floats) -> bool:
-    """Return whether triangles (F, 3, 3) surround the origin: their winding number is not 0.
+    """Return whether triangles (F, 3, 3), wound outward, surround the origin: winding number 1.
 
     Van Oosterom & Strackee 1983.
     """

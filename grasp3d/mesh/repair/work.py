@@ -235,6 +235,6 @@ def _unite(work: _Work, *, fill: bool) -> None:
     work.note("united", joined, "bodies", "united: overlapping or touching")
     if within:
         work.warnings.append(
-            f"{counted(within, 'bodies')} within others and wound alike: taken as part of them; "
-            "cavities must be wound inward"
+            f"{counted(within, 'bodies')} within others: taken as part of them; a cavity must be "
+            "wound inward, and touch no other surface"
         )
