@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.checks import check_length, check_range
+from grasp3d.settings.checks import check_range
 from grasp3d.settings.parsing import ParsedField
 from grasp3d.settings.units import (
     ANGLE_UNITS,
@@ -13,7 +13,6 @@ from grasp3d.settings.units import (
     LengthSettings,
     Metres,
     Radians,
-    describe_length,
     parse_angle,
     parse_length,
 )
@@ -33,7 +32,7 @@ ABOUT = (3.0**-0.5,) * 3
 """Axis of one of the turns."""
 
 LARGEST_SHIFT = 0.2
-"""Largest shift [m]."""
+"""Largest shift that can be meant [m]: robots err by millimetres."""
 
 LARGEST_ANGLE = math.pi / 2.0
 """Largest turn [rad]."""
@@ -67,12 +66,7 @@ class PoseError(LengthSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_length("position of a pose error", self.position)
-        if self.position > LARGEST_SHIFT:
-            raise SettingError(
-                f"a pose error of {describe_length(self.position)} cannot be meant, of which a "
-                f"robot makes at most some millimetres: give its unit, as in 5mm"
-            )
+        check_range("position of a pose error", self.position, 0.0, LARGEST_SHIFT, unit="m")
         check_range("angle of a pose error", self.angle, 0.0, LARGEST_ANGLE, degrees=True)
 
     @classmethod

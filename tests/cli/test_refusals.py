@@ -33,7 +33,7 @@ label ball.ply -o no/where.ply | cannot be written
 label ball.ply -o ball.ply | is read by
 label ball.ply --at 0,0 | at must be 3 finite lengths | got '0,0'
 label box.stl --unit mm --at 0,0,90mm | at 0.0,0.0,90 mm is 50 mm from the surface of box.stl, more
-label ball.ply --hand franka --best 1 --pose-error 5,3deg | of 5 cannot be meant | as in 5mm
+label ball.ply --hand franka --best 1 --pose-error 5,3deg | must be from 0 to 0.2 m; got 5 m
 label ball.ply --hand franka --best 1 --pose-error 5mm, | a pose error must be a length
 label box.stl --unit mm --hand hand.json --best 2 --grasps hand.json --overwrite | is read by
 label box.stl --task named.csv | line 3: give force [N] and torque [N m] as 6 finite numbers
