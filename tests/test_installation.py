@@ -84,7 +84,7 @@ def test_nothing_is_compiled_after_an_installation(installed: Installed, tmp_pat
     before = dict(machine_code(installed.package))
     main = ("-c", "import sys; from grasp3d.cli import main; sys.exit(main(sys.argv[1:]))")
     gripper = ("--hand", "franka", "--mass", "0.2kg", "--table", "as-is", "--best", "1")
-    region = ("--region", "tee_labeled.ply")  # its colours are a mask, of all of it
+    region = ("--region", "tee_labeled.ply", "-o", "part.ply")  # its colours are a mask, of all
     for options in ((), region, gripper):
         words = ("label", str(MESHES / "tee.glb"), *options, "--overwrite")
         done = in_installation(*main, *words, home=tmp_path)
