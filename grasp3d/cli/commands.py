@@ -15,6 +15,7 @@ from grasp3d.cli.options import (
     Inputs,
     Labelling,
     LengthOption,
+    LoadOfJaws,
     MeshFile,
     NumberRanges,
     ObjectPoseOption,
@@ -166,9 +167,6 @@ class Label(Labelling):
     """Number of best distinct grasps to print and to write to a file, with a picture (.png) of the
     same name beside it."""
 
-    all: bool = False
-    """With --best: name grasps that are U as well, after those that may hold."""
-
     grasps: Path | None = None
     """File of the best grasps of --best (.json, .csv, .parquet; with a gripper also .yaml for
     isaac_grasp, .h5 for ACRONYM, .npy for graspnetAPI) (default: NAME_grasps.json in the folder of
@@ -194,8 +192,8 @@ class Label(Labelling):
     def __post_init__(self) -> None:
         if self.best is not None and self.best < 1:
             raise SettingError(f"best must be at least 1; got {self.best}")
-        for name in ("all", "grasps", "grasps_format", "object_pose", "frame"):
-            if getattr(self, name) not in {None, False} and self.best is None:
+        for name in ("grasps", "grasps_format", "object_pose", "frame"):
+            if getattr(self, name) is not None and self.best is None:
                 raise SettingError(f"{name} is for the best grasps; give their number with --best")
         if self.grasps_format == "graspgen":
             raise SettingError(
@@ -292,6 +290,8 @@ class View(Labelling):
     """Write a picture (.png) instead; needs no display."""
 
     view: ViewSettings = field(default_factory=ViewSettings)
+
+    load: Load = field(default_factory=Load, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -445,7 +445,7 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
 
     reach: ReachSettings = field(default_factory=ReachSettings)
 
-    load: Load = field(default_factory=Load)
+    load: LoadOfJaws = field(default_factory=Load)
 
     surface: Annotated[MeshOptions, WholeMesh] = field(default_factory=MeshOptions)
 

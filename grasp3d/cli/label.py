@@ -58,7 +58,7 @@ def run(command: Label) -> int:
     output, grasp_file = _files(command)
     write = writer_for(output)
     labels, vertices = _labels(command)
-    grasps = best_grasps(labels, command.best, unstable=command.all) if command.best else None
+    grasps = best_grasps(labels, command.best) if command.best else None
     if grasps is not None:
         refuse_warnings(grasp_report.warnings_of_best(grasps, command.object_pose))
     write(output, labels)

@@ -387,6 +387,10 @@ def without(kind: Any, *names: str) -> "partial[Any]":
     return partial(kind, **{name: getattr(kind, name) for name in names})
 
 
+LoadOfJaws = Annotated[Load, without(Load, "torque_limits")]
+"""A load of what has no motors in its joints."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Forced:
     """The option of commands that refuse lengths which are most likely in another unit."""
@@ -460,5 +464,5 @@ class Labelling(Searching):
     """The options of commands that label meshes, also for a gripper and a load."""
 
     reach: ReachSettings = field(default_factory=ReachSettings)
-    load: Load = field(default_factory=Load)
+    load: LoadOfJaws = field(default_factory=Load)
     mesh: MeshOptions = field(default_factory=MeshOptions)

@@ -43,6 +43,10 @@ def test_help_is_one_screen_of_what_matters_and_help_all_has_every_option(comman
     assert 8 <= len(shown) == sum(bool(one.brief and one.names) for one in options) <= 14
 
 
+def test_label_has_at_most_36_options() -> None:
+    assert sum(bool(one.names) for one in options_of(KINDS["label"])) <= 36
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("words", EXAMPLES)
 def test_the_examples_are_valid(
