@@ -72,9 +72,14 @@ def test_the_best_grasps_say_it_too(folder: Path, monkeypatch: pytest.MonkeyPatc
     assert all("■ S  " in row for row in rows_of(text))
 
 
-def test_an_error_that_no_grasp_survives_is_a_verdict(folder: Path) -> None:
+def test_an_error_that_no_grasp_survives_is_a_verdict_and_leaves_no_older_grasps(
+    folder: Path,
+) -> None:
     options = ("--unit", "m", "--max-edge", "12mm", "--hand", "hand.json", "--best", "2")
-    text = printed("label", "box.stl", *options, "--pose-error", "60mm", cwd=folder)
+    printed("label", "box.stl", *options, "-q", cwd=folder)
+    assert (folder / "box_grasps.json").exists()
+    words = ("--pose-error", "60mm", "--overwrite")
+    text = printed("label", "box.stl", *options, *words, cwd=folder)
     assert "best grasps: none may hold" in text
     assert "no grasp holds at all poses that the pose error allows" in text
     assert not list(folder.glob("*_grasps.*"))

@@ -36,6 +36,7 @@ label box.stl --unit mm --at 0,0,90mm | at 0.0,0.0,90 mm is 50 mm from the surfa
 label ball.ply --hand franka --best 1 --pose-error 5,3deg | must be from 0 to 0.2 m; got 5 m
 label ball.ply --hand franka --best 1 --pose-error 5mm, | a pose error must be a length
 label box.stl --unit mm --hand hand.json --best 2 --grasps hand.json --overwrite | is read by
+label box.stl --region ball.ply -o ball.ply --overwrite | is read by
 label box.stl --task named.csv | line 3: give force [N] and torque [N m] as 6 finite numbers
 label ball.ply --best 0 | best must be at least 1
 label box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not known | add --unit mm
