@@ -78,15 +78,15 @@ MUTANTS = (
     ),
     Mutant(
         "force of wider cones as the largest",
-        'worst = ForceProblem.over_tilts(contacts, tilts, "worst_case"',
-        'worst = ForceProblem.over_tilts(contacts, tilts, "best_case"',
+        "some.friction_angle - tilts[sure]",
+        "some.friction_angle + tilts[sure]",
         "test_force_ranges.py",
     ),
     Mutant(
-        "torque about the wrong finger",
-        "torque - np.cross(contacts.points[:, 0], force)",
-        "torque - np.cross(contacts.points[:, 1], force)",
-        "test_grip_forces.py",
+        "a ring of points that is too small",
+        "(self.torsion_radius / friction)[..., None, None]",
+        "(0.9 * self.torsion_radius / friction)[..., None, None]",
+        "test_force_ranges.py",
     ),
     Mutant(
         "location error of half a turn",

@@ -3,12 +3,16 @@
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Floats, Ints, locked, short_repr
+from grasp3d.contact.friction_cones import edge_angles, tangents
 from grasp3d.errors import ContactError, GraspError, SettingError
+
+PAD_POINTS = 8
+"""Points at which a soft finger presses; see `Contacts.as_points`."""
 
 LARGEST = 1e100
 """Largest coordinate; the squares of larger ones could overflow."""
@@ -46,6 +50,9 @@ class Contacts:
     torsion_radius: Floats
     """Largest torsional moment about the normal per normal force [m], shape (..., n);
     0: a hard finger."""
+    groups: Ints | None
+    """The finger of each contact, from 0, shape (n,); None: each contact is a finger. Contacts of
+    one finger, such as the corners of what a pad touches, share the bound of its force."""
 
     __repr__ = short_repr
 
@@ -55,6 +62,7 @@ class Contacts:
         normals: ArrayLike,
         friction: ArrayLike = 0.5,
         torsion_radius: ArrayLike = 0.0,
+        groups: ArrayLike | None = None,
     ) -> None:
         """Check and copy the arrays.
 
@@ -65,6 +73,8 @@ class Contacts:
             torsion_radius: Soft fingers: uniform pressure on a disc of radius r under Coulomb
                 friction resists a torsional moment of up to 2/3 friction r per normal force, so
                 give 2/3 * friction * r. One value, or shape (..., n).
+            groups: The finger of each contact, from 0, shape (n,), where fingers touch at several
+                points, which then are hard; None: each contact is a finger.
 
         Raises:
             ContactError: Shapes that do not match, or values out of range.
@@ -90,6 +100,24 @@ class Contacts:
             object.__setattr__(
                 self, name, locked(of_shape(name, values, p.shape[:-1], ContactError))
             )
+        object.__setattr__(self, "groups", None if groups is None else self._checked(groups))
+
+    def _checked(self, groups: ArrayLike) -> Ints:
+        """The finger of each contact, (n,). Raises ContactError."""
+        fingers = np.asarray(groups)
+        if fingers.shape != (self.count,) or not np.issubdtype(fingers.dtype, np.integer):
+            raise ContactError(
+                f"groups must be the number of each contact's finger, shape ({self.count},); "
+                f"got {groups!r}"
+            )
+        if not np.array_equal(np.unique(fingers), np.arange(fingers.max() + 1)):
+            raise ContactError(f"fingers must be numbered from 0 without a gap; got {groups!r}")
+        if self.torsion_radius.any():
+            raise ContactError(
+                "a finger that touches at several points resists torsion by them: leave "
+                "torsion_radius 0"
+            )
+        return locked(fingers.astype(np.int64))
 
     @property
     def friction_angle(self) -> Floats:
@@ -98,7 +126,44 @@ class Contacts:
 
     def with_friction(self, friction: ArrayLike) -> "Contacts":
         """The same contacts with other friction coefficients: one value, or shape (..., n)."""
-        return Contacts(self.points, self.normals, friction, self.torsion_radius)
+        return Contacts(self.points, self.normals, friction, self.torsion_radius, self.groups)
+
+    def by_finger(self) -> tuple[Ints, int]:
+        """The contacts of one finger after those of another, equally many of each.
+
+        Returns:
+            (contacts (p,), contacts of a finger): the first of a finger with fewer contacts is
+            repeated, which changes nothing that it can apply.
+        """
+        if self.groups is None:
+            return np.arange(self.count), 1
+        fingers = [np.flatnonzero(self.groups == finger) for finger in np.unique(self.groups)]
+        most = max(map(len, fingers))
+        rows = [np.append(own, np.full(most - len(own), own[0])) for own in fingers]
+        return np.concatenate(rows), most
+
+    def as_points(self) -> "Contacts":
+        """The contacts with the points at which soft fingers press instead: hard, and in groups.
+
+        A disc of radius r that is evenly pressed resists as much torsion about its normal as points
+        that share its force at 2/3 r do, which is the torsion radius divided by friction. There are
+        `PAD_POINTS` of each finger, in the plane across its normal.
+        """
+        if not self.torsion_radius.any():
+            return self
+        friction = np.where(self.friction > 0.0, self.friction, math.inf)
+        radius = (self.torsion_radius / friction)[..., None, None]
+        angles = edge_angles(PAD_POINTS)[:, None]
+        across, along = (vectors[..., None, :] for vectors in tangents(self.normals))
+        rings = self.points[..., None, :] + radius * (
+            np.cos(angles) * across + np.sin(angles) * along
+        )
+        return Contacts(
+            rings.reshape(*self.batch, -1, 3),
+            self.normals.repeat(PAD_POINTS, axis=-2),
+            self.friction.repeat(PAD_POINTS, axis=-1),
+            groups=np.arange(self.count).repeat(PAD_POINTS),
+        )
 
     def of_size(self, points: Floats, size: Floats) -> "Contacts":
         """The same contacts at other points, with lengths divided by a size of each grasp, (...).
@@ -107,7 +172,7 @@ class Contacts:
             points: Shape (..., n, 3).
             size: Shape (...).
         """
-        return Contacts(points, self.normals, self.friction, self.torsion_radius / size[..., None])
+        return replace(self, points=points, torsion_radius=self.torsion_radius / size[..., None])
 
     def reshape(self, batch: tuple[int, ...]) -> "Contacts":
         """The same grasps in a batch of another shape, in which one number may be -1."""
@@ -122,7 +187,8 @@ class Contacts:
         contacts = object.__new__(Contacts)
         for column in fields(self):
             values = getattr(self, column.name)
-            values = locked(change(values, values.shape[len(self.batch) :]))
+            if column.name != "groups":  # those of every grasp
+                values = locked(change(values, values.shape[len(self.batch) :]))
             object.__setattr__(contacts, column.name, values)
         return contacts
 

@@ -24,9 +24,9 @@ from grasp3d.quality.measures import metric_names
 from grasp3d.settings.pose_error import poses_of
 from grasp3d.stability.label import Label
 from grasp3d.surface.fields import (
+    CLOSING_SHARE,
     FORCES,
     HAND_GRASPS,
-    ROBUST,
     SCORE,
     Arrays,
     columns_of,
@@ -39,7 +39,9 @@ from grasp3d.surface.rows import NO_ROW, rows_where
 from grasp3d.surface.scores import written_scores
 from grasp3d.surface.vertex_grasps import IndexedGrasps
 
-STALE = frozenset({*metric_names(), *(field.name for field in (*FORCES, *ROBUST, *HAND_GRASPS))})
+STALE = frozenset(
+    {*metric_names(), *(field.name for field in (*FORCES, CLOSING_SHARE, *HAND_GRASPS))}
+)
 """Columns of given poses that may be of other settings."""
 
 

@@ -1,8 +1,19 @@
 """Grip force and payload over all normals that a sensor cannot distinguish from the perceived ones.
 
-Both ends of the range are proven: a force that suffices whichever the normals are, and one that no
-normals need less than, see `force_problem`. Between them it is not known what some normals need,
-but for hard fingers whose forces' lengths are bounded, where the largest force is exact.
+The true normal of each contact lies anywhere within the tilt a = alpha/2 of the perceived one
+(Wan & Howe 2018, Sec. III), each independently. Let F be the force with cones of other half-angles
+and a bound on the lengths of forces instead of their normal components:
+
+* The cone of half-angle beta - a lies in every tilted one, and a force has no normal component that
+  is longer than itself. So F at beta - a suffices whichever the normals are. Where lengths are
+  bounded anyway, it is the largest force over all tilts: a tilt by a turns the normal away from any
+  direction, so that the smallest support function over the tilts is that of the smaller cone.
+* Every tilted cone lies in that of half-angle beta + a, below 90 degrees, and there a force is at
+  most 1 / cos(beta) times as long as its normal component. So no normals need less than cos(beta)
+  times F at beta + a.
+
+Soft fingers press at points (`Contacts.as_points`) in the first case; besides, the force must
+suffice for their limit surface at the given normals. Of the second case nothing is claimed.
 """
 
 import math
@@ -12,7 +23,7 @@ from typing import Literal
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts, tilts_of
 from grasp3d.errors import SettingError
 from grasp3d.quality.force_problem import ForceBound, ForceProblem
@@ -92,46 +103,59 @@ def force_range(
         5.2 N, at most 5.8 N (bound)
     """
     tilts = tilts_of(tilt, contacts)
-    options = ForceOptions(task, bound, masses, rtol).flat(contacts)
+    options = ForceOptions(task, masses, rtol).flat(contacts)
     flat = contacts.reshape((-1,))
     values = np.empty((3, len(tilts)))
     resistance = np.empty(len(tilts), dtype=np.uint8)
     for first in range(0, len(tilts), CHUNK):
         rows = slice(first, first + CHUNK)
         grasps, part = flat.take(rows), options.take(rows)
-        nominal = part.bounds(ForceProblem.of_contacts(grasps, bound=bound))
+        nominal = part.found(ForceProblem.bounded(grasps, bound))[0]
         least, largest = nominal.lower, np.array(nominal.upper)
         if tilts[rows].any():
-            best = ForceProblem.over_tilts(grasps, tilts[rows], "best_case", bound=bound)
-            least = part.bounds(best).lower
+            least = _least(grasps, tilts[rows], part, bound)
             held = np.flatnonzero(np.isfinite(largest))
-            worst = largest_force(grasps.take(held), tilts[rows][held], part.take(held))
+            worst = _largest(grasps.take(held), tilts[rows][held], part.take(held), bound)
             largest[held] = np.maximum(worst, largest[held])
         values[:, rows] = nominal.upper, np.minimum(least, nominal.upper), largest
         resistance[rows] = nominal.reason
         report_progress(min(1.0, (first + CHUNK) / len(tilts)))
-    soft = bool((flat.torsion_radius > 0.0).any())
     within = bool((tilts <= flat.friction_angle).all())
-    how: Certainty = "exact" if bound == "norm" and within and not soft else "bound"
-    if not tilts.any():
-        how = "exact"
+    is_exact = bound == "norm" and within and not flat.torsion_radius.any()
     nominal_, least_, largest_ = (locked(row.reshape(contacts.batch))[()] for row in values)
     codes = locked(resistance.reshape(contacts.batch))[()]
+    how: Certainty = "exact" if is_exact or not tilts.any() else "bound"
     return ForceRange(nominal_, least_, largest_, codes, how)
 
 
-def largest_force(contacts: Contacts, tilts: Floats, options: ForceOptions) -> Floats:
+def _largest(contacts: Contacts, tilts: Floats, options: ForceOptions, bound: ForceBound) -> Floats:
     """A force that suffices at all tilts of a flat batch, with tilts (b, n), shape (b,)."""
-    bound, group = options.bound, options.group
-    if not tilts.any() and group == 1:
-        return options.bounds(ForceProblem.of_contacts(contacts, bound=bound)).upper
-    worst = ForceProblem.over_tilts(contacts, tilts, "worst_case", bound=bound, group=group)
-    largest = options.bounds(worst).upper
-    if bound == "total" and (contacts.torsion_radius > 0.0).any():
-        # The torsion of soft fingers is known where each finger's force is bounded.
-        each = replace(options, bound="normal")
-        largest = np.minimum(largest, contacts.count * largest_force(contacts, tilts, each))
+    largest = np.full(len(tilts), math.inf)
+    sure = np.flatnonzero((tilts <= contacts.friction_angle).all(axis=1))
+    some = contacts.take(sure)
+    points, narrow = some.as_points(), some.friction_angle - tilts[sure]
+    cones = np.tan(narrow).repeat(points.count // some.count, axis=-1)
+    problem = ForceProblem.of_contacts(
+        points.with_friction(cones), size="length", total=bound == "total"
+    )
+    largest[sure] = options.take(sure).found(problem)[0].upper
     return largest
+
+
+def _least(contacts: Contacts, tilts: Floats, options: ForceOptions, bound: ForceBound) -> Floats:
+    """A force that no tilts of a flat batch need less than, with tilts (b, n), shape (b,)."""
+    least, widest = np.zeros(len(tilts)), contacts.friction_angle + tilts
+    convex = (widest < RIGHT_ANGLE).all(axis=1) & (contacts.torsion_radius == 0.0).all(axis=1)
+    hard = np.flatnonzero(convex)
+    problem = ForceProblem.of_contacts(
+        contacts.take(hard).with_friction(np.tan(widest[hard])),
+        size="length",
+        total=bound == "total",
+    )
+    least[hard] = options.take(hard).found(problem)[0].lower
+    if bound == "norm":
+        return least
+    return np.asarray(least * np.cos(contacts.friction_angle).min(axis=1))
 
 
 def force_within_tilt(
@@ -142,22 +166,29 @@ def force_within_tilt(
     tilt: ArrayLike = 0.0,
     bound: ForceBound = "normal",
     rtol: float = 1e-3,
-    group: int = 1,
 ) -> Floats:
     """Force for a task at the worst or the best normals within a tilt of the given ones [N].
 
     At the worst ones it suffices at all; at the best ones none needs less. Other arguments, shape
     and errors as for `payload`; inf where no force suffices there.
     """
-    _check_groups(contacts, group)
     flat, tilts = contacts.reshape((-1,)), tilts_of(tilt, contacts)
-    options = ForceOptions(task, bound, None, rtol, group)
-    if at == "worst":
-        needed = largest_force(flat, tilts, options)
+    options = ForceOptions(task, None, rtol)
+    if at == "best":
+        needed = _least(flat, tilts, options, bound)
     else:
-        best = ForceProblem.over_tilts(flat, tilts, "best_case", bound=bound, group=group)
-        needed = options.bounds(best).lower
+        needed = _enough(flat, tilts, options, bound)
     return locked(needed.reshape(contacts.batch))[()]
+
+
+def _enough(contacts: Contacts, tilts: Floats, options: ForceOptions, bound: ForceBound) -> Floats:
+    """A force that suffices at all tilts, and of soft fingers for their limit surface, (b,)."""
+    if tilts.any() and not contacts.torsion_radius.any():
+        return _largest(contacts, tilts, options, bound)
+    nominal = options.found(ForceProblem.bounded(contacts, bound))[0].upper
+    if not tilts.any():
+        return nominal
+    return np.maximum(nominal, _largest(contacts, tilts, options, bound))
 
 
 def payload(
@@ -168,7 +199,6 @@ def payload(
     tilt: ArrayLike = 0.0,
     bound: ForceBound = "normal",
     rtol: float = 1e-3,
-    group: int = 1,
 ) -> Floats:
     """Largest mass for which a force suffices, at all normals within a tilt of the given ones.
 
@@ -179,9 +209,6 @@ def payload(
         tilt: As in `force_range`, whose largest force counts.
         bound: As in `grip_force`.
         rtol: As in `grip_force`.
-        group: So many contacts, one after the other, are points of what one finger touches, which
-            share its force; they are hard. With the bound 'norm' the sum of the lengths of their
-            forces is limited, and the payload is exact.
 
     Returns:
         Masses [kg], shape (...); 0: the force does not even hold what does not grow with the mass,
@@ -206,29 +233,21 @@ def payload(
         raise SettingError("a payload needs a task with a weight or an acceleration")
     task = task.scaled_to(1.0)
     if all(term.mass is not None for term in task.terms()):
-        needed = force_within_tilt(contacts, task, tilt=tilt, bound=bound, rtol=rtol, group=group)
+        needed = force_within_tilt(contacts, task, tilt=tilt, bound=bound, rtol=rtol)
         with np.errstate(divide="ignore"):  # no force is needed where nothing accelerates
             return locked(force / needed)[()]
-    _check_groups(contacts, group)
-    options = ForceOptions(task, bound, None, rtol, group)
+    options = ForceOptions(task, None, rtol)
     flat = contacts.reshape((-1,))
     tilts = tilts_of(tilt, contacts)
 
     def excess(rows: Ints, masses: Floats) -> Floats:
         """Force that some of the grasps need for masses (r,), beyond the one at hand."""
-        needed = largest_force(flat.take(rows), tilts[rows], replace(options, masses=masses))
+        part = replace(options, masses=masses)
+        needed = _enough(flat.take(rows), tilts[rows], part, bound)
         return np.asarray(needed - force)
 
     masses = _search(excess, len(tilts), rtol)
     return locked(masses.reshape(contacts.batch))[()]
-
-
-def _check_groups(contacts: Contacts, group: int) -> None:
-    """Refuse contacts that are no groups of hard ones. Raises SettingError."""
-    if group > 1 and (contacts.count % group or (contacts.torsion_radius > 0.0).any()):
-        raise SettingError(
-            f"groups of {group} must be of hard contacts, and divide the {contacts.count} contacts"
-        )
 
 
 def _search(excess: Callable[[Ints, Floats], Floats], count: int, rtol: float) -> Floats:

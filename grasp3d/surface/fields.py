@@ -267,27 +267,15 @@ CONTACTS = (
 """The contacts of grasps in tables."""
 
 
-def _tried(name: str) -> Callable[[Any], Array | None]:
-    """Numbers of the poses tried, where a pose error is stated."""
-
-    def values(holder: Any) -> Array | None:
-        robustness = holder.robustness
-        known: Array | None = getattr(robustness, name) if robustness.tried > 1 else None
-        return known
-
-    return values
+def _closing_share(holder: Any) -> Array | None:
+    """Of the poses tried, where a pose error is stated."""
+    return np.asarray(holder.robustness.closing_share) if holder.robustness.tried > 1 else None
 
 
-ROBUST = (
-    Field("pad_margin", "m", (), KNOWN_OR_NAN, of=of_part("robustness", "pad_margin"),
-          when="gripper"),
-    Field("pressure", "Pa", (), POSITIVE_OR_NAN, of=of_part("robustness", "pressure"), when="load"),
-    Field("closing_share", "", (), Allowed(0.0, 1.0), of=_tried("closing_share"),
-          when="pose error"),
-    Field("margin_worst", RADIANS, (), Allowed(infinite=-math.inf), of=_tried("margin_worst"),
-          when="pose error"),
-)  # fmt: skip
-"""Numbers of what closed jaws touch, and of poses that are a little wrong."""
+CLOSING_SHARE = Field(
+    "closing_share", "", (), Allowed(0.0, 1.0), of=_closing_share, when="pose error"
+)
+"""How often jaws close at poses that are a little wrong."""
 
 
 def _jaw(name: str, number: int) -> Callable[[Any], Array]:
@@ -326,7 +314,7 @@ def given_poses(fingers: int = 2) -> tuple[Field, ...]:
         Field("apart", of=attrgetter("jaws.apart"), kind="?"),
         Field("turn", RADIANS, of=attrgetter("jaws.turn")),
         Field("shift", LENGTH, of=attrgetter("jaws.shift")),
-        *ROBUST,
+        CLOSING_SHARE,
     )  # fmt: skip
 
 

@@ -28,7 +28,6 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.force_ranges import force_within_tilt, payload
-from grasp3d.quality.patch_lines import best_line_angles
 from grasp3d.quality.tasks import STANDARD_GRAVITY, Task, Weight
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
@@ -66,9 +65,6 @@ class ClosedNumbers:
     grip_force: Floats
     """Force that each finger needs for that at these normals [N], for the mass or, where it is not
     known, for 1 kg; inf: no force suffices, or the jaws do not close."""
-    ratio: Floats
-    """Force at hand over `grip_force`; where mass or force are not known, the weight that is held
-    per newton of each finger."""
     score: Floats
     """See `Robustness.score`."""
 
@@ -93,7 +89,7 @@ class ClosedNumbers:
         closes = jaws.closed
         shape, contacts = closes.shape, JawContacts.of(mesh, jaws)
         label, found = np.zeros(shape, dtype=np.uint8), contacts.contacts(model)
-        margin, (held, ratio) = np.full(shape, -math.inf), np.zeros((2, *shape))
+        margin, held = np.full(shape, -math.inf), np.zeros(shape)
         force, score = np.full(shape, math.inf), np.full(shape, LOST)
         if contacts.size:
             allowed = allowed_contacts(mesh, contacts.points)
@@ -103,18 +99,15 @@ class ClosedNumbers:
             codes = label_angles(*both, model) if exact else hull_labels(contacts, model)
             margin[closes] = margins(upper, model)
             patches = _Patches.of(contacts, model, case)
-            own = patches.numbers(angles)
-            codes = patches.label(codes, own[2])
-            for values, known in zip((held, force, ratio, score), own, strict=True):
-                values[closes] = known
-            label[closes] = codes
+            held[closes], force[closes], ratio, score[closes] = patches.numbers(angles)
+            label[closes] = patches.label(codes, ratio)
             outside = np.flatnonzero(closes)[~allowed]
-            label[outside], score[outside], force[outside] = Label.U, LOST, math.inf
-            held[outside] = ratio[outside] = 0.0
+            label[outside], score[outside] = Label.U, LOST
+            held[outside], force[outside] = 0.0, math.inf
         clear = closes & (jaws.shift == 0.0)
         # Where a finger started in the object it may hold, but this is not sure.
         label = np.where(clear, label, np.minimum(label, Label.M))
-        return cls(closes, clear, label, margin, held, force, ratio, score)
+        return cls(closes, clear, label, margin, held, force, score)
 
     def reshaped(self, *shape: int) -> "ClosedNumbers":
         """The same in another shape."""
@@ -193,6 +186,9 @@ class _Patches:
     def numbers(self, angles: Floats) -> tuple[Floats, ...]:
         """Payload, grip force, ratio and score of `ClosedNumbers`, shape (b,) each.
 
+        The ratio is the force at hand over the grip force; where mass or force are not known, the
+        weight that is held per newton of each finger.
+
         Args:
             angles: Critical angles of points (b,).
         """
@@ -214,17 +210,10 @@ class _Patches:
             rows: The chosen ones (r,).
             angles: Critical angles of their points (r,).
         """
-        contacts, model = self.contacts, self.model
-        jaws = contacts.jaws.take(rows)
-        least = angles  # of the patches, no larger
-        if contacts.count == 2:
-            normals = jaws.normals[:, :, None]  # (b, 2, 1, 3)
-            y_and_z = np.swapaxes(jaws.poses[:, None, :3, 1:3], 2, 3)  # (b, 1, 2, 3)
-            across = y_and_z - (y_and_z * normals).sum(axis=-1, keepdims=True) * normals
-            ellipses = 0.5 * jaws.extents[..., None] * across
-            least = best_line_angles(jaws.points, jaws.normals, ellipses, angles)
+        model = self.model
+        patches = critical_friction_angle(self._contacts(self.points[rows], 0.0, rows))
         friction = model.sure_angle + model.tilt
-        spare = friction - least
+        spare = friction - np.minimum(patches, angles)
         if not self.decided:
             return spare
         _, _, nominal = self._held(self.points[rows], 0.0, rows)
@@ -251,25 +240,26 @@ class _Patches:
         if self.decided and len(rows := np.flatnonzero((ratio < 1.0) & (codes > Label.U))):
             needed = force_within_tilt(
                 self._contacts(self.points[rows], self.model.friction_interval[1], rows), self.task,
-                at="best", tilt=self.model.tilt, rtol=PAYLOAD_RTOL, group=self.points.shape[2],
+                at="best", tilt=self.model.tilt, rtol=PAYLOAD_RTOL,
             )  # fmt: skip
             codes[rows[needed > self.force]] = Label.U
         return codes
 
     def _contacts(self, points: Floats, friction: float, rows: Any) -> Contacts:
-        """Points (b, n, m, 3) as contacts, those of one patch after those of another."""
-        normals = np.repeat(self.contacts.jaws.normals[rows], points.shape[2], axis=1)
-        return Contacts(points.reshape(len(points), -1, 3), normals, friction)
+        """Points (b, n, m, 3) as contacts, in groups of the jaws."""
+        _, jaws, each, _ = points.shape
+        normals = np.repeat(self.contacts.jaws.normals[rows], each, axis=1)
+        return Contacts(
+            points.reshape(len(points), -1, 3), normals, friction,
+            groups=np.arange(jaws).repeat(each),
+        )  # fmt: skip
 
     def _held(
         self, points: Floats, tilt: float, rows: Any = slice(None)
     ) -> tuple[Floats, Floats, Floats]:
         """Payload [kg], grip force [N] and ratio of points of rows, at the worst of a tilt."""
         contacts = self._contacts(points, self.model.friction_interval[0], rows)
-        options: dict[str, Any] = {
-            "tilt": tilt,
-            "bound": "norm", "rtol": PAYLOAD_RTOL, "group": points.shape[2],
-        }  # fmt: skip
+        options: dict[str, Any] = {"tilt": tilt, "bound": "norm", "rtol": PAYLOAD_RTOL}
         task, force = self.task, self.force
         with np.errstate(divide="ignore"):
             if task.mass is None:
@@ -298,13 +288,8 @@ class Robustness:
     pad_margin: Floats | None
     """Distance of the contacts from the border of flat pads [m], the smaller one of both jaws,
     below 0 beside them, shape (k,); nan where a jaw touches nothing; None: no flat pads."""
-    pressure: Floats | None
-    """Force at hand over the smaller patch [Pa], shape (k,); None: the force is not known."""
     closing_share: Floats
     """Share of the poses tried at which the jaws close on the object, shape (k,)."""
-    margin_worst: Floats
-    """Smallest margin of the poses tried [rad], shape (k,); -inf: at one the jaws do not close, or
-    a finger starts in the object."""
     score: Floats
     """Mean score, shape (k,), less what contacts near the border of flat pads may lose.
 
@@ -384,17 +369,11 @@ def robustness_of(
             stay = np.where(np.isnan(margin), 1.0, ndtr(margin / deviation))
             stays = margin >= position
             codes = np.where(stays, codes, np.minimum(codes, Label.M))
-    pressure = None
-    if case is not None and case.available is not None:
-        smaller = jaws.area.min(axis=1)
-        pressure = locked(case.available / np.where(smaller > 0.0, smaller, math.nan))
     return Robustness(
         stated=stated,
         tried=len(offsets),
         pad_margin=None if margin is None else locked(margin),
-        pressure=pressure,
         closing_share=locked(every.closes.mean(axis=1)),
-        margin_worst=locked(np.where(every.clear, every.margin, -math.inf).min(axis=1)),
         score=locked((every.score.mean(axis=1) - LOST) * stay + LOST),
         label=locked(codes.astype(np.uint8)),
     )

@@ -34,9 +34,6 @@ FAR_ARM = 0.25
 TIGHT = 0.003
 """Clearance of each finger below which small errors of the pose push the object [m]."""
 
-NEAR_END = 0.005
-"""Distance from the pad's border below which small errors of the pose let a contact miss [m]."""
-
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
@@ -124,8 +121,6 @@ def _closing(state: Closing) -> Reason:
 
 
 REASONS = (
-    Reason("contact near the pad's end", "a small error of the pose lets it miss", "failed",
-           lambda numbers: numbers["pad_margin"] < NEAR_END, _length("pad_margin", 2)),
     Reason("contact on the pad's rim only", "it holds by a corner or an edge of the pad", "failed",
            lambda numbers: (numbers.touch == Touch.PAD_RIM).any(axis=1)),
     Reason("small contact", "the object can roll about it, which two points do not show", "failed",

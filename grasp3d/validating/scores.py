@@ -29,7 +29,7 @@ class Score:
     Example:
         >>> from grasp3d.validating import SCORES
         >>> print(*(score.name for score in SCORES))
-        quality score payload pad_margin margin critical_angle label ...
+        quality score payload margin critical_angle label epsilon ...
     """
 
     name: str
@@ -86,9 +86,6 @@ SCORES = (
           always=True),
     Score("payload", "payload", "larger", "mass",
           "mass that the force at hand holds at the worst normals", of=under_load("payload")),
-    Score("pad_margin", "pad margin", "larger", "length",
-          "distance of the contacts from the border of the pads",
-          of=attrgetter("robustness.pad_margin")),
     Score("margin", "margin", "larger", "angle",
           "β - α/2 - β* less all other uncertainties; S above 0",
           of=attrgetter("margin")),

@@ -86,6 +86,34 @@ def test_errors_name_the_invalid_argument(arguments: tuple[Any, ...], message: s
         Contacts(*arguments)
 
 
+@pytest.mark.parametrize(
+    ("groups", "torsion", "message"),
+    [
+        ([0, 0, 1], 0.0, r"shape \(4,\)"),
+        ([0.0, 0.0, 1.0, 1.0], 0.0, "number of each contact's finger"),
+        ([0, 0, 2, 2], 0.0, "without a gap"),
+        ([0, 0, 1, 1], 0.01, "leave torsion_radius 0"),
+    ],
+)
+def test_groups_number_the_fingers_of_hard_contacts(
+    groups: list[float], torsion: float, message: str
+) -> None:
+    four = np.array([[-1.0, 0, 0], [-1, 1, 0], [1, 0, 0], [1, 1, 0]])
+    with pytest.raises(ContactError, match=message):
+        Contacts(four, four * [-1, 0, 0], torsion_radius=torsion, groups=groups)
+
+
+def test_soft_fingers_press_at_points_around_their_contacts() -> None:
+    contacts = Contacts(POINTS, NORMALS, 0.5, 0.1)
+    points = contacts.as_points()
+    assert points.groups is not None
+    arms = points.points - contacts.points[points.groups]
+    assert np.linalg.norm(arms, axis=1) == pytest.approx(0.1 / 0.5)
+    assert (arms * points.normals).sum(axis=1) == pytest.approx(0.0, abs=1e-15)
+    assert np.bincount(points.groups).tolist() == [8, 8]
+    assert not points.torsion_radius.any()
+
+
 def test_reshape_and_take_keep_all_values_exactly() -> None:
     rng = np.random.default_rng(0)
     normals = rng.normal(size=(6, 3, 3))
@@ -94,7 +122,8 @@ def test_reshape_and_take_keep_all_values_exactly() -> None:
     assert (grid.batch, grid.count) == ((2, 3), 3)
     assert grid.reshape((-1,)).batch == (6,)
     assert contacts.take(slice(4, 5)).reshape(()).batch == ()
-    for name, values in vars(contacts).items():
+    for name in ("points", "normals", "friction", "torsion_radius"):
+        values = getattr(contacts, name)
         assert np.array_equal(vars(grid)[name].reshape(values.shape), values)
         assert np.array_equal(vars(contacts.take(np.array([5, 0])))[name], values[[5, 0]])
         assert not vars(grid)[name].flags.writeable

@@ -15,10 +15,10 @@ from typing import get_args
 from grasp3d.export.ply import HIDDEN
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.surface.fields import (
+    CLOSING_SHARE,
     CONTACTS,
     GRASPS,
     HAND_GRASPS,
-    ROBUST,
     Field,
     When,
     given_poses,
@@ -211,8 +211,7 @@ TABLES = {
     "given poses, load": column_table(given_poses(), "load", "column"),
     "hands with joints": column_table(HAND_GRASPS, "always", "column"),
     "motors": column_table(HAND_GRASPS, "load", "column"),
-    "patches": column_table(ROBUST, "gripper", "column"),
-    "tried poses": column_table(ROBUST, "pose error", "column"),
+    "tried poses": column_table((CLOSING_SHARE,), "pose error", "column"),
     "gripper frames": frame_table(),
 }
 

@@ -129,11 +129,11 @@ def test_tables(tmp_path: Path) -> None:
 
 
 def test_further_columns() -> None:
-    of_poses, of_load, *of_hands, of_patches, of_tried = tables("Further columns")
+    of_poses, of_load, *of_hands, of_tried = tables("Further columns")
     assert set.union(*of_hands) == {field.name for field in HAND_GRASPS}
-    known, vectors = of_poses | of_patches, {"contacts", "normals", "score"}
+    vectors = {"contacts", "normals", "score"}
     for poses in (found(), evaluated().to_poses()):
-        assert set(poses.columns) | vectors == known | vectors
+        assert set(poses.columns) | vectors == of_poses | vectors
     mesh, columns = load_mesh(shapes.box(), unit="cm"), set(found().columns)
     tried = evaluate_grasps(mesh, found(), hand=GRIPPER, pose_error="1deg")
     assert set(tried.to_poses().columns) - columns == of_tried

@@ -31,7 +31,12 @@ def wrench_of(contacts: Contacts, forces: Floats) -> Floats:
 
 
 def check_proof(
-    contacts: Contacts, found: GripForce, task: Task | None = None, *, rtol: float = 1e-8
+    contacts: Contacts,
+    found: GripForce,
+    task: Task | None = None,
+    *,
+    bound: str = "normal",
+    rtol: float = 1e-8,
 ) -> None:
     """Check that contact forces balance the wrench within the bound, and that none less does.
 
@@ -39,6 +44,7 @@ def check_proof(
         contacts: The contacts, circular cones.
         found: Their grip force.
         task: The task; None: one wrench.
+        bound: What is limited.
         rtol: What the forces of the hardest wrench may exceed the bound by.
     """
     finite = np.isfinite(found.upper)
@@ -57,12 +63,14 @@ def check_proof(
     slack = 1e-8 * size[..., None]
     assert (used <= normal + slack)[finite].all(), "a force is outside its limit surface"
     bounded = {
-        "normal": normal.max(axis=-1),
-        "norm": np.linalg.norm(proof.forces[..., :3], axis=-1).max(axis=-1),
+        "normal": fingers(contacts, normal, np.add).max(axis=-1),
+        "norm": fingers(contacts, np.linalg.norm(proof.forces[..., :3], axis=-1), np.add).max(
+            axis=-1
+        ),
         "total": normal.sum(axis=-1),
-    }[found.bound]
+    }[bound]
     assert (bounded <= upper * (1.0 + rtol))[finite].all(), "a force exceeds the bound"
-    support = support_of(contacts, proof.direction, found.bound)
+    support = support_of(contacts, proof.direction, bound)
     needed = -(proof.wrench * proof.direction).sum(axis=-1)
     if task is not None:
         assert needed == pytest.approx(task.support(-proof.direction), rel=1e-9)
@@ -91,4 +99,14 @@ def support_of(contacts: Contacts, directions: Floats, bound: str) -> Floats:
     else:
         values = along + np.hypot(contacts.friction * across, twist)
     values = np.maximum(values, 0.0)
-    return np.asarray(values.max(axis=-1) if bound == "total" else values.sum(axis=-1))
+    if bound == "total":
+        return np.asarray(values.max(axis=-1))
+    return np.asarray(fingers(contacts, values, np.maximum).sum(axis=-1))
+
+
+def fingers(contacts: Contacts, values: Floats, combine: np.ufunc) -> Floats:
+    """Values at contacts (..., n) that are at least 0, combined over those of each finger."""
+    groups = np.arange(contacts.count) if contacts.groups is None else contacts.groups
+    result = np.zeros((groups.max() + 1, *values.shape[:-1]))
+    combine.at(result, groups, np.moveaxis(values, -1, 0))
+    return np.moveaxis(result, 0, -1)

@@ -1,51 +1,13 @@
-"""Patches that two fingers touch, and slow ways to evaluate them."""
+"""Grip force of fingers that touch at several points, by a cone program."""
 
 import math
-from typing import NamedTuple
 
 import clarabel
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from grasp3d import Contacts, critical_friction_angle
-from grasp3d.quality.patch_lines import best_line_angles
-
 Floats = NDArray[np.float64]
-
-
-class Patches(NamedTuple):
-    """Pairs of elliptic patches."""
-
-    points: Floats
-    """Middles (b, 2, 3)."""
-    normals: Floats
-    """Inward unit normals (b, 2, 3)."""
-    axes: Floats
-    """Semi-axes in the tangent planes (b, 2, 2, 3)."""
-
-    @property
-    def point_angles(self) -> Floats:
-        """Critical friction angles of the middles (b,)."""
-        return np.asarray(critical_friction_angle(Contacts(self.points, self.normals)))
-
-    @property
-    def angles(self) -> Floats:
-        """Those of the best lines (b,)."""
-        return np.asarray(best_line_angles(*self, self.point_angles))
-
-
-def random_patches(count: int, seed: int, *, size: float = 0.3) -> Patches:
-    """Patches on a ball, normals roughly inward, nearly opposite to each other."""
-    rng = np.random.default_rng(seed)
-    points = rng.normal(size=(count, 2, 3))
-    points /= np.linalg.norm(points, axis=-1, keepdims=True)
-    points[:, 1] = -points[:, 0] + 0.4 * rng.normal(size=(count, 3))
-    normals = -points + 0.3 * rng.normal(size=points.shape)
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    axes = size * rng.normal(size=(*points.shape[:-1], 2, 3))
-    along = (axes * normals[..., None, :]).sum(axis=-1, keepdims=True)
-    return Patches(points, normals, axes - along * normals[..., None, :])
 
 
 def _solve(
@@ -61,24 +23,6 @@ def _solve(
     ).solve()  # fmt: skip
     solved = found.status in {clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved}
     return (float(found.obj_val) if solved else math.inf), np.array(found.x)
-
-
-def best_line(points: Floats, first: Floats, second: Floats, patch: Floats) -> tuple[float, Floats]:
-    """Least of the larger angle between a line from patch to patch and two directions.
-
-    A second-order cone program over the line's length and the centres of pressure; inf where no
-    line is within 90 degrees of both.
-    """
-    line = np.concatenate([-patch[0], patch[1], [points[1] - points[0]], np.zeros((1, 3))]).T
-    unit = np.eye(6)
-    rows = [unit[5] - first @ line, unit[5] - second @ line, np.zeros(6), *-line]
-    for k in (0, 2):
-        rows += [-unit[4], -unit[k], -unit[k + 1]]
-    cones = [clarabel.NonnegativeConeT(2), clarabel.SecondOrderConeT(4)]
-    cones += [clarabel.SecondOrderConeT(3)] * 2
-    value, x = _solve(-unit[5], rows, [0.0, 0.0, 1.0, *[0.0] * 9], cones)
-    cosine = -value
-    return (math.inf if cosine < 1e-6 else math.acos(min(cosine, 1.0))), line @ x
 
 
 def force_of_points(

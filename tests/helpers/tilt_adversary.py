@@ -71,8 +71,7 @@ class Attack:
     def forces(self, grasps: Ints, normals: Floats) -> ForceResults:
         """Forces of some grasps (k,) at normals (k, n, 3)."""
         some = with_normals(self.contacts.take(grasps), normals)
-        problem = ForceProblem.of_contacts(some, bound=self.bound)
-        return problem.of_wrenches(self.wrenches[grasps], RTOL, certified=False)
+        return ForceProblem.bounded(some, self.bound).of_wrenches(self.wrenches[grasps], RTOL)
 
     def largest(self, starts: int, steps: int, rng: np.random.Generator) -> Floats:
         """The largest force found for each grasp, not more than some normals need, (b,)."""

@@ -51,6 +51,7 @@ def with_normals(contacts: Contacts, normals: Floats) -> Contacts:
         normals,
         np.broadcast_to(contacts.friction, shape),
         np.broadcast_to(contacts.torsion_radius, shape),
+        contacts.groups,
     )
 
 

@@ -13,6 +13,7 @@ from grasp3d.system.context import running
 from tests.helpers import grasps
 from tests.helpers.cone_programs import ConeProgram
 from tests.helpers.forces import GRAVITY, check_proof, moved, opposed, wrench_of
+from tests.helpers.patches import force_of_points
 from tests.helpers.random_grasps import Shape, random_contacts
 
 SHARP, RTOL = 1e-8, 1e-3
@@ -57,7 +58,7 @@ def test_reference_wrenches(bound: Any) -> None:
         else:
             assert found.lower == pytest.approx(known, rel=1e-6)
             assert found.upper == pytest.approx(known, rel=1e-6)
-        check_proof(contacts, found)
+        check_proof(contacts, found, bound=bound)
 
 
 @pytest.mark.parametrize("bound", ["normal", "norm"])
@@ -86,7 +87,7 @@ def test_cone_programs_agree(count: int, soft: bool, bound: Any) -> None:
     contacts = random_contacts(Shape(count, 8, soft=soft), 85, 7)
     wrenches = wrenches_in_span(contacts, 8)
     found = grip_force(contacts, wrenches, bound=bound, rtol=SHARP)
-    check_proof(contacts, found)
+    check_proof(contacts, found, bound=bound)
     solved = 0
     for g in range(len(wrenches)):
         known = ConeProgram(grasps.one(contacts, g), bound).force(wrenches[g])
@@ -126,59 +127,9 @@ def test_opposed_fingers_with_the_weight_beside_their_line(
     contacts = moved(opposed(friction=friction, torsion=torsion), -arm * across)
     wrench = [*np.cross([1.0, 0.0, 0.0], across), 0.0, 0.0, 0.0]
     expected = 0.5 * math.hypot(1.0 / friction, arm / torsion)
-    found = grip_force(contacts, wrench)
-    assert found.upper == pytest.approx(expected, rel=1e-12)
-    assert found.lower == found.upper
+    found = grip_force(contacts, wrench, rtol=SHARP)
+    assert found.upper == pytest.approx(expected, rel=1e-7)
     check_proof(contacts, found, rtol=RTOL)
-
-
-def beside_the_middle(rng: np.random.Generator, arm: float = 0.01) -> tuple[Any, Any]:
-    """Points (2, 3) of two opposed fingers whose line is beside the centre of mass, and normals."""
-    line = rng.normal(size=3)
-    line /= np.linalg.norm(line)
-    points = np.outer([-0.03, 0.02], line) + arm * rng.normal(size=3)
-    return points, np.array([line, -line])
-
-
-@given(seeds, st.floats(0.2, 1.5), st.booleans())
-@few
-def test_opposed_fingers_press_no_harder_than_their_limit_surfaces_ask_for(
-    seed: int, friction: float, hard: bool
-) -> None:
-    rng = np.random.default_rng(seed)
-    points, normals = beside_the_middle(rng, 0.0 if hard else 0.01)
-    radius = np.zeros(2) if hard else rng.uniform(0.001, 0.02, size=2)
-    contacts = Contacts(points, normals, friction, radius)
-    wrench = np.concatenate([rng.normal(size=3), np.zeros(3)])
-    found = grip_force(contacts, wrench)
-    check_proof(contacts, found, rtol=RTOL)
-    forces = found.certificate.forces
-    normal = (forces[:, :3] * contacts.normals).sum(axis=1)
-    sideways = np.linalg.norm(forces[:, :3] - normal[:, None] * contacts.normals, axis=1)
-    with np.errstate(invalid="ignore"):
-        twist = np.nan_to_num(forces[:, 3] / radius)
-    used = np.hypot(sideways / friction, twist) / normal
-    # Pressing less would leave the limit surface of one finger.
-    assert used.max() == pytest.approx(1.0, abs=1e-12)
-
-
-@given(seeds, st.sampled_from(["normal", "total"]))
-@few
-def test_opposed_fingers_that_twist_have_exact_proofs(seed: int, bound: Any) -> None:
-    """With different pads and weight along the line too, where one finger presses harder."""
-    rng = np.random.default_rng(seed)
-    points, normals = beside_the_middle(rng)
-    friction, radius = rng.uniform(0.2, 1.5, size=2), rng.uniform(0.001, 0.02, size=2)
-    contacts = Contacts(points, normals, friction, radius)
-    wrench = np.concatenate([rng.normal(size=3), 0.02 * rng.normal(size=3)])
-    found = grip_force(contacts, wrench, bound=bound)
-    assert found.lower == found.upper
-    forces = found.certificate.forces
-    spare = (forces[:, :3] * contacts.normals).sum(axis=1) ** 2 - (
-        np.linalg.norm(np.cross(forces[:, :3], normals), axis=1) / friction
-    ) ** 2
-    exact = (spare > 1e-4 * np.abs(forces[:, :3]).max() ** 2).all()
-    check_proof(contacts, found, rtol=1e-9 if exact else RTOL)
 
 
 def test_the_makers_formula() -> None:
@@ -187,8 +138,8 @@ def test_the_makers_formula() -> None:
     weight = Weight(mass, direction=(0.0, 0.0, -1.0))
     per_finger = grip_force(contacts, weight)
     both = grip_force(contacts, weight, bound="total")
-    assert per_finger.value == pytest.approx(mass * GRAVITY / (2.0 * friction), rel=1e-12)
-    assert both.value == pytest.approx(mass * GRAVITY / friction, rel=1e-12)
+    assert per_finger.value == pytest.approx(mass * GRAVITY / (2.0 * friction), rel=RTOL)
+    assert both.value == pytest.approx(mass * GRAVITY / friction, rel=RTOL)
 
 
 def test_opposed_fingers_in_any_direction() -> None:
@@ -203,7 +154,6 @@ def test_hard_fingers_resist_no_torque_about_their_line() -> None:
     found = grip_force(contacts, [0.0, 0.0, -1.0, 0.0, 0.0, 0.0])
     assert found.upper == found.lower == math.inf
     assert found.resistance == Resistance.NO_SUCH_WRENCH
-    assert found.rank == 5
     assert grip_force(contacts, NEWTON).resistance == Resistance.NO_SUCH_WRENCH
     assert grip_force(opposed(torsion=0.0), NEWTON).upper == pytest.approx(math.sqrt(2.0), rel=2e-3)
 
@@ -235,19 +185,18 @@ def test_more_friction_torsion_and_fingers_never_need_more(
 ) -> None:
     contacts = grasps.random_grasp(count, seed, soft=soft)
     wrench = wrenches_in_span(contacts, seed)
-    least = grip_force(contacts, wrench, bound=bound).lower
+    enough = grip_force(contacts, wrench, bound=bound).upper
     more = contacts.with_friction(1.3 * contacts.friction)
-    assert not grip_force(more, wrench, bound=bound, rtol=1e-6).lower > least * (1.0 + 1e-3)
     radius = contacts.torsion_radius + 0.2
     softer = Contacts(contacts.points, contacts.normals, contacts.friction, radius)
-    assert not grip_force(softer, wrench, bound=bound).lower > least * (1.0 + 1e-3)
-    third = Contacts(
+    further = Contacts(
         [*contacts.points, [0.3, 0.2, -0.8]],
         [*contacts.normals, [0.0, 0.0, 1.0]],
         [*contacts.friction, 0.5],
         [*contacts.torsion_radius, 0.0],
     )
-    assert not grip_force(third, wrench, bound=bound).lower > least * (1.0 + 1e-3)
+    for better in (more, softer, further):
+        assert grip_force(better, wrench, bound=bound).lower <= enough
 
 
 @pytest.mark.parametrize(("bound", "actuation", "bounded"), [
@@ -264,14 +213,53 @@ def test_the_hardest_unit_wrench_needs_one_over_epsilon(
     assert (found.upper >= 1.0 / quality.upper).all()
 
 
-def test_polygons_and_their_linear_hull_need_one_over_epsilon() -> None:
-    contacts = closed_grasps(2, 12, 1, soft=True)
-    quality = epsilon(contacts, edges=8, actuation="per_finger", bounded="normal")
-    wrench = -quality.certificate.direction
-    found = grip_force(contacts, wrench, edges=8)
-    assert found.limit_surface == "linear"
-    assert found.upper == pytest.approx(1.0 / quality.value, rel=2e-3)
-    assert (grip_force(contacts, wrench).upper <= found.upper * (1.0 + 2e-3)).all()
+# Fingers that touch at several points
+
+
+def pads(count: int, seed: int) -> Contacts:
+    """Grasps of fingers that touch at four points each, around a ball."""
+    rng = np.random.default_rng(seed)
+    fingers = random_contacts(Shape(count, 8, soft=False), 40, seed)
+    arms = 0.3 * rng.normal(size=(40, count, 4, 3))
+    normals = fingers.normals[:, :, None]
+    points = fingers.points[:, :, None] + arms - (arms * normals).sum(-1, keepdims=True) * normals
+    return Contacts(
+        points.reshape(40, -1, 3), fingers.normals.repeat(4, axis=1),
+        fingers.friction.repeat(4, axis=1), groups=np.arange(count).repeat(4),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("bound", ["normal", "norm"])
+@pytest.mark.parametrize("count", [2, 3])
+def test_points_of_a_finger_share_its_bound(count: int, bound: Any) -> None:
+    contacts = pads(count, 6)
+    wrenches = wrenches_in_span(contacts, 8)
+    found = grip_force(contacts, wrenches, bound=bound, rtol=SHARP)
+    check_proof(contacts, found, bound=bound)
+    resisted = np.flatnonzero(found.finite)
+    assert len(resisted) > 10
+    for g in resisted[:12]:
+        own = contacts.points[g].reshape(count, 4, 3)
+        normals, friction = contacts.normals[g, ::4], contacts.friction[g, ::4]
+        known = force_of_points(own, normals, friction, wrenches[g], bound)
+        assert found.upper[g] == pytest.approx(known, rel=2e-6)
+
+
+@given(seeds, bounds)
+@few
+def test_the_order_and_the_number_of_a_fingers_points_do_not_matter(seed: int, bound: Any) -> None:
+    contacts = pads(3, seed).take(np.arange(4))
+    wrenches = wrenches_in_span(contacts, seed)
+    order = np.random.default_rng(seed).permutation([*range(12), 3, 3])
+    assert contacts.groups is not None
+    other = Contacts(
+        contacts.points[:, order], contacts.normals[:, order], contacts.friction[:, order],
+        groups=contacts.groups[order],
+    )  # fmt: skip
+    one, two = (grip_force(each, wrenches, bound=bound) for each in (contacts, other))
+    assert (one.finite == two.finite).all()
+    assert two.upper[two.finite] == pytest.approx(one.upper[one.finite], rel=3e-3)
+    check_proof(other, two, bound=bound, rtol=RTOL)
 
 
 @given(fingers, seeds, bounds)
@@ -329,7 +317,7 @@ def test_regular_grasps(name: str, noise: float) -> None:
 def test_contacts_at_one_point_and_on_a_line() -> None:
     together = Contacts([[0.0, 0.0, 1.0]] * 3, [[0, 0, -1], [0, 1, 0], [1, 0, 0]], 0.5)
     found = grip_force(together, [0.0, 0.0, 1.0, 0.0, 0.0, 0.5])
-    assert (found.rank, found.resistance) == (3, Resistance.NO_SUCH_WRENCH)
+    assert found.resistance == Resistance.NO_SUCH_WRENCH
     on_line = grip_force(grasps.LINE, [0.0, -0.1, 0.0, 0.0, 0.0, 0.0])
     assert on_line.finite
     check_proof(grasps.LINE, on_line)

@@ -71,7 +71,8 @@ def test_opposed_soft_fingers_have_the_closed_form(offset: float) -> None:
     assert force_of(offset) * (1.0 - 1e-9) <= force <= force_of(offset) / (1.0 - FORCE_RTOL)
     assert payload == pytest.approx(40.0 * MASS / force)
     assert load_result.how == "exact"
-    assert load_result.grip_force_least[0] == load_result.grip_force_largest[0] == force
+    assert load_result.grip_force_largest[0] == force
+    assert force * (1.0 - FORCE_RTOL) <= load_result.grip_force_least[0] <= force_of(offset)
 
 
 def test_forces_grow_with_the_mass_and_payloads_do_not() -> None:

@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 import trimesh
 
-import grasp3d
 from grasp3d import GraspModel, Load, ObjectMesh, evaluate_grasps, load_mesh, read_hand
 from grasp3d.contact.contacts import evenly_pressed_radius
-from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.quality.tasks import STANDARD_GRAVITY, Weight, Wrenches
+from grasp3d.quality.tasks import STANDARD_GRAVITY
 from grasp3d.stability.label import Label
 from grasp3d.surface.robustness import LOST, PAYLOAD_RTOL
 from tests.helpers import shapes
@@ -64,8 +62,6 @@ def test_opposed_patches_about_the_centre_of_mass_hold_what_friction_allows() ->
     ratio = held / 0.3
     assert found.stated.score[0] == pytest.approx(ratio / (1.0 + ratio), abs=PAYLOAD_RTOL)
     assert found.score[0] == pytest.approx(found.stated.score[0], rel=1e-12)
-    assert found.pressure is not None
-    assert found.pressure[0] == pytest.approx(FORCE / (0.02 * 0.01), rel=1e-5)
 
 
 def test_a_load_that_is_too_heavy_lacks_an_angle() -> None:
@@ -94,22 +90,11 @@ def test_contacts_near_the_border_may_be_lost() -> None:
         assert found.score[0] < found.stated.score[0]
 
 
-@pytest.mark.parametrize(("group", "torsion"), [(3, 0.0), (2, 0.01)])
-def test_groups_are_of_hard_contacts(group: int, torsion: float) -> None:
-    four = np.array([[-1.0, 0, 0], [-1, 1, 0], [1, 0, 0], [1, 1, 0]])
-    contacts = grasp3d.Contacts(four, four * [-1, 0, 0], torsion_radius=torsion)
-    fixed = Wrenches([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0]])
-    for task in (Weight(), Weight() + fixed):
-        with pytest.raises(SettingError, match=f"groups of {group} must be of hard contacts"):
-            grasp3d.payload(contacts, task, 10.0, group=group)
-
-
 def test_without_a_load_the_score_is_of_weight_per_force() -> None:
     found = evaluated(box(), pose()).robustness
     ratio = math.sin(2.0 * BETA)
     assert found.stated.payload[0] * STANDARD_GRAVITY == pytest.approx(ratio, rel=PAYLOAD_RTOL)
     assert found.stated.score[0] == pytest.approx(ratio / (1.0 + ratio), abs=PAYLOAD_RTOL)
-    assert found.pressure is None
 
 
 def pressed(results: EvaluatedPoses, row: int) -> Floats:
@@ -170,7 +155,7 @@ def test_what_does_not_close_is_lost() -> None:
     found = evaluated(box(), pose((0.2, 0.0, 0.0)), load=Load(mass=0.1)).robustness
     assert found.score[0] == LOST
     assert found.label[0] == Label.U
-    assert (found.closing_share[0], found.margin_worst[0]) == (0.0, -math.inf)
+    assert found.closing_share[0] == 0.0
 
 
 def test_patches_that_do_not_close_have_the_angle_that_they_lack() -> None:
@@ -202,7 +187,7 @@ def test_of_patches_beside_each_other_the_best_line_counts() -> None:
     apart = high - low - 0.5 * found.jaws.extents[0, :, 1].sum()
     assert apart > 0.003
     score = found.robustness.stated.score[0]
-    assert score == pytest.approx((BETA - math.atan2(apart, 0.012)) / math.pi, abs=1e-5)
+    assert score == pytest.approx((BETA - math.atan2(apart, 0.012)) / math.pi, abs=1e-4)
     assert score > (BETA - found.critical_angle[0]) / math.pi + 0.05
 
 
@@ -212,8 +197,6 @@ def test_without_errors_and_load_tried_labels_are_the_labels() -> None:
     np.testing.assert_array_equal(np.where(results.reachable, found.label, Label.U), results.label)
     assert found.tried == 1
     assert set(results.label) == {Label.U, Label.M, Label.S}
-    closed = results.jaws.closed
-    np.testing.assert_array_equal(found.margin_worst[closed], results.margin[closed])
 
 
 @pytest.mark.slow
@@ -222,7 +205,6 @@ def test_errors_are_never_better_than_none() -> None:
     exact = evaluated(blob(), poses, hand)
     for error in ("0.1mm", "0.7mm,0.5deg", "3deg", "5mm,3deg"):
         found = evaluated(blob(), poses, hand, pose_error=error).robustness
-        assert (found.margin_worst <= exact.robustness.margin_worst).all()
         # Where fingers start in the object, U becomes M.
         assert not ((found.label == Label.S) & (exact.robustness.label < Label.S)).any()
     assert (found.label < exact.robustness.label).any()
@@ -271,7 +253,6 @@ def test_fingers_that_start_in_the_object_by_less_than_the_error_give_way() -> N
     assert given.jaws.closed[0]
     assert 0.0 < abs(given.jaws.shift[0]) <= 0.004
     assert given.robustness.label[0] == Label.M
-    assert given.robustness.margin_worst[0] == -math.inf
     assert given.to_table()["shift"].to_pylist() == [given.jaws.shift[0]]
 
 

@@ -46,7 +46,6 @@ def test_each_reason_of_a_failure_has_its_sentence() -> None:
     )
     assert failed(opening=0.078)[0].startswith("little room for the open gripper (1 mm on each s")
     assert failed(touch=Touch.PAD_RIM)[0].startswith("contact on the pad's rim only: it holds by")
-    assert failed(pad_margin=0.002)[0].startswith("contact near the pad's end (2 mm): a small er")
     assert len(failed(contact_area=5e-6, opening=0.078)) == 2
 
 

@@ -55,7 +55,6 @@ def test_a_box_has_known_scores() -> None:
         "center_of_mass_distance": 0.005,
         "opening": 0.06,
         "contact_area": FRANKA.pad_width * FRANKA.pad_height,
-        "pad_margin": 0.5 * FRANKA.pad_width,
     }
     for name, value in known.items():
         assert found[name][0] == pytest.approx(value, abs=1e-6), name
@@ -118,7 +117,6 @@ def test_every_score_has_its_direction_and_a_worst_value() -> None:
     better = {score.name: score.better for score in SCORES}
     assert {name for name, direction in better.items() if direction == "larger"} == {
         "margin", "label", "epsilon", "payload", "reachable", "contact_area", "quality", "score",
-        "pad_margin",
     }  # fmt: skip
     for score in SCORES:
         ranked = score.ranked(np.array([1.0, 2.0, np.nan]))

@@ -34,6 +34,9 @@ TOWARD_BEST = 0.4
 TOLERANCE = 1e-12
 """Relative size of rounding errors."""
 
+LOOSE = 1e-3
+"""Part by which the forces may exceed the bound that the search found."""
+
 LEFT = 1e-10
 """Weight of a wrench of the first basis, relative to the largest, that is a rounding error."""
 
@@ -147,7 +150,10 @@ def resist(space, dims, goal, rtol, vectors, forces):
     while length >= SHORTEST:
         status, lower, upper = _search(space, dims, goal, rtol, length, vectors)
         if status == RESISTED:
+            found = upper
             status, upper = _write_forces(space, len(dims), goal, vectors, forces)
+            if upper > found * (1.0 + LOOSE):  # a wrench of the first basis stands for others
+                status = UNREACHED
         if status != UNREACHED:
             break
         length *= SHORT * 0.01

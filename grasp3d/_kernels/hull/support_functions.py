@@ -14,13 +14,15 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling import merged, part, scratch_kernel
-from grasp3d._kernels.hull.tilted_forces import TINY, WORST_CASE, add_tilted_forces, farthest_tilted
 from grasp3d._kernels.surface.vectors import clear6, dot6
 
 NO_TORSION, LINEAR, ELLIPTIC = 0, 1, 2
 """What soft fingers resist: no torsional moment; one coupled to a pure normal force, so that the
 limit surface is the convex hull of that segment and the friction cone; or the elliptic limit
 surface of Howe & Cutkosky 1996, (f_t / mu)^2 + (tau / e)^2 <= f_n^2."""
+
+TINY = 1e-300
+"""Smallest divisor."""
 
 NO_TWIST = 1e-12
 """Relative size of a torsional component that is a rounding error."""
@@ -45,18 +47,16 @@ class WrenchSpace(NamedTuple):
     spherical: bool
     """Whether the length of a contact force is bounded by 1, instead of its normal component."""
     torsion: int
-    """NO_TORSION, LINEAR or ELLIPTIC; over all normals WORST_CASE or BEST_CASE, see
-    `tilted_forces`."""
+    """NO_TORSION, LINEAR or ELLIPTIC."""
     axes: npt.NDArray[np.float64]
     """ROWS: the wrenches in columns (1, 6, n). Otherwise each contact's axes (n, 4, 6)."""
     cones: npt.NDArray[np.float64]
-    """Normal and tangential part of a force on the rim of each contact's cone (n, 2); or what
-    `tilted_forces` says (n, c)."""
+    """Normal and tangential part of a force on the rim of each contact's cone (n, 2)."""
     rim: npt.NDArray[np.float64]
     """Cosine and sine of the cone's edges about the normal (m, 2); m = 0: a circular cone."""
     group: int = 1
-    """WORST_CASE and BEST_CASE: contacts, one after the other, that share the bound of their
-    forces."""
+    """PER_FINGER: number of contacts, one after the other, that are points of one finger and share
+    the bound of its force."""
 
 
 @merged
@@ -161,6 +161,21 @@ def _farthest_force(space, i, u):
 
 
 @merged
+def _farthest_of_finger(space, start, u, force):
+    """(support, contact) of the points of one finger, and that contact's force along its axes.
+
+    The contact is -1 where none pushes that way: a finger may also apply no force.
+    """
+    best, owner = 0.0, -1
+    for i in range(start, start + space.group):
+        height, _, f0, f1, f2, f3 = _farthest_force(space, i, u)
+        if height > best:
+            best, owner = height, i
+            force[0], force[1], force[2], force[3] = f0, f1, f2, f3
+    return best, owner
+
+
+@merged
 def farthest(space, u, point, force):
     """Farthest wrench of a grasp wrench space in a direction.
 
@@ -172,16 +187,14 @@ def farthest(space, u, point, force):
         space: `WrenchSpace`.
         u: Direction (6,).
         point: Written, the wrench (6,).
-        force: Written, the contact force of that wrench, in its contact's axes (4,); not for
-            PER_FINGER.
+        force: Written, the contact force of that wrench, in its contact's axes (4,); of PER_FINGER
+            that of some contact.
 
     Returns:
         (height, identifier, owner): the support, negative where all wrenches of ROWS or TOTAL have
         negative components; a number that identifies the vertex (-1: none, as on circular cones);
         the index of its row or contact.
     """
-    if space.torsion >= WORST_CASE:
-        return farthest_tilted(space, u, point), -1, -1
     axes = space.axes
     if space.kind == ROWS:
         height, identifier = _farthest_row(axes[0], u)
@@ -189,24 +202,26 @@ def farthest(space, u, point, force):
             point[k] = axes[0, k, identifier]
         force[0], force[1], force[2], force[3] = 1.0, 0.0, 0.0, 0.0
         return height, identifier, identifier
+    if space.kind == PER_FINGER:
+        total = 0.0
+        clear6(point)
+        for start in range(0, axes.shape[0], space.group):
+            # Support functions of a Minkowski sum add up.
+            height, i = _farthest_of_finger(space, start, u, force)
+            if i < 0:
+                continue
+            total += height
+            for k in range(6):
+                point[k] += (force[0] * axes[i, 0, k] + force[1] * axes[i, 1, k]) + (
+                    force[2] * axes[i, 2, k] + force[3] * axes[i, 3, k]
+                )
+        return total, -1, -1
     best, owner, identifier = -math.inf, 0, -1
-    total = 0.0
-    clear6(point)
     for i in range(axes.shape[0]):
         height, index, f0, f1, f2, f3 = _farthest_force(space, i, u)
-        if space.kind == PER_FINGER:
-            # Support functions of a Minkowski sum add up; a finger may also apply no force.
-            if height > 0.0:
-                total += height
-                for k in range(6):
-                    point[k] += (f0 * axes[i, 0, k] + f1 * axes[i, 1, k]) + (
-                        f2 * axes[i, 2, k] + f3 * axes[i, 3, k]
-                    )
-        elif height > best:
+        if height > best:
             best, owner, identifier = height, i, index
             force[0], force[1], force[2], force[3] = f0, f1, f2, f3
-    if space.kind == PER_FINGER:
-        return total, -1, -1
     for k in range(6):
         point[k] = (force[0] * axes[owner, 0, k] + force[1] * axes[owner, 1, k]) + (
             force[2] * axes[owner, 2, k] + force[3] * axes[owner, 3, k]
@@ -228,26 +243,14 @@ def contact_forces(space, u, weight, force, forces):
     """Add the contact forces of the farthest wrench in a direction, times a weight.
 
     Args:
-        space: `WrenchSpace`, not ROWS.
+        space: `WrenchSpace`, PER_FINGER.
         u: Direction (6,).
         weight: Factor.
         force: Scratch (4,).
         forces: Changed, forces in the contacts' axes (n, 4).
     """
-    if space.torsion >= WORST_CASE:
-        add_tilted_forces(space, u, weight, forces)
-        return
-    best, owner = 0.0, -1
-    for i in range(space.axes.shape[0]):
-        height, _, f0, f1, f2, f3 = _farthest_force(space, i, u)
-        if space.kind == PER_FINGER and height > 0.0:
-            forces[i, 0] += weight * f0
-            forces[i, 1] += weight * f1
-            forces[i, 2] += weight * f2
-            forces[i, 3] += weight * f3
-        elif space.kind == TOTAL and height > best:
-            best, owner = height, i
-            force[0], force[1], force[2], force[3] = f0, f1, f2, f3
-    if owner >= 0:
-        for k in range(4):
-            forces[owner, k] += weight * force[k]
+    for start in range(0, space.axes.shape[0], space.group):
+        _, i = _farthest_of_finger(space, start, u, force)
+        if i >= 0:
+            for k in range(4):
+                forces[i, k] += weight * force[k]
