@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -172,7 +172,19 @@ class Contacts:
             points: Shape (..., n, 3).
             size: Shape (...).
         """
-        return replace(self, points=points, torsion_radius=self.torsion_radius / size[..., None])
+        return self._changed(points=points, torsion_radius=self.torsion_radius / size[..., None])
+
+    def ordered(self, which: Ints) -> "Contacts":
+        """Chosen contacts of each grasp (p,), each as a finger of its own."""
+        if self.groups is None and len(which) == self.count:
+            return self
+        return self._changed(
+            points=self.points[..., which, :],
+            normals=self.normals[..., which, :],
+            friction=self.friction[..., which],
+            torsion_radius=self.torsion_radius[..., which],
+            groups=None,
+        )
 
     def reshape(self, batch: tuple[int, ...]) -> "Contacts":
         """The same grasps in a batch of another shape, in which one number may be -1."""
@@ -184,12 +196,16 @@ class Contacts:
 
     def _each(self, change: Callable[[Floats, tuple[int, ...]], Floats]) -> "Contacts":
         """Apply `change(values, other axes)` to every field, to change the batch axes."""
+        columns = (getattr(self, name) for name in _COLUMNS)
+        changed = (change(values, values.shape[len(self.batch) :]) for values in columns)
+        return self._changed(**dict(zip(_COLUMNS, changed, strict=True)))
+
+    def _changed(self, **columns: Floats | None) -> "Contacts":
+        """The same contacts with other fields, which are not checked again."""
         contacts = object.__new__(Contacts)
-        for column in fields(self):
-            values = getattr(self, column.name)
-            if column.name != "groups":  # those of every grasp
-                values = locked(change(values, values.shape[len(self.batch) :]))
-            object.__setattr__(contacts, column.name, values)
+        for name in (*_COLUMNS, "groups"):
+            values = columns.get(name, getattr(self, name))
+            object.__setattr__(contacts, name, values if values is None else locked(values))
         return contacts
 
     @property
@@ -201,6 +217,9 @@ class Contacts:
     def count(self) -> int:
         """Number of contacts of each grasp."""
         return int(self.points.shape[-2])
+
+
+_COLUMNS = ("points", "normals", "friction", "torsion_radius")
 
 
 def finite_numbers(

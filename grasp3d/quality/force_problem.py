@@ -56,16 +56,9 @@ class ForceProblem:
         lengths = np.linalg.norm(contacts.points, axis=-1).max(axis=-1)
         sizes = np.asarray(np.where(lengths > 0.0, lengths, 1.0))
         order, group = contacts.by_finger()
-        points = replace(
-            contacts,
-            points=(contacts.points / sizes[..., None, None])[..., order, :],
-            normals=contacts.normals[..., order, :],
-            friction=contacts.friction[..., order],
-            torsion_radius=(contacts.torsion_radius / sizes[..., None])[..., order],
-            groups=None,
-        )
+        scaled = contacts.of_size(contacts.points / sizes[..., None, None], sizes)
         problem = WrenchProblem.of_contacts(
-            points, EpsilonOptions(actuation="per_finger"),
+            scaled.ordered(order), EpsilonOptions(actuation="per_finger"),
             bounded="force" if size == "length" else "normal",
         )  # fmt: skip
         group = len(order) if total else group
@@ -93,7 +86,7 @@ class ForceProblem:
     def of_wrenches(self, wrenches: Floats, rtol: float) -> ForceResults:
         """Bounds of the force that resists one wrench for each grasp (b, 6), and contact forces.
 
-        Forces are along x, y, z, and moments about the normals, of each contact (b, n, 4).
+        Forces are components along the axes of the points (b, p, 4); see `in_contact_frame`.
         """
         check_rtol(rtol)
         problem = self.problem
@@ -108,11 +101,13 @@ class ForceProblem:
             )  # fmt: skip
 
         problem.in_chunks(evaluate)
-        self._decide(np.flatnonzero(results.status == kernels.UNFINISHED), wrenches, rtol, results)
-        return results._replace(forces=self._in_contact_frame(results.forces))
+        unfinished = np.flatnonzero(results.status == kernels.UNFINISHED)
+        if len(unfinished):
+            self._decide(unfinished, wrenches, rtol, results)
+        return results
 
-    def _in_contact_frame(self, components: Floats) -> Floats:
-        """Forces along x, y, z, and moments (b, n, 4), from components along axes (b, p, 4)."""
+    def in_contact_frame(self, components: Floats) -> Floats:
+        """Forces along x, y, z, and moments about the normals (b, n, 4), from those components."""
         flat = self.contacts.reshape((-1,))
         forces = np.zeros((len(components), flat.count, 4))
         for point, contact in enumerate(self.order):

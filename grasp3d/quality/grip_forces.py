@@ -9,8 +9,11 @@ the task: epsilon of Ferrari & Canny (ICRA 1992) with another ruler. It is found
 hull, with facets ranked by h / h_T; for one wrench by the simplex method along its ray.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -42,14 +45,31 @@ class ForceCertificate:
     direction: Floats
     """Direction u of wrenches, shape (..., 6), against which the task reaches h_T(-u) and the grasp
     wrench space only h(u): `lower` is their ratio; where no force suffices h(u) is 0."""
-    wrench: Floats
-    """The wrench of the task that needs the most force, or the given one, shape (..., 6)."""
-    forces: Floats
-    """Contact forces that balance that wrench, each inside its friction cone or limit surface,
-    shape (..., n, 4): force along x, y, z [N], and torsional moment about the normal [N x mesh
-    unit]; nan where no force suffices."""
+    _balance: Callable[[], tuple[Floats, Floats]]
+    """Computes `wrench` and `forces`."""
 
     __repr__ = short_repr
+
+    @cached_property
+    def _balanced(self) -> tuple[Floats, Floats]:
+        return self._balance()
+
+    @property
+    def wrench(self) -> Floats:
+        """The wrench of the task that needs the most force, or the given one, shape (..., 6)."""
+        return self._balanced[0]
+
+    @property
+    def forces(self) -> Floats:
+        """Contact forces that balance that wrench, computed when they are first read.
+
+        Each is inside its friction cone or limit surface, shape (..., n, 4): force along x, y, z
+        [N], and torsional moment about the normal [N x mesh unit]; nan where no force suffices.
+        """
+        return self._balanced[1]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ForceCertificate, (self.direction, partial(tuple, self._balanced))
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,19 +145,20 @@ def grip_force(
     problem = ForceProblem.bounded(contacts, bound)
     options = ForceOptions(task, masses, rtol).flat(contacts)
     results, wrenches = options.found(problem)
-    if wrenches is None:
-        wrenches = options.farthest(-results.direction)
-        results = results._replace(forces=problem.of_wrenches(wrenches, rtol).forces)
     batch = contacts.batch
+
+    def balance() -> tuple[Floats, Floats]:
+        hardest, forces = wrenches, results.forces
+        if hardest is None:
+            hardest = options.farthest(-results.direction)
+            forces = problem.of_wrenches(hardest, rtol).forces
+        return shaped(hardest, batch), shaped(problem.in_contact_frame(forces), batch)
+
     return GripForce(
         lower=shaped(results.lower, batch),
         upper=shaped(results.upper, batch),
         resistance=shaped(results.reason, batch),
-        certificate=ForceCertificate(
-            direction=shaped(results.direction, batch),
-            wrench=shaped(wrenches, batch),
-            forces=shaped(results.forces, batch),
-        ),
+        certificate=ForceCertificate(shaped(results.direction, batch), balance),
     )
 
 
@@ -215,6 +236,8 @@ class ForceOptions:
         """Force of the hardest of k wrenches (b, k, 6) for each grasp, and that wrench (b, 6)."""
         size, count = wrenches.shape[:2]
         each = [problem.of_wrenches(wrenches[:, k], self.rtol) for k in range(count)]
+        if count == 1:
+            return each[0], wrenches[:, 0]
         columns = ForceResults(*map(np.stack, zip(*each, strict=True)))  # (k, b, ...)
         grasps = np.arange(size)
         worst, best = columns.upper.argmax(axis=0), columns.lower.argmax(axis=0)

@@ -6,9 +6,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy.sparse import block_diag
 from scipy.spatial import ConvexHull, QhullError
 
+from grasp3d._kernels.forces.wrench_resistance import least_multiples
+from grasp3d._kernels.hull.polytope import SCRATCH_ROWS
 from grasp3d.arrays import Bools, Floats, locked, shaped
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.errors import SettingError
@@ -18,14 +19,8 @@ from grasp3d.quality.wrenches import check_torque_scale, wrench_axes, wrenches
 ALL = "all"
 """Stands for the names of all measures."""
 
-TOGETHER = 32
-"""Programs solved as one: a call of the solver costs more than a small program."""
-
 TOLERANCE = 1e-10
-"""Largest violation of a constraint; rows and unknowns are of size 1."""
-
-NUMERICAL_DIFFICULTIES = 4
-"""Status of a program of which the solver found nothing out."""
+"""Relative gap between the bounds of the smallest weight."""
 
 RANK_TOLERANCE = 1e-10
 """Size of a singular value, relative to the largest, from which it adds to the rank."""
@@ -206,61 +201,28 @@ def _coordinates(contacts: Contacts, edges: int) -> tuple[Floats, Floats, Bools]
 
 
 def _min_weight(contacts: Contacts, _: float, edges: int) -> Floats:
-    """Largest smallest weight of a combination of the primitive wrenches that is 0."""
-    coordinates, _sizes, used = _coordinates(contacts, edges)
-    ones = used.astype(np.float64)
+    """Largest smallest weight of a combination of the primitive wrenches that is 0, weights sum 1.
+
+    With equal weights, 1 / k each of k, the combination is their mean m. If -m is in F times the
+    hull about m, weights that combine to 0 are at least (1 - F) / k.
+    """
+    coordinates, sizes, used = _coordinates(contacts, edges)
+    ones, counts = used.astype(np.float64), used.sum(axis=1)
     inside = (coordinates @ (np.swapaxes(coordinates, 1, 2) @ ones[..., None]))[..., 0]
-    beside = np.linalg.norm(ones - inside, axis=1) <= BESIDE_ORIGIN * np.sqrt(used.sum(axis=1))
+    beside = np.linalg.norm(ones - inside, axis=1) <= BESIDE_ORIGIN * np.sqrt(counts)
     reach = np.linalg.norm(contacts.points, axis=-1).max(axis=-1)
-    rows = np.flatnonzero(~beside & (_extent(contacts) > SAME_POINT * reach))
+    chosen = np.flatnonzero(~beside & (_extent(contacts) > SAME_POINT * reach))
+    means = coordinates.sum(axis=1, keepdims=True) / counts[:, None, None]
+    about = np.where(used[..., None], coordinates - means, 0.0)[chosen]
+    multiples = np.empty(len(chosen))
+    least_multiples(
+        np.ascontiguousarray(np.swapaxes(about, 1, 2)), np.ascontiguousarray(-means[chosen, 0]),
+        (sizes[chosen] > 0.0).sum(axis=1), np.zeros(6, dtype=np.int64), TOLERANCE,
+        np.zeros((SCRATCH_ROWS, 8)), np.zeros((0, 2)), multiples,
+    )  # fmt: skip
     values = np.full(len(used), np.nan)
-    for start in range(0, len(rows), TOGETHER):
-        chunk = rows[start : start + TOGETHER]
-        values[chunk] = _least_weights([_balance(coordinates[row][used[row]]) for row in chunk])
+    values[chosen] = (1.0 - multiples) / counts[chosen]
     return values
-
-
-def _balance(rows: Floats) -> Floats:
-    """Equations of the smallest weight, and of by how much each of the weights exceeds it.
-
-    The wrenches (k, 6) so weighted are 0, and the weights, in the last equation, 1 together.
-    """
-    scaled = rows * np.sqrt(len(rows))  # rows of size 1
-    balance = np.vstack([scaled.sum(axis=0), scaled]).T  # (6, 1 + k)
-    total = np.concatenate([[float(len(rows))], np.ones(len(rows))])
-    return np.vstack([balance[np.any(scaled != 0.0, axis=0)], total])
-
-
-def _least_weights(programs: Sequence[Floats], *, presolve: bool = True) -> Floats:
-    """Solve programs as one with blocks; divide them in halves if that has no solution.
-
-    The solver may fail to lead the solution of a simplified program back to the program itself; one
-    of which it neither finds a solution nor that there is none is solved as it is.
-    """
-    from scipy.optimize import linprog
-
-    ends = np.cumsum([program.shape[1] for program in programs])
-    first = np.concatenate([[0], ends[:-1]])
-    cost, lowest = np.zeros(ends[-1]), np.zeros(ends[-1])
-    cost[first], lowest[first] = -1.0, -np.inf
-    constants = [np.append(np.zeros(len(program) - 1), 1.0) for program in programs]
-    tolerances = dict.fromkeys(
-        ("primal_feasibility_tolerance", "dual_feasibility_tolerance"), TOLERANCE
-    )
-    arguments: dict[str, Any] = {
-        "A_eq": block_diag(programs, format="csr"),
-        "b_eq": np.concatenate(constants),
-        "bounds": np.stack([lowest, np.full(ends[-1], np.inf)], axis=1),
-        "options": {"presolve": presolve, **tolerances},
-    }
-    result: Any = linprog(cost, **arguments)
-    if result.status == 0:
-        return np.asarray(result.x[first], dtype=np.float64)
-    if len(programs) == 1:
-        undecided = result.status == NUMERICAL_DIFFICULTIES and presolve
-        return _least_weights(programs, presolve=False) if undecided else np.array([np.nan])
-    half = len(programs) // 2
-    return np.concatenate([_least_weights(programs[:half]), _least_weights(programs[half:])])
 
 
 _MEASURES: Mapping[str, Callable[[Contacts, float, int], Floats]] = {

@@ -13,9 +13,15 @@ force.
 
 import math
 
-from grasp3d._kernels.compiling import merged, part
+from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.hull.equilibrium import solve
-from grasp3d._kernels.hull.support_functions import contact_forces, farthest
+from grasp3d._kernels.hull.support_functions import (
+    NO_TORSION,
+    ROWS,
+    WrenchSpace,
+    contact_forces,
+    farthest,
+)
 from grasp3d._kernels.surface.vectors import copy6, dot6
 
 RESISTED, UNREACHED, UNFINISHED = 0, 1, 2
@@ -135,7 +141,7 @@ def resist(space, dims, goal, rtol, vectors, forces):
     """Find the smallest bound on the contact forces that apply a wrench.
 
     Args:
-        space: `WrenchSpace`, not ROWS.
+        space: `WrenchSpace`; of ROWS no forces are written.
         dims: Sequence as long as the grasp's rank.
         goal: The wrench that the contacts must apply, not 0, in the space's coordinates (6,).
         rtol: Largest gap between the bounds, relative to the upper one.
@@ -192,5 +198,30 @@ def _write_forces(space, dim, goal, vectors, forces):
                 return UNREACHED, math.inf
         elif x[j] > 0.0:
             upper += x[j]
-            contact_forces(space, directions[j], x[j], vectors[13], forces)
+            if space.kind != ROWS:
+                contact_forces(space, directions[j], x[j], vectors[13], forces)
     return RESISTED, upper
+
+
+@scratch_kernel("Floats3, Floats2, Ints1, Ints1, float, Floats2, Floats2, Floats1")
+def least_multiples(rows, goals, ranks, dims, rtol, vectors, empty, multiples):
+    """The least multiple of the convex hull of rows about 0 in which a wrench is, of each grasp.
+
+    Args:
+        rows: Wrenches in columns, zeros beyond the rank (b, 6, n).
+        goals: The wrenches (b, 6).
+        ranks: Dimension of the span of the rows (b,).
+        dims: Zeros (6,).
+        rtol: As in `resist`.
+        vectors: As in `resist`.
+        empty: No rows of two numbers (0, 2).
+        multiples: Written; nan where none is found (b,).
+    """
+    for g in range(rows.shape[0]):
+        if dot6(goals[g], goals[g]) == 0.0:
+            multiples[g] = 0.0
+            continue
+        spherical = True
+        space = WrenchSpace(ROWS, spherical, NO_TORSION, rows[g : g + 1], empty, empty, 1)
+        status, _, upper = resist(space, dims[: ranks[g]], goals[g], rtol, vectors, empty)
+        multiples[g] = upper if status == RESISTED else math.nan
