@@ -1,7 +1,7 @@
 """What the motors of a hand with joints hold at given poses."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -31,10 +31,6 @@ from grasp3d.system.counts import short_number
 FORCE_RTOL = 1e-2
 """Width of the brackets of payloads, relative to them."""
 
-STRUCTURE = 1e3
-"""Largest length of a contact's force [N]: what is held by preload that no motor sets, between the
-palm and rigid links, is limited by what these bear."""
-
 MOST_LOAD = 10.0
 """Load fraction from which on texts do not say how large it is."""
 
@@ -58,11 +54,6 @@ def stated_torques(hand: ArticulatedHand, load: LoadCase) -> Floats:
     stated, missing = load.load, motors_without_torque(hand)
     torques = torques_of(hand, stated.torque_limits)
     if torques is None:
-        if set(missing) >= _motors(hand):
-            raise SettingError(
-                f"the description of {hand.name} states the torque of no motor: give "
-                "torque_limits, the greatest torque of each"
-            )
         raise SettingError(
             f"the description of {hand.name} states no torque of the motor of "
             f"{', '.join(missing)}: state it there, or give torque_limits, that of every motor"
@@ -103,97 +94,82 @@ class HandLoadResult:
 
     __repr__ = short_repr
 
-    def grasp(self, row: int, contacts: Ints, friction: float) -> HandGrasp:
-        """The grasp of some contacts of a pose."""
-        return self._grasp(row, contacts, self.sets.contacts(contacts, friction))
+    def rows(self) -> Ints:
+        """The poses that are evaluated."""
+        return np.flatnonzero(self.sets.evaluated)
 
-    def _grasp(self, row: int, index: Ints, contacts: Contacts) -> HandGrasp:
-        links = None if self.link_loads is None else self.link_loads[row]
-        actuation = actuation_of(self.hand, self.postures[row], self.torques, links)
-        return HandGrasp(contacts, self.jacobians[index], actuation, most_force=STRUCTURE)
-
-    def widest(self, row: int, contacts: Ints, friction: float) -> HandGrasp | None:
-        """The grasp whose forces include those of every normal that may be true, or None.
-
-        Its cones have the angles beta + a. None: some cone would be a half-space or more.
-        """
-        angles = math.atan(friction) + self.tilts[contacts]
-        if (angles >= RIGHT_ANGLE - FLAT).any():
-            return None
-        sets = self.sets
-        frictions = np.tan(angles)
-        return self._grasp(
-            row, contacts, Contacts(sets.points[contacts], sets.normals[contacts], frictions)
-        )
-
-    def contacts(self) -> Iterator[tuple[int, Ints]]:
-        """The poses that are evaluated, with their contacts."""
-        start = np.searchsorted(self.sets.row, np.arange(self.sets.size + 1))
-        for row in np.flatnonzero(self.sets.evaluated).tolist():
-            yield row, np.arange(start[row], start[row + 1])
-
-    def payloads(self, friction: float, *, tilted: bool) -> tuple[Floats, list[HandPayload | None]]:
-        """Largest masses that are held, from below [kg], shape (k,), and their proofs.
+    def payloads(
+        self, rows: Ints, angles: Floats, tilts: Floats | None = None
+    ) -> dict[int, HandPayload]:
+        """What is held at some poses.
 
         Args:
-            friction: The coefficient.
-            tilted: At the worst normals; else at the perceived ones.
+            rows: The poses.
+            angles: Half-angles of the friction cones of all contacts [rad], shape (c,).
+            tilts: Largest angles between true and perceived normals [rad], shape (c,); None: 0.
         """
-        found: list[HandPayload | None] = [None] * self.sets.size
+        sets, found = self.sets, dict[int, HandPayload]()
+        for row in rows.tolist():
+            own = slice(*np.searchsorted(sets.row, [row, row + 1]))
+            contacts = Contacts(sets.points[own], sets.normals[own], np.tan(angles[own]))
+            links = None if self.link_loads is None else self.link_loads[row]
+            actuation = actuation_of(self.hand, self.postures[row], self.torques, links)
+            found[row] = hand_payload(
+                HandGrasp(contacts, self.jacobians[own], actuation),
+                self.load.task,
+                tilt=0.0 if tilts is None else tilts[own],
+                rtol=FORCE_RTOL,
+            )
+            report_progress((row + 1) / sets.size)
+        return found
 
-        def held(row: int, contacts: Ints) -> float:
-            tilts = self.tilts[contacts] if tilted else np.zeros(len(contacts))
-            grasp = self.grasp(row, contacts, friction)
-            found[row] = one = hand_payload(grasp, self.load.task, tilt=tilts, rtol=FORCE_RTOL)
-            return one.lower
+    def _angles(self, friction: float) -> Floats:
+        """Half-angles of friction cones [rad], shape (c,)."""
+        return np.full(len(self.tilts), math.atan(friction))
 
-        return self._of_each(held), found
-
-    def _of_each(self, number: Callable[[int, Ints], float]) -> Floats:
-        """A number of each pose that is evaluated, and its contacts; nan: it is not, (k,)."""
-        values = np.full(self.sets.size, math.nan)
-        for row, contacts in self.contacts():
-            values[row] = number(row, contacts)
-            report_progress((row + 1) / self.sets.size)
-        return locked(values)
+    def _of_each(self, values: Mapping[int, float]) -> Floats:
+        """A number of each pose, shape (k,); nan: it has none."""
+        return locked([values.get(row, math.nan) for row in range(self.sets.size)])
 
     def compute(self) -> None:
         """Compute the masses, which takes the time of some thousand cone programs a second."""
-        with within(0.0, 0.3):
+        with within(0.0, 0.4):
             _ = self.payload_min
-        with within(0.3, 0.6):
+        with within(0.4, 0.8):
             _ = self.payload
-        with within(0.6, 1.0):
+        with within(0.8, 1.0):
             _ = self.payload_max
 
     @cached_property
-    def _sure(self) -> tuple[Floats, list[HandPayload | None]]:
-        return self.payloads(self.friction[0], tilted=True)
+    def _sure(self) -> dict[int, HandPayload]:
+        return self.payloads(self.rows(), self._angles(self.friction[0]), self.tilts)
+
+    @cached_property
+    def payload_min(self) -> Floats:
+        """Largest masses that are surely held, at the worst normals, from below, shape (k,).
+
+        nan: no grasp.
+        """
+        return self._of_each({row: one.lower for row, one in self._sure.items()})
 
     @cached_property
     def payload(self) -> Floats:
-        """Held at the perceived normals, shape (k,); nan: no grasp."""
-        return self.payloads(self.friction[1], tilted=False)[0]
-
-    @property
-    def payload_min(self) -> Floats:
-        """Held at the worst normals, shape (k,)."""
-        return self._sure[0]
+        """Held at the perceived normals, shape (k,)."""
+        found = self.payloads(self.rows(), self._angles(self.friction[1]))
+        return self._of_each({row: one.lower for row, one in found.items()})
 
     @cached_property
     def payload_max(self) -> Floats:
         """Masses above which no normals, of those that may be true, let the hand hold, (k,).
 
-        Of each wrench alone, so they need not be held at any one of the normals.
+        The cones of all of them are within beta + a, so one of these masses need not be held at any
+        one of the normals. nan: it does not matter, as the mass is surely held or not known.
         """
-
-        def most(row: int, contacts: Ints) -> float:
-            grasp = self.widest(row, contacts, self.friction[2])
-            if grasp is None:
-                return math.inf
-            return hand_payload(grasp, self.load.task, rtol=FORCE_RTOL).upper
-
-        return self._of_each(most)
+        angles = self._angles(self.friction[2]) + self.tilts
+        found = dict.fromkeys(np.flatnonzero(self.payload_min < self._mass).tolist(), math.inf)
+        wide = np.unique(self.sets.row[angles >= RIGHT_ANGLE - FLAT])
+        known = self.payloads(np.setdiff1d(list(found), wide).astype(np.int64), angles)
+        return self._of_each(found | {row: one.upper for row, one in known.items()})
 
     @property
     def doubts(self) -> Iterator[str]:
@@ -247,19 +223,15 @@ class HandLoadResult:
         """
         if math.isnan(self._mass):
             return codes
-        held = self.payload_min >= self._mass
-        most = np.where(held, Label.S, Label.M)
+        most = np.where(self.payload_min >= self._mass, Label.S, Label.M)
         most[self.payload_max < self._mass] = Label.U
         return locked(np.minimum(codes, most), np.uint8)
 
     @cached_property
     def limit(self) -> npt.NDArray[np.str_]:
-        """What limits the mass that is surely held: a joint, or friction at a link, shape (k,)."""
-        texts = [""] * self.sets.size
-        for row, contacts in self.contacts():
-            one = self._sure[1][row]
-            assert one is not None
-            texts[row] = one.limit_at(self.links[contacts].tolist())
+        """What limits the mass that is surely held, such as a joint, shape (k,)."""
+        found = self._sure
+        texts = [found[row].limit if row in found else "" for row in range(self.sets.size)]
         return np.array(texts, dtype=np.str_)
 
     @property

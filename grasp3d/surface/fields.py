@@ -341,7 +341,6 @@ HAND_GRASPS = (
         for name, unit, heading, meaning in (
             ("payload", KILOGRAMS, "holds", "what the motors hold at the perceived normals"),
             ("payload_min", KILOGRAMS, "surely", "at the worst normals"),
-            ("payload_max", KILOGRAMS, "", ""),
             ("load_fraction", "", "load", "the mass over what is surely held"),
         )
     ),

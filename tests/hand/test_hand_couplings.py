@@ -57,9 +57,9 @@ def presses(hand: ArticulatedHand, force: Floats) -> bool:
     """Whether the drives press a force with the first fingertip, and nothing with the other."""
     drives = drives_of(hand, POSTURE[: len(hand.joint_names)])
     torques = tip_of(hand, 0)[1].T @ force
-    limits = list(zip(drives.lower, drives.upper, strict=True))
-    none = np.zeros(len(drives.lower))
-    found = linprog(none, A_eq=drives.columns, b_eq=torques - drives.offset, bounds=limits)
+    limits = [(-most, most) for most in drives.limits.tolist()]
+    none = np.zeros(len(limits))
+    found = linprog(none, A_eq=drives.columns, b_eq=torques, bounds=limits)
     return found.status == 0
 
 

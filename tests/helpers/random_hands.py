@@ -1,13 +1,16 @@
-"""Random grasps of hands with joints: coupled ones, joints at stops, heavy links."""
+"""Random grasps of hands with joints, and an oracle of their payloads."""
+
+import math
+from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import linprog
 
 import grasp3d
 from grasp3d.arrays import Floats
-from grasp3d.contact.friction_cones import turned
+from grasp3d.contact.friction_cones import tangents
 from grasp3d.quality.hand_forces.actuation import Actuation
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
-from grasp3d.quality.hand_forces.payloads import HandPayload
 
 
 def random_hand(generator: np.random.Generator) -> HandGrasp:
@@ -39,7 +42,7 @@ def random_actuation(generator: np.random.Generator, joints: int) -> Actuation:
     stops = generator.choice([-1, 0, 0, 0, 1], size=joints) * (generator.random() < 0.4)
     loaded = generator.random() < 0.4
     links = 0.003 * generator.normal(size=(joints, 3)) if loaded else None
-    return Actuation.of_hand(most, joints=joints, arms=arms, stops=stops, links=links)
+    return Actuation(most, arms=arms, stops=stops, links=links)
 
 
 def driven(grasp: HandGrasp, actuation: Actuation) -> HandGrasp:
@@ -53,13 +56,64 @@ def with_normals(grasp: HandGrasp, normals: Floats) -> HandGrasp:
     return HandGrasp(contacts, grasp.jacobian, grasp.actuation, most_force=grasp.most_force)
 
 
-def worst_grasp(found: HandPayload, tilts: Floats) -> HandGrasp:
-    """The grasp with each normal turned away from the relative velocity of a proof.
+class ByPolygons(NamedTuple):
+    """The payload of one wrench with polygonal friction cones, by linear programming."""
 
-    With the full friction cones about these normals the same motions prove what they prove for the
-    cones beta - a about the given ones: the bound over all tilts is reached.
+    payload: float
+    """0 also where no load is not held."""
+    velocities: Floats
+    """Relative velocities at the contacts that prove it, shape (n, 3)."""
+
+
+def by_polygons(
+    grasp: HandGrasp,
+    wrench: Floats,
+    angles: Floats,
+    *,
+    outside: bool,
+    edges: int = 48,
+    weighs: bool = False,
+) -> ByPolygons:
+    """The payload of one wrench by cones of `edges` edges in or around those of half-angles (n,).
+
+    Unknown are weights of the edges, the drives as they are, and the load. Their edges have normal
+    components of 1 where they are around the cones, and lengths of 1 in them, so that limits of
+    their weights are limits of the forces. The links have their
+    weight (`weighs`) where the wrench is that of 1 kg.
     """
-    grasp = found.slice.grasp
-    normals = grasp.contacts.normals
-    velocities = grasp.velocities(found.limiting.twist, found.limiting.motion)
-    return with_normals(grasp, turned(normals, -(velocities[:, None] @ grasp.frames)[:, 0], tilts))
+    contacts, drives = grasp.contacts, grasp.actuation
+    wide = np.tan(angles) / (math.cos(math.pi / edges) if outside else 1.0)
+    turn = 2.0 * math.pi * np.arange(edges) / edges
+    first, second = tangents(contacts.normals)
+    around = np.cos(turn)[:, None] * first[:, None] + np.sin(turn)[:, None] * second[:, None]
+    forces = contacts.normals[:, None] + wide[:, None, None] * around  # (n, m, 3)
+    if not outside:
+        forces /= np.linalg.norm(forces, axis=-1, keepdims=True)
+    moments = np.cross(contacts.points[:, None], forces)
+    torques = np.einsum("nip,nmi->nmp", grasp.jacobian, forces)
+    rows = np.concatenate([forces, moments, torques], axis=-1).reshape(-1, 6 + drives.joints)
+    links = drives.links if weighs and drives.links is not None else np.zeros((drives.joints, 3))
+    of_drives = np.concatenate([np.zeros((6, drives.columns.shape[1])), -drives.columns])
+    load = np.concatenate([wrench, np.zeros(drives.joints)])[:, None]
+    equations = np.concatenate([rows.T, of_drives, load], axis=1)
+    right = np.concatenate([np.zeros(6), -links @ wrench[:3]])
+    capped = np.kron(np.eye(contacts.count), np.ones(edges))
+    capped = np.pad(capped, ((0, 0), (0, equations.shape[1] - capped.shape[1])))
+    most = drives.limits.tolist()
+    ranges = [(0, None)] * len(rows) + [(-one, one) for one in most]
+    ranges += [(0, None)] * (drives.columns.shape[1] - len(most)) + [(0, None)]
+    cost = np.zeros(equations.shape[1])
+    cost[-1] = -1.0
+    found, least = (
+        linprog(
+            sign * cost, A_eq=equations, b_eq=right, A_ub=capped,
+            b_ub=np.full(contacts.count, grasp.most_force), bounds=ranges,
+        )
+        for sign in (1.0, -1.0)
+    )  # fmt: skip
+    if found.status == 2 or least.fun > 1e-9:
+        return ByPolygons(0.0, np.zeros((contacts.count, 3)))
+    assert found.status == 0
+    moved = found.eqlin.marginals
+    velocities = moved[:3] - np.cross(contacts.points, moved[3:6]) + grasp.jacobian @ moved[6:]
+    return ByPolygons(-found.fun, velocities)

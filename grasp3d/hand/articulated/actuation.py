@@ -67,10 +67,8 @@ def actuation_of(
         limits.append(size * most)
     lower, upper = hand.limits_of_joints.T
     stops = (posture <= lower + AT_STOP).astype(float) - (posture >= upper - AT_STOP)
-    return Actuation.of_hand(
-        limits, joints=hand.joint_names, arms=arms, names=tuple(name for name, *_ in drives),
-        stops=stops, links=links,
-    )  # fmt: skip
+    names = tuple(name for name, *_ in drives)
+    return Actuation(limits, arms=arms, names=names, stops=stops, links=links)
 
 
 def _drives(

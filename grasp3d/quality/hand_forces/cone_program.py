@@ -1,40 +1,32 @@
-"""Second-order cone programs, solved by Clarabel (Goulart & Chen 2024, arXiv:2405.12762).
-
-Interior-point answers are approximate, and now and then the solver gives up on programs that are
-feasible. What is printed rests on certificates that are evaluated apart from it, never on a status:
-callers take a solution as a proposal, check it, and ask for one with more care.
-"""
+"""Second-order cone programs, solved by Clarabel (Goulart & Chen 2024, arXiv:2405.12762)."""
 
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints
+from grasp3d.arrays import Floats
 
-HUGE = 1e30
-"""Numbers in a proposal that are none."""
+FEASIBLE = 1e-7
+"""Largest violation of a row, relative to the largest number of a point, but at least to 1, with
+which that counts as feasible."""
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """A proposal: x and multipliers z with cost + A^T z = 0, both nearly feasible."""
+class Solution(NamedTuple):
+    """A feasible point, and a bound that none passes.
 
-    x: Floats
-    z: Floats
-    status: str
-    """As the solver calls it."""
+    Interior-point answers are approximate: the point is feasible but for `FEASIBLE`, which is
+    checked whatever the solver says of it, and the bound is that of the dual, right to about 1e-8
+    of the numbers of the program. Where the solver gives up there is no bound.
+    """
 
-    @property
-    def infeasible(self) -> bool:
-        """Whether z proposes a proof that nothing is feasible."""
-        return self.status in ("PrimalInfeasible", "AlmostPrimalInfeasible")
-
-    @property
-    def unbounded(self) -> bool:
-        """Whether x proposes a direction along which the cost falls for ever."""
-        return self.status in ("DualInfeasible", "AlmostDualInfeasible")
+    x: Floats | None
+    """None: no point is known."""
+    least: float
+    """No feasible point costs less; -inf: not known, inf: there is none."""
+    multipliers: Floats
+    """Of the rows, z with cost + A^T z = 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,66 +45,39 @@ class ConeProgram:
     """Sizes of the second-order cones."""
 
     @cached_property
-    def _place(self) -> tuple[Ints, Ints]:
-        """Rows and columns of the numbers in the matrix that are not 0, by columns."""
-        column, row = np.nonzero(self.matrix.T)
-        return row, column
-
-    def make_solver(self, cost: Floats, *, retry: bool) -> Any:
-        """Clarabel's solver; `retry`: one that goes on with care instead of speed."""
+    def _solver(self) -> Any:
         import clarabel
         from scipy import sparse
 
-        kinds: list[Any] = []
-        if self.equations:
-            kinds.append(clarabel.ZeroConeT(self.equations))
-        if self.inequalities:
-            kinds.append(clarabel.NonnegativeConeT(self.inequalities))
+        kinds: list[Any] = [clarabel.ZeroConeT(self.equations)]
+        kinds.append(clarabel.NonnegativeConeT(self.inequalities))
         kinds += [clarabel.SecondOrderConeT(size) for size in self.cones]
-        row, column = self._place
-        ends = np.searchsorted(column, np.arange(len(cost) + 1))
-        parts = (self.matrix[row, column], row, ends)
-        matrix = sparse.csc_matrix(parts, shape=self.matrix.shape)
-        none = _no_squares(len(cost))
-        return clarabel.DefaultSolver(none, cost, matrix, self.bounds, kinds, _settings(retry))
+        count = self.matrix.shape[1]
+        matrix, none = sparse.csc_matrix(self.matrix), sparse.csc_matrix((count, count))
+        return clarabel.DefaultSolver(
+            none, np.zeros(count), matrix, self.bounds, kinds, _settings()
+        )
 
-    @cached_property
-    def _kept(self) -> Any:
-        return self.make_solver(np.zeros(self.matrix.shape[1]), retry=False)
-
-    def solve(self, cost: Floats, *, retry: bool = False) -> Solution:
-        """Propose a solution for a cost (k,); `retry`: with care instead of speed."""
-        if retry:
-            solver = self.make_solver(cost, retry=True)
-        else:
-            solver = self._kept
-            solver.update(q=cost)
-        found = solver.solve()
-        x, z = np.array(found.x), np.array(found.z)
-        if not (np.abs(x).max() < HUGE and np.abs(z).max(initial=0.0) < HUGE):
-            return Solution(np.zeros_like(x), np.zeros_like(z), "NumericalError")
-        return Solution(x, z, str(found.status))
+    def solve(self, cost: Floats) -> Solution:
+        """Solve it for a cost (k,)."""
+        self._solver.update(q=cost)
+        found = self._solver.solve()
+        x, left = np.array(found.x), np.array(found.s)  # what is left is in the cones
+        error = np.abs(self.bounds - self.matrix @ x - left).max()
+        feasible = error <= FEASIBLE * max(1.0, np.abs(x).max())
+        status = str(found.status)
+        least = {"Solved": found.obj_val_dual, "PrimalInfeasible": np.inf}.get(status, -np.inf)
+        known = feasible and least < np.inf
+        return Solution(x if known else None, least, np.array(found.z))
 
 
 @cache
-def _settings(retry: bool) -> Any:
-    """The solver's settings; to retry with shorter steps and more regularisation."""
+def _settings() -> Any:
     import clarabel
 
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.presolve_enable = False
     settings.max_threads = 1
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-    if retry:
-        settings.max_step_fraction, settings.max_iter = 0.9, 500
-        settings.static_regularization_constant = 1e-7
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-9
     return settings
-
-
-@cache
-def _no_squares(count: int) -> Any:
-    """Of a cost that is linear."""
-    from scipy import sparse
-
-    return sparse.csc_matrix((count, count))

@@ -23,23 +23,23 @@ def jaws(mass: float, *, most: float = MOST, friction: float = FRICTION) -> Hand
     slides = [[[1, 0], [0, 0], [0, 0]], [[0, 0], [0, 0], [0, 0]]]
     slides[1][0][1] = -1  # both values grow where the fingers close
     links = [[-mass, 0.0, 0.0], [mass, 0.0, 0.0]]
-    return HandGrasp(contacts, slides, Actuation.of_hand([most] * 2, joints=2, links=links))
+    return HandGrasp(contacts, slides, Actuation([most] * 2, links=links))
 
 
-def palm(mass: float, *, most_force: float = 1000.0) -> HandGrasp:
+def palm(mass: float) -> HandGrasp:
     """A part on three supports, and a finger that presses on it from above, with a weight on it."""
     points = [[0.03, 0, -0.03], [-0.015, 0.026, -0.03], [-0.015, -0.026, -0.03], [0, 0, 0.03]]
     normals = [[0, 0, 1]] * 3 + [[0, 0, -1]]
     jacobian = np.zeros((4, 3, 1))
     jacobian[3, 2, 0] = -0.1
-    drives = Actuation.of_hand([0.1], joints=1, links=[[0, 0, 0.1 * mass]])
-    return HandGrasp(Contacts(points, normals, 0.5), jacobian, drives, most_force=most_force)
+    drives = Actuation([0.1], links=[[0, 0, 0.1 * mass]])
+    return HandGrasp(Contacts(points, normals, 0.5), jacobian, drives)
 
 
 def caged(mass: float) -> HandGrasp:
     """A part between six supports without limit, and a link that touches nothing."""
     normals = np.concatenate([np.eye(3), -np.eye(3)])
-    drives = Actuation.of_hand([0.1], joints=1, links=[[0, 0, 0.1 * mass]])
+    drives = Actuation([0.1], links=[[0, 0, 0.1 * mass]])
     return HandGrasp(Contacts(-0.03 * normals, normals, 0.5), np.zeros((6, 3, 1)), drives)
 
 
@@ -63,7 +63,7 @@ def closed_form(mass: float, angles: np.ndarray) -> np.ndarray:
 def test_the_lower_finger_carries_the_links_and_the_part(angle: float) -> None:
     task = Weight(direction=(math.cos(angle), 0.0, math.sin(angle)))
     found = hand_payload(jaws(0.5), task)
-    assert found.value == pytest.approx(closed_form(0.5, np.array(angle)), rel=1e-6)
+    assert found.lower == pytest.approx(closed_form(0.5, np.array(angle)), rel=1e-6)
     assert found.upper == pytest.approx(found.lower, rel=1e-6)
 
 
@@ -103,28 +103,15 @@ def test_a_weight_on_the_finger_helps_to_press_on_a_palm() -> None:
     found = hand_payload(palm(0.1), task, rtol=1e-2)
     assert found.lower <= expected <= found.upper * 1.002
     assert found.upper - found.lower <= 1e-2 * found.upper
-    endless = hand_payload(palm(0.1, most_force=math.inf), task, rtol=1e-2)
-    assert endless.lower <= expected <= endless.upper
 
 
-def test_a_part_without_limit_is_held_where_the_links_are() -> None:
+def test_a_caged_part_is_held_where_the_links_are() -> None:
     heavy, light = (hand_payload(caged(mass), Weight()) for mass in (0.5, 0.05))
     assert heavy.lower == 0.0
-    assert heavy.upper < 1e-2
-    assert light.lower == math.inf
+    assert heavy.limit == "the weight of the links"
+    assert light.lower > 0.99 * 1000.0 / STANDARD_GRAVITY
+    assert light.limit == "the largest contact force"
     assert hand_payload(caged(0.5), Weight(direction=(0, 0, -1))).upper == 0.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("mass", "friction"), [(1.5, 1.0), (1.2, 0.3), (-0.5, 1.0)])
-def test_a_tenth_more_of_torque_adds_at_most_what_is_said(mass: float, friction: float) -> None:
-    found, more = (
-        hand_payload(jaws(mass, most=most, friction=friction), Weight(), rtol=1e-3)
-        for most in (MOST, 1.1 * MOST)
-    )
-    said = 0.1 * found.drive_shares.sum()
-    assert more.lower - found.upper <= said
-    assert more.upper - found.lower >= 0.9 * said
 
 
 def test_links_that_motors_cannot_hold_leave_nothing() -> None:
@@ -144,11 +131,10 @@ def test_what_only_pushes_one_side_holds_nothing() -> None:
         contacts = Contacts(0.05 * generator.normal(size=(3, 3)), normals, 0.5)
         jacobian = 0.05 * generator.normal(size=(3, 3, 4))
         links = 0.002 * generator.normal(size=(4, 3))
-        drives = Actuation.of_hand([0.9] * 4, joints=4, links=links)
+        drives = Actuation([0.9] * 4, links=links)
         found = hand_payload(HandGrasp(contacts, jacobian, drives), Weight(), tilt=0.2, rtol=1e-2)
         assert found.lower == 0.0
         assert found.upper < 1e-4
-        assert found.programs < 30
 
 
 def test_the_cone_within_which_gravity_acts_counts_for_links() -> None:
@@ -171,7 +157,7 @@ def test_random_hands_hold_the_payload_of_any_direction_in_each() -> None:
         for finger in range(3):
             block = slice(2 * finger, 2 * finger + 2)
             jacobian[finger, :, block] = 0.05 * generator.normal(size=(3, 2))
-        drives = Actuation.of_hand([0.7] * 6, joints=6, links=links)
+        drives = Actuation([0.7] * 6, links=links)
         grasp = HandGrasp(Contacts(-0.03 * normals, normals, 0.8), jacobian, drives)
         found = hand_payload(grasp, Weight(), rtol=1e-2)
         assert 0.0 < found.lower <= least_of(grasp, generator.normal(size=(50, 3)))
