@@ -12,10 +12,11 @@ import numpy.typing as npt
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import GivenGrasps
-from grasp3d.grasps.hand_load_result import HandLoadResult, stated_torques
+from grasp3d.grasps.hand_load_result import HandLoadResult
 from grasp3d.grasps.hand_reasons import HandReasons
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.postures import ORDER, matched
+from grasp3d.hand.articulated.actuation import torques_of
 from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, HandContacts, hand_contacts
 from grasp3d.hand.articulated.plausible_numbers import implausible
@@ -142,13 +143,12 @@ class EvaluatedHandGrasps(GivenGrasps):
         """What the motors hold at each pose; None: no load is stated."""
         if self.to_hold is None:
             return None
-        names = np.array(self.hand.link_names)
         low, high = self.model.friction_interval
+        torques = torques_of(self.hand, self.to_hold.load.torque_limits)
         return HandLoadResult(
-            load=self.to_hold, hand=self.hand, torques=stated_torques(self.hand, self.to_hold),
+            load=self.to_hold, hand=self.hand, torques=torques,
             friction=(low, self.model.nominal_friction, high), sets=self.sets,
-            links=names[self._link], jacobians=self.jacobians,
-            tilts=self.tilts_of_links[self._link],
+            jacobians=self.jacobians, tilts=self.tilts_of_links[self._link],
             postures=self.contacts.posture, link_loads=self._link_loads,
         )  # fmt: skip
 
@@ -433,7 +433,7 @@ def evaluate_hand(
 def _refuse(hand: ArticulatedHand, scene: Scene, model: GraspModel, load: LoadCase | None) -> None:
     """Refuse settings that do not apply, and loads without torques. Raises SettingError."""
     if load is not None:
-        stated_torques(hand, load)
+        torques_of(hand, load.load.torque_limits)
     refused = {
         "fingers: a hand touches with as many links as it happens to": model.fingers != 2,
         "method extremes: its labels are exact": model.method != "exact",

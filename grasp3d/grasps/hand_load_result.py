@@ -1,17 +1,16 @@
 """What the motors of a hand with joints hold at given poses."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import RIGHT_ANGLE, Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import RIGHT_ANGLE, Bools, Bytes, Floats, locked, short_repr
 from grasp3d.contact.contacts import Contacts
-from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.actuation import actuation_of, motors_without_torque, torques_of
+from grasp3d.hand.articulated.actuation import actuation_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.plausible_numbers import too_strong
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
@@ -40,33 +39,11 @@ WHY = {
 }
 """Limits with which nothing is held, as sentences."""
 
+UNKNOWN = HandPayload(math.nan, math.nan, "")
+"""Of a pose that is no grasp."""
+
 FLAT = 1e-3
 """Angle by which cones must be narrower than a half-space [rad]."""
-
-
-def stated_torques(hand: ArticulatedHand, load: LoadCase) -> Floats:
-    """Torques of the motors, as `torques_of` has them. Raises SettingError: some are not stated."""
-    if hand.tendons:
-        raise SettingError(
-            f"{hand.name} takes no load: what its tendons and springs press is not computed "
-            f"({', '.join(hand.tendons)})"
-        )
-    stated, missing = load.load, motors_without_torque(hand)
-    torques = torques_of(hand, stated.torque_limits)
-    if torques is None:
-        raise SettingError(
-            f"the description of {hand.name} states no torque of the motor of "
-            f"{', '.join(missing)}: state it there, or give torque_limits, that of every motor"
-        )
-    if stated.torque_limits is not None and not _motors(hand):
-        raise SettingError(f"{hand.name} has no motor that torque_limits could limit")
-    return torques
-
-
-def _motors(hand: ArticulatedHand) -> set[str]:
-    """Joints with a motor of their own."""
-    pairs = zip(hand.joint_names, hand.torques.tolist(), strict=True)
-    return {name for name, torque in pairs if torque > 0.0} | {*motors_without_torque(hand)}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -80,10 +57,8 @@ class HandLoadResult:
     friction: tuple[float, float, float]
     """The smallest coefficient, which counts for what is sure, the nominal and the largest one."""
     sets: ContactSets
-    links: npt.NDArray[np.str_]
-    """Names of the links of its contacts, shape (c,)."""
     jacobians: Floats
-    """Of its contacts, in the mesh's frame [m], shape (c, 3, p)."""
+    """Of the contacts, in the mesh's frame [m], shape (c, 3, p)."""
     tilts: Floats
     """Largest angle between true and perceived normals [rad], shape (c,)."""
     postures: Floats
@@ -94,42 +69,31 @@ class HandLoadResult:
 
     __repr__ = short_repr
 
-    def rows(self) -> Ints:
-        """The poses that are evaluated."""
-        return np.flatnonzero(self.sets.evaluated)
-
     def payloads(
-        self, rows: Ints, angles: Floats, tilts: Floats | None = None
-    ) -> dict[int, HandPayload]:
-        """What is held at some poses.
+        self, chosen: Bools, angles: Floats, tilts: Floats | None = None
+    ) -> list[HandPayload]:
+        """What is held at each pose, `UNKNOWN` at those that are not chosen.
 
         Args:
-            rows: The poses.
-            angles: Half-angles of the friction cones of all contacts [rad], shape (c,).
-            tilts: Largest angles between true and perceived normals [rad], shape (c,); None: 0.
+            chosen: Shape (k,).
+            angles: Half-angles of the friction cones of the contacts [rad], shape (c,).
+            tilts: Largest angles between true and given normals [rad], shape (c,); None: 0.
         """
-        sets, found = self.sets, dict[int, HandPayload]()
-        for row in rows.tolist():
+        sets, found = self.sets, [UNKNOWN] * self.sets.size
+        for row in np.flatnonzero(chosen).tolist():
             own = slice(*np.searchsorted(sets.row, [row, row + 1]))
             contacts = Contacts(sets.points[own], sets.normals[own], np.tan(angles[own]))
             links = None if self.link_loads is None else self.link_loads[row]
             actuation = actuation_of(self.hand, self.postures[row], self.torques, links)
-            found[row] = hand_payload(
-                HandGrasp(contacts, self.jacobians[own], actuation),
-                self.load.task,
-                tilt=0.0 if tilts is None else tilts[own],
-                rtol=FORCE_RTOL,
-            )
+            grasp = HandGrasp(contacts, self.jacobians[own], actuation)
+            tilt = 0.0 if tilts is None else tilts[own]
+            found[row] = hand_payload(grasp, self.load.task, tilt=tilt, rtol=FORCE_RTOL)
             report_progress((row + 1) / sets.size)
         return found
 
     def _angles(self, friction: float) -> Floats:
-        """Half-angles of friction cones [rad], shape (c,)."""
+        """Half-angles of the friction cones [rad], shape (c,)."""
         return np.full(len(self.tilts), math.atan(friction))
-
-    def _of_each(self, values: Mapping[int, float]) -> Floats:
-        """A number of each pose, shape (k,); nan: it has none."""
-        return locked([values.get(row, math.nan) for row in range(self.sets.size)])
 
     def compute(self) -> None:
         """Compute the masses, which takes the time of some thousand cone programs a second."""
@@ -141,44 +105,43 @@ class HandLoadResult:
             _ = self.payload_max
 
     @cached_property
-    def _sure(self) -> dict[int, HandPayload]:
-        return self.payloads(self.rows(), self._angles(self.friction[0]), self.tilts)
+    def _sure(self) -> list[HandPayload]:
+        return self.payloads(self.sets.evaluated, self._angles(self.friction[0]), self.tilts)
 
     @cached_property
     def payload_min(self) -> Floats:
-        """Largest masses that are surely held, at the worst normals, from below, shape (k,).
+        """Largest masses that are surely held, at the worst normals, shape (k,); nan: no grasp."""
+        return locked([one.lower for one in self._sure])
 
-        nan: no grasp.
-        """
-        return self._of_each({row: one.lower for row, one in self._sure.items()})
+    @cached_property
+    def limit(self) -> npt.NDArray[np.str_]:
+        """What limits them, such as a joint, shape (k,)."""
+        return np.array([one.limit for one in self._sure], dtype=np.str_)
 
     @cached_property
     def payload(self) -> Floats:
         """Held at the perceived normals, shape (k,)."""
-        found = self.payloads(self.rows(), self._angles(self.friction[1]))
-        return self._of_each({row: one.lower for row, one in found.items()})
+        found = self.payloads(self.sets.evaluated, self._angles(self.friction[1]))
+        return locked([one.lower for one in found])
 
     @cached_property
     def payload_max(self) -> Floats:
         """Masses above which no normals, of those that may be true, let the hand hold, (k,).
 
         The cones of all of them are within beta + a, so one of these masses need not be held at any
-        one of the normals. nan: it does not matter, as the mass is surely held or not known.
+        one of the normals. nan where it is not known, or does not matter: the mass is surely held.
         """
         angles = self._angles(self.friction[2]) + self.tilts
-        found = dict.fromkeys(np.flatnonzero(self.payload_min < self._mass).tolist(), math.inf)
-        wide = np.unique(self.sets.row[angles >= RIGHT_ANGLE - FLAT])
-        known = self.payloads(np.setdiff1d(list(found), wide).astype(np.int64), angles)
-        return self._of_each(found | {row: one.upper for row, one in known.items()})
+        chosen = self.payload_min < self._mass
+        chosen[self.sets.row[angles >= RIGHT_ANGLE - FLAT]] = False
+        return locked([one.upper for one in self.payloads(chosen, angles)])
 
     @property
     def doubts(self) -> Iterator[str]:
         """Torques of the load that are hardly true, one sentence each."""
-        hand, load = self.hand, self.load.load
-        motors = [name for name in hand.joint_names if name in _motors(hand)]
-        yield from too_strong(
-            hand, "torque_limits", dict.fromkeys(motors, load.torque_limits or 0.0)
-        )
+        hand, stated = self.hand, self.load.load.torque_limits or 0.0
+        driven = np.array(hand.joint_names)[~np.isnan(self.torques)].tolist()
+        yield from too_strong(hand, "torque_limits", dict.fromkeys(driven, stated))
 
     @property
     def link_weights(self) -> str:
@@ -226,13 +189,6 @@ class HandLoadResult:
         most = np.where(self.payload_min >= self._mass, Label.S, Label.M)
         most[self.payload_max < self._mass] = Label.U
         return locked(np.minimum(codes, most), np.uint8)
-
-    @cached_property
-    def limit(self) -> npt.NDArray[np.str_]:
-        """What limits the mass that is surely held, such as a joint, shape (k,)."""
-        found = self._sure
-        texts = [found[row].limit if row in found else "" for row in range(self.sets.size)]
-        return np.array(texts, dtype=np.str_)
 
     @property
     def unit(self) -> str:

@@ -4,9 +4,11 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import grasp3d
-from grasp3d.hand.articulated.actuation import actuation_of, motors_without_torque, torques_of
+from grasp3d.errors import SettingError
+from grasp3d.hand.articulated.actuation import actuation_of, torques_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from tests.helpers.hands import hand_file, three_fingers
 
@@ -21,7 +23,6 @@ def known(name: str) -> ArticulatedHand:
 def test_stated_torques_drive_every_joint_both_ways() -> None:
     hand = known("allegro")
     torques = torques_of(hand)
-    assert torques is not None
     assert (torques == 0.7).all()
     middle = hand.limits_of_joints.mean(axis=1)
     drives = actuation_of(hand, middle, torques)
@@ -34,9 +35,9 @@ def test_stated_torques_drive_every_joint_both_ways() -> None:
 
 def test_a_differential_drives_two_joints_by_one_tendon() -> None:
     hand = known("shadow")
-    assert torques_of(hand) is None
+    with pytest.raises(SettingError, match=r"of the motor of .*FFJ2.*: state it there"):
+        torques_of(hand)
     torques = torques_of(hand, 0.5)
-    assert torques is not None
     drives = actuation_of(hand, hand.limits_of_joints.mean(axis=1), torques)
     assert drives.columns.shape == (24, 20)
     tendon = drives.columns[:, drives.names.index("FFJ2 and FFJ1")]
@@ -53,11 +54,9 @@ def test_a_joint_without_a_motor_is_driven_by_none(tmp_path: Path) -> None:
     hand = grasp3d.read_hand(path)
     assert isinstance(hand, ArticulatedHand)
     assert hand.description()["torques"] == stated
-    assert motors_without_torque(hand) == []
     for limit, most in ((None, 0.4), (0.7, 0.7)):
         torques = torques_of(hand, limit)
         np.testing.assert_array_equal(torques, [most, most, most, np.nan, most, most])
-        assert torques is not None
         drives = actuation_of(hand, np.full(6, -0.2), torques)
         assert drives.names == tuple(name for name in names if name != "bend1")
         assert drives.columns.any(axis=1).tolist() == [True, True, True, False, True, True]
@@ -65,5 +64,5 @@ def test_a_joint_without_a_motor_is_driven_by_none(tmp_path: Path) -> None:
     path.write_text(json.dumps({**content, "torques": stated}), encoding="utf-8")
     unknown = grasp3d.read_hand(path)
     assert isinstance(unknown, ArticulatedHand)
-    assert motors_without_torque(unknown) == ["bend1"]
-    assert torques_of(unknown) is None
+    with pytest.raises(SettingError, match="no torque of the motor of bend1: state it there"):
+        torques_of(unknown)

@@ -39,9 +39,7 @@ def hand_of(folder: Path, **stated: Any) -> ArticulatedHand:
 
 def drives_of(hand: ArticulatedHand, posture: Floats = POSTURE) -> Actuation:
     """Its drives in a posture."""
-    torques = torques_of(hand)
-    assert torques is not None
-    return actuation_of(hand, posture, torques)
+    return actuation_of(hand, posture, torques_of(hand))
 
 
 def tip_of(hand: ArticulatedHand, finger: int) -> tuple[Floats, Floats]:

@@ -14,27 +14,37 @@ AT_STOP = 1e-3
 """Distance from its limit [rad or m] at which a joint is at its stop."""
 
 
-def motors_without_torque(hand: ArticulatedHand) -> list[str]:
-    """Joints with a motor of their own whose greatest torque is not stated."""
-    pulled = {
-        name for one in hand.couplings if one.kind == "differential" for name in one.joints[1:]
-    }
-    torques = zip(hand.joint_names, hand.torques.tolist(), strict=True)
-    return [name for name, torque in torques if math.isnan(torque) and name not in pulled]
-
-
-def torques_of(hand: ArticulatedHand, torque_limit: float | None = None) -> Floats | None:
-    """Greatest torque of the motor of each joint [N m or N], (p,); None: one is not stated.
+def torques_of(hand: ArticulatedHand, torque_limits: float | None = None) -> Floats:
+    """Greatest torque of the motor of each joint [N m or N], (p,).
 
     It is nan where a joint has no motor, or a differential pulls it with that of another one.
 
     Args:
         hand: The hand.
-        torque_limit: That of every motor, instead of the stated ones.
+        torque_limits: That of every motor, instead of the stated ones.
+
+    Raises:
+        SettingError: What presses is not computed, or a torque is not stated.
     """
-    if torque_limit is None and motors_without_torque(hand):
-        return None
-    return np.where(hand.torques == 0.0, np.nan, torque_limit or hand.torques)
+    if hand.tendons:
+        raise SettingError(
+            f"{hand.name} takes no load: what its tendons and springs press is not computed "
+            f"({', '.join(hand.tendons)})"
+        )
+    pulled = {
+        name for one in hand.couplings if one.kind == "differential" for name in one.joints[1:]
+    }
+    unstated = np.array(hand.joint_names)[np.isnan(hand.torques)].tolist()
+    missing = [name for name in unstated if name not in pulled]
+    if torque_limits is None and missing:
+        raise SettingError(
+            f"the description of {hand.name} states no torque of the motor of "
+            f"{', '.join(missing)}: state it there, or give torque_limits, that of every motor"
+        )
+    torques = np.where(hand.torques == 0.0, np.nan, torque_limits or hand.torques)
+    if torque_limits is not None and np.isnan(torques).all():
+        raise SettingError(f"{hand.name} has no motor that torque_limits could limit")
+    return torques
 
 
 def actuation_of(
