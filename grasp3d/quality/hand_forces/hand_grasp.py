@@ -60,7 +60,9 @@ class HandGrasp:
         if rows.shape != shape or not np.isfinite(rows).all():
             raise ContactError(f"the Jacobian must be finite, of shape {shape}; got {rows.shape}")
         if not 0.0 < most_force < np.inf:
-            raise ContactError(f"the largest contact force must be above 0 [N]; got {most_force}")
+            raise ContactError(
+                f"the largest contact force must be above 0 and finite [N]; got {most_force}"
+            )
         object.__setattr__(self, "contacts", contacts)
         object.__setattr__(self, "jacobian", locked(rows))
         object.__setattr__(self, "actuation", actuation)

@@ -14,6 +14,7 @@ import grasp3d
 from grasp3d.arrays import Floats
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import turned
+from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality import Acceleration, Weight, Wrenches, grip_force, payload
 from grasp3d.quality.hand_forces.actuation import Actuation
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
@@ -356,3 +357,26 @@ def test_nothing_rests_on_points_and_statuses_of_a_solver_that_errs(
     unknown = hand_payload(grasp, task)
     assert unknown.upper == math.inf
     assert unknown.lower <= right.upper
+
+
+def test_shapes_and_limits_that_do_not_fit_are_refused() -> None:
+    contacts = Contacts([[-0.02, 0, 0], [0.02, 0, 0]], [[1, 0, 0], [-1, 0, 0]], 0.5)
+    motors = Actuation([0.2, 0.2])
+    for limits, options, words in (
+        ([0.2, -0.1], {}, "limits of motors must be one torque for each"),
+        ([0.2, math.nan], {}, "limits of motors must be one torque for each"),
+        ([0.2], {"arms": np.eye(2)}, r"arms of 1 motors and 2 joints .* shape \(1, 2\)"),
+        ([0.2], {"stops": [1, 0]}, r"stops of 1 motors and 1 joints .* shape \(1,\)"),
+        ([0.2], {"links": [[0, 0, math.inf]]}, r"links of 1 motors and 1 joints"),
+    ):
+        with pytest.raises(SettingError, match=words):
+            Actuation(limits, **options)
+    for points, jacobian, most, words in (
+        (Contacts(contacts.points, contacts.normals, 0.5, 0.01), np.zeros((2, 3, 2)), 1.0, "hard"),
+        (contacts, np.zeros((2, 3, 1)), 1.0, r"Jacobian must be finite, of shape \(2, 3, 2\)"),
+        (contacts, np.zeros((2, 3, 2)), math.inf, "largest contact force must be above 0"),
+    ):
+        with pytest.raises(ContactError, match=words):
+            HandGrasp(points, jacobian, motors, most_force=most)
+    with pytest.raises(SettingError, match="rtol must be above 0"):
+        hand_payload(HandGrasp(contacts, np.zeros((2, 3, 2)), motors), Weight(), rtol=0.0)
