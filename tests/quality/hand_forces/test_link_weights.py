@@ -43,6 +43,15 @@ def caged(mass: float) -> HandGrasp:
     return HandGrasp(Contacts(-0.03 * normals, normals, 0.5), np.zeros((6, 3, 1)), drives)
 
 
+def lever(most: float) -> HandGrasp:
+    """A link of 1 kg that turns about y, and has a cage of six contacts beyond the axis, as far."""
+    normals = np.concatenate([np.eye(3), -np.eye(3)])
+    contacts = Contacts(-0.03 * normals, normals, 0.5)
+    arms = contacts.points + [0.1, 0.0, 0.0]
+    jacobian = np.cross([0.0, 1.0, 0.0], arms)[:, :, None]
+    return HandGrasp(contacts, jacobian, Actuation([most], links=[[0.0, 0.0, -0.1]]))
+
+
 def least_of(grasp: HandGrasp, ways: np.ndarray) -> float:
     """The least payload of single directions."""
     return min(hand_payload(grasp, Weight(direction=tuple(way))).upper for way in ways)
@@ -112,6 +121,21 @@ def test_a_caged_part_is_held_where_the_links_are() -> None:
     assert light.lower > 0.99 * 1000.0 / STANDARD_GRAVITY
     assert light.limit == "the largest contact force"
     assert hand_payload(caged(0.5), Weight(direction=(0, 0, -1))).upper == 0.0
+
+
+@pytest.mark.parametrize("task", [Weight(), Weight(direction=(0, 0.2, -1))])
+def test_a_counterweight_is_no_payload_where_the_links_alone_are_not_held(task: Task) -> None:
+    share = float(task.support([0, 0, -0.1, 0, 0, 0]))  # torque of 1 kg about y
+    for torque, held in ((0.5 * share, False), (1.5 * share, True)):
+        found = hand_payload(lever(torque), task, rtol=1e-2)
+        balanced = 1.0 + torque / share
+        assert found.upper >= balanced * (1.0 - 1e-6)
+        if held:
+            assert found.lower >= balanced * (1.0 - 1e-2)
+            assert found.upper <= balanced * (1.0 + 1e-2)
+        else:
+            assert found.lower == 0.0
+            assert found.limit == "the weight of the links"
 
 
 def test_links_that_motors_cannot_hold_leave_nothing() -> None:
