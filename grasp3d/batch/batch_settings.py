@@ -2,14 +2,13 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Any
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
 from grasp3d.settings.checks import check_range
-from grasp3d.settings.parsing import Main, Settings
 from grasp3d.settings.regions import Mask
 
 MIN_WORKER_MEMORY = 0.5
@@ -37,7 +36,7 @@ class BatchSettings:
     load: Load | None = None
 
     def __post_init__(self) -> None:
-        kinds: dict[str, type[Settings]] = {
+        kinds: dict[str, Any] = {
             "model": GraspModel, "sampling": Sampling, "mesh": MeshOptions,
             "reach": ReachSettings, "load": Load,
         }  # fmt: skip
@@ -67,7 +66,7 @@ class ClusterSettings:
         timeout: Time limit for a mesh [s]; a mesh that takes longer is given up; none: no limit.
     """
 
-    workers: Annotated[int | None, Main("processes on this machine")] = None
+    workers: int | None = None
     scheduler: str | None = None
     worker_memory: float | None = None
     timeout: float | None = 3600.0

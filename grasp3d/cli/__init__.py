@@ -14,17 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from grasp3d._kernels import compilations
-from grasp3d.cli.commands import (
-    Batch,
-    Check,
-    Evaluate,
-    Label,
-    Simulate,
-    Sweep,
-    Validate,
-    View,
-)
-from grasp3d.cli.tool_commands import Design, Hand, Paper
+from grasp3d.cli import commands
 from grasp3d.cli.usage import HELP, HELP_ALL, help_of, parse
 from grasp3d.errors import GraspError, MeshError, SettingError
 from grasp3d.system.context import running
@@ -33,13 +23,13 @@ from grasp3d.system.limited_reading import limited_reading
 from grasp3d.system.names import printable
 from grasp3d.system.versions import package_version
 
-COMMANDS = (
-    Label, Check, Evaluate, Validate, Simulate, Batch, Sweep, Design, Hand, View, Paper,
+NAMES = (
+    "label", "check", "evaluate", "validate", "simulate", "batch", "sweep", "design", "hand",
+    "view", "paper",
 )  # fmt: skip
-"""The options of the commands, each of which the module of its name runs."""
 
-KINDS = {kind.__name__.lower(): kind for kind in COMMANDS}
-"""The same by the name of the command."""
+KINDS: dict[str, Any] = {name: getattr(commands, name.capitalize()) for name in NAMES}
+"""The options of the commands, each of which the module of its name runs."""
 
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -151,25 +141,21 @@ def _module(command: object) -> Any:
         from grasp3d.rendering.opengl import begin_render_test
 
         begin_render_test()
-    was_enabled = gc.isenabled()
     gc.disable()
     try:
         return import_module(f"{__name__}.{type(command).__name__.lower()}")
     finally:
-        if not gc.get_freeze_count():  # once: later there may be garbage among them
-            gc.freeze()
-        if was_enabled:
-            gc.enable()
+        gc.enable()
 
 
-def _kind(name: str) -> type:
+def _kind(name: str) -> Any:
     """Return the options of a command.
 
     Raises:
         SettingError: No command has this name.
     """
-    if kind := KINDS.get(name):
-        return kind
+    if name in KINDS:
+        return KINDS[name]
     alike = get_close_matches(name, KINDS, 1)
     known = f"did you mean {alike[0]}?" if alike else f"known: {', '.join(KINDS)}"
     problem = f"no command is called {name!r}" if name else "give a command"

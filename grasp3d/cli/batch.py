@@ -1,15 +1,36 @@
 """`grasp3d batch`: labels a library of meshes, and writes tables and a report."""
 
+import logging
 import signal
+import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
 
+from rich.logging import RichHandler
+from rich.progress import Progress, TextColumn, TimeRemainingColumn
+
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.library import label_library
-from grasp3d.cli import batch_report
+from grasp3d.batch.library import BatchProgress, LibraryLabels, label_library
+from grasp3d.batch.report.pages import COLUMNS, REPORT
+from grasp3d.batch.row import Outcome, Row
 from grasp3d.cli.commands import Batch
+from grasp3d.cli.progress_bars import bar_of
+from grasp3d.cli.report import FAILED, WARNING, Report, escaped, percent_text
+from grasp3d.stability.label import MEANING
+from grasp3d.system.counts import counted
+from grasp3d.system.names import printable
+
+LINE_INTERVAL = 10.0
+"""Time between two lines where there is no terminal [s]."""
+
+MAX_ROWS = 60
+"""Meshes up to which each of them is printed."""
+
+MAX_MESSAGES = 20
+"""Failures, and warnings, that are printed; the others are in the summary and the report."""
 
 
 def run(command: Batch) -> int:
@@ -22,10 +43,7 @@ def run(command: Batch) -> int:
         command.reach,
         command.load.chosen,
     )
-    with (
-        batch_report.show_progress(quiet=command.quiet) as progress,
-        _interrupted_once(),
-    ):
+    with _show_progress(quiet=command.quiet) as progress, _interrupted_once():
         try:
             library = label_library(
                 command.inputs,
@@ -35,22 +53,17 @@ def run(command: Batch) -> int:
                 progress=progress,
                 overwrite=command.overwrite,
                 force=command.force,
-                report=command.report,
             )
         except KeyboardInterrupt as stop:
-            raise KeyboardInterrupt(f"{progress.counts}; {_how_to_resume(command)}") from stop
-    if command.quiet:
-        batch_report.print_failed(library)
-    else:
-        batch_report.print_library(library, report=command.report)
+            without = " without --overwrite" * command.overwrite
+            resume = f"the same command{without} labels the others"
+            text = f"{progress.counts}; labelled meshes are stored; {resume}"
+            raise KeyboardInterrupt(text) from stop
+    if not command.quiet:
+        print_library(library)
+    for row in library.failed if command.quiet else ():
+        print(f"failed: {printable(row.error)}", file=sys.stderr)  # noqa: T201
     return 1 if library.failed else 0
-
-
-def _how_to_resume(command: Batch) -> str:
-    """How to resume an interrupted run."""
-    if command.overwrite:
-        return "labelled meshes are stored; the same command without --overwrite labels the others"
-    return "labelled meshes are stored; the same command labels the others"
 
 
 @contextmanager
@@ -73,3 +86,94 @@ def _interrupted_once() -> Iterator[None]:
         if signal.getsignal(signal.SIGINT) is interrupt:  # not interrupted
             for number, handler in zip(signals, before, strict=True):
                 signal.signal(number, handler)
+
+
+class ProgressDisplay:
+    """Shows the progress of a batch; called with each change of it."""
+
+    def __init__(self, bar: Progress) -> None:
+        self._bar, self._task = bar, bar.add_task("labelling", total=1.0, status="")
+        self._started = self._last_line = 0.0
+        self.counts = "no mesh was started"
+        """How many meshes are done."""
+
+    def __call__(self, progress: BatchProgress) -> None:
+        """Show the progress."""
+        now, console = time.monotonic(), self._bar.console
+        done = progress.labelled + progress.failed
+        if not self._started:
+            self._started = self._last_line = now
+            self._bar.reset(self._task)
+            left = counted(progress.left, "meshes")
+            console.print(f"{left} to label, {progress.finished} finished before")
+            if progress.stale:
+                stale = counted(progress.stale, "meshes")
+                console.print(f"{WARNING} labels made with other settings are replaced: {stale}")
+        finished, rate = progress.finished + done, done / max(now - self._started, 1e-9)
+        self.counts = f"{finished} of {counted(finished + progress.left, 'meshes')} are done"
+        status = f"{progress.labelled} labelled, {progress.failed} failed, {progress.left} left"
+        status += f", {rate:.3g}/s" * (done > 0)
+        self._bar.update(self._task, completed=progress.fraction, status=status)
+        is_due = progress.row and (now - self._last_line > LINE_INTERVAL or not progress.left)
+        if is_due and not console.is_terminal:
+            self._last_line = now
+            console.print(status)
+
+
+@contextmanager
+def _show_progress(*, quiet: bool) -> Iterator[ProgressDisplay]:
+    """Show the progress of a batch, and the package's log, for the duration of the context.
+
+    Args:
+        quiet: Show nothing.
+    """
+    bar = bar_of(TextColumn("{task.fields[status]}"), TimeRemainingColumn(), quiet=quiet)
+    log = logging.getLogger("grasp3d")
+    handler, level = RichHandler(console=bar.console, show_time=False, show_path=False), log.level
+    log.setLevel(logging.INFO)
+    log.addHandler(handler)
+    try:
+        with bar:
+            yield ProgressDisplay(bar)
+    finally:
+        log.setLevel(level)
+        log.removeHandler(handler)
+
+
+def print_library(library: LibraryLabels) -> None:
+    """Print the results of a library: a line per mesh where they are few, warnings and failures.
+
+    Args:
+        library: From `label_library`.
+    """
+    report, rows = Report(), list(library.rows.values())
+    if len(rows) <= MAX_ROWS:
+        _print_table(report, rows)
+    report.warnings(library.warnings)
+    warned = [f"{row.mesh}: {row.warnings}" for row in rows if row.warnings]
+    for mark, lines in ((FAILED, [row.error for row in library.failed]), (WARNING, warned)):
+        report.lines(lines[:MAX_MESSAGES], mark)
+        if len(lines) > MAX_MESSAGES:
+            report.line(f"{mark} {len(lines) - MAX_MESSAGES} more: see the report")
+    before = f"; {library.finished} of them were finished before" if library.finished else ""
+    failed = len(library.failed)
+    report.line(f"{len(rows) - failed} labelled, {failed} failed{before}")
+    report.written(library.output, f"{library.output}/{REPORT}")
+
+
+def _print_table(report: Report, rows: Sequence[Row]) -> None:
+    """Print a line for each mesh, with the columns of the report."""
+    labelled = [row for row in rows if row.outcome == Outcome.LABELLED]
+    columns = [column for column in COLUMNS if any(map(column.text, labelled))]
+    lines = []
+    for row in rows:
+        texts = [""] * (len(columns) + 3)
+        if row.outcome == Outcome.LABELLED:
+            areas = (row.stable, row.ambiguous, row.no_grasp_found)
+            texts = [percent_text(one or 0.0) for one in areas]
+            texts += [column.text(row) for column in columns]
+        lines.append([escaped(row.mesh), row.verdict or row.outcome, *texts])
+    headings = [column.title.replace(" ", "\n", 1) for column in columns]
+    report.table(("mesh", "held", "S", "M", "U", *headings), lines, texts=(0, 1))
+    letters = ", ".join(f"{code.name} {meaning}" for code, meaning in MEANING["label"].items())
+    report.line(f"{letters}, of the area; the report says what the columns mean")

@@ -2,21 +2,13 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from functools import partial
+from collections.abc import Callable, Iterator, Sequence
 
 from rich.filesize import decimal
 
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.checking import (
-    CheckedMesh,
-    check_file,
-    json_of,
-    lost_check,
-    write_checks,
-)
-from grasp3d.batch.inputs import MeshFile, find_meshes
-from grasp3d.batch.run import run as run_each
+from grasp3d.batch.checking import CheckedMesh, check_file, lost_check, write_checks
+from grasp3d.batch.inputs import find_meshes
 from grasp3d.batch.storage.files import local_path
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Check
@@ -32,11 +24,27 @@ from grasp3d.cli.report import (
 from grasp3d.mesh.diagnosis import MeshDiagnosis, SurfaceMeasures, Trust
 from grasp3d.system.counts import counted
 
-MAX_PAGES = 3
-"""Largest number of meshes with a page each."""
-
 _COLORS = {Trust.YES: "green", Trust.CARE: "yellow", Trust.NO: "red"}
 """Colours of the values of `Trust`."""
+
+COLUMNS: dict[str, Callable[[MeshDiagnosis], str]] = {
+    "faces": lambda one: f"{one.after.faces:,}",
+    "size": lambda one: length_with_unit(one.size, one.unit).replace(
+        "unit not stated", f"{one.guess.unit or 'unit'}?"
+    ),
+    "bodies": lambda one: str(one.bodies),
+    "closed": lambda one: "yes" if one.after.closed else "no",
+    "repairs": lambda one: str(len(one.repairs)),
+    "crossing": lambda one: str(one.crossing_faces),
+    "noise": lambda one: exact_angle(one.noise),
+}
+"""Columns of the table of several meshes."""
+
+LEGEND = (
+    "labels: whether they can be trusted; size: with ?, the unit that it suggests; closed: "
+    "watertight after repair; repairs: kinds of repair; crossing: self-intersecting faces; "
+    "noise: of the normals"
+)
 
 
 def run(command: Check) -> int:
@@ -45,54 +53,24 @@ def run(command: Check) -> int:
     sources = [local_path(file.source) for file in files]
     check_output(command.output, [".json"], "report", overwrite=command.overwrite, inputs=sources)
     settings = BatchSettings(command.model, command.sampling, command.mesh)
-    meshes = _checked(command, files, settings)
+    meshes = progress_bars.each_mesh(
+        check_file, files, settings, lost=lost_check, text="checking", command=command
+    )
     if command.output is not None:
         write_checks(command.output, meshes, settings)
-    if command.json:
-        print(json_of(meshes, settings))  # noqa: T201
-    elif not command.quiet:
-        report, names = Report(), {str(local_path(item) or item) for item in command.inputs}
-        if len(meshes) <= MAX_PAGES and all(file.source in names for file in files):
-            for mesh in meshes:  # each was named, instead of folders or lists
-                _print_page(report, mesh)
-        else:
-            _print_lines(report, meshes)
+    report, [first, *others] = Report(quiet=command.quiet), meshes
+    if others or first.diagnosis is None:
+        _print_lines(report, meshes)
+    else:
+        _print_page(report, first.diagnosis)
     accepted = {Trust.YES} if command.strict else {Trust.YES, Trust.CARE}
     return 0 if all(mesh.trust in accepted for mesh in meshes) else 1
 
 
-def _checked(command: Check, files: list[MeshFile], settings: BatchSettings) -> list[CheckedMesh]:
-    """Check one mesh in this process, several in child processes."""
-    if len(files) == 1:
-        return [check_file(files[0], settings, force=command.force)]
-    check = partial(check_file, force=command.force)
-    checks = run_each(
-        check, files, settings, lost=lost_check, cluster=command.cluster, compiled=True
-    )
-    rows = progress_bars.counted_results(checks, "checking", len(files), quiet=command.quiet)
-    return sorted(rows, key=lambda row: row.name)
-
-
-def _print_page(report: Report, mesh: CheckedMesh) -> None:
-    diagnosis = mesh.diagnosis
-    if diagnosis is None:
-        report.lines([mesh.refusal], FAILED)
-        return
+def _print_page(report: Report, diagnosis: MeshDiagnosis) -> None:
     size = decimal(diagnosis.file_bytes or 0)
     report.heading(diagnosis.mesh, f"{diagnosis.format.upper()}, {size}")
     report.values(_facts(diagnosis))
-    both = diagnosis.before, diagnosis.after
-    length, area, volume = (f", m{power}" if diagnosis.unit else "" for power in ("", *"²³"))
-    rows = {
-        "vertices": [f"{one.vertices:,}" for one in both],
-        "faces": [f"{one.faces:,}" for one in both],
-        "watertight": map(_closed, both),
-        f"area{area}": [f"{one.area:.5g}" for one in both],
-        f"volume{volume}": ["open" if one.volume is None else f"{one.volume:.5g}" for one in both],
-        f"centre of mass{length}": [_center(one, diagnosis.size) for one in both],
-    }
-    lines = ([name, *texts] for name, texts in rows.items())
-    report.table(("", "in the file", "after repair"), lines)
     report.lines(map(str, diagnosis.repairs), "repaired:")
     report.line(f"labels can be trusted: {_colored(diagnosis.trust)}")
     for warning in diagnosis.warnings:
@@ -105,15 +83,28 @@ def _colored(trust: Trust, text: str | None = None) -> str:
 
 
 def _facts(diagnosis: MeshDiagnosis) -> Iterator[tuple[str, str]]:
-    """Names and values of what a mesh is, and of what labelling it takes."""
+    """Names and values of what a mesh is after repair, and of what labelling it takes."""
+    found, closed, cost = diagnosis.after, _closed(diagnosis.before), diagnosis.cost
+    length, area, volume = (f" m{power}" if diagnosis.unit else "" for power in ("", "²", "³"))
     yield "unit", _unit(diagnosis)
     extents = (length_with_unit(one, "m" if diagnosis.unit else None) for one in diagnosis.extents)
     yield "extents", " x ".join(one.removesuffix(" (unit not stated)") for one in extents)
     yield "size", f"{length_with_unit(diagnosis.size, diagnosis.unit)}, of the ball around it"
     yield "bodies", str(diagnosis.bodies)
+    yield "surface", f"{found.vertices:,} vertices, {found.faces:,} faces, {found.area:.5g}{area}"
+    yield (
+        "watertight",
+        closed
+        if found.closed == diagnosis.before.closed
+        else (f"{closed}; after repair {_closed(found)}"),
+    )
+    if found.volume is not None:
+        digits = max(0, 3 - math.floor(math.log10(diagnosis.size)))
+        center = (f"{round(x, digits) + 0.0:.{digits}f}" for x in found.center_mass)
+        yield "volume", f"{found.volume:.5g}{volume}"
+        yield "centre of mass", f"{' '.join(center)}{length}"
     yield "self-intersecting faces", f"{diagnosis.crossing_faces:,}"
     yield "noise of normals", exact_angle(diagnosis.noise)
-    cost = diagnosis.cost
     time = "a second" if cost.seconds < 1.0 else duration_text(cost.seconds)
     vertices = counted(diagnosis.label_vertices, "vertices")
     often = "several times" if cost.more else "about"
@@ -130,9 +121,9 @@ def _unit(diagnosis: MeshDiagnosis) -> str:
 
 
 def _closed(measured: SurfaceMeasures) -> str:
-    words = ["yes" if measured.closed else "no"]
-    if not measured.closed and not measured.boundary_edges:
-        words.append("inconsistent orientation")
+    if measured.closed:
+        return "yes"
+    words = ["no"] if measured.boundary_edges else ["no", "inconsistent orientation"]
     if measured.boundary_edges:
         words.append(f"{counted(measured.boundary_edges, 'edges')} with one face")
     if measured.crowded_edges:
@@ -140,23 +131,10 @@ def _closed(measured: SurfaceMeasures) -> str:
     return ", ".join(words)
 
 
-def _center(measured: SurfaceMeasures, size: float) -> str:
-    """Format the centre of mass, to a thousandth of the object's size."""
-    if not measured.closed:
-        return "open"
-    digits = max(0, 3 - math.floor(math.log10(size)))
-    return " ".join(f"{round(x, digits) + 0.0:.{digits}f}" for x in measured.center_mass)
-
-
 def _print_lines(report: Report, meshes: Sequence[CheckedMesh]) -> None:
     """Print a line for each mesh, then the errors and the warnings."""
-    headings = ("faces", "size", "bodies", "closed", "repairs", "crossing", "noise")
-    report.table(("mesh", "labels", *headings), map(_cells, meshes), texts=(0, 1))
-    report.line(
-        "labels: whether they can be trusted; size: with ?, the unit that it suggests; closed: "
-        "watertight after repair; repairs: kinds of repair; crossing: self-intersecting faces; "
-        "noise: of the normals"
-    )
+    report.table(("mesh", "labels", *COLUMNS), map(_cells, meshes), texts=(0, 1))
+    report.line(LEGEND)
     for mesh in meshes:
         if mesh.diagnosis is None:
             report.lines([mesh.refusal], FAILED)
@@ -173,18 +151,7 @@ def _print_lines(report: Report, meshes: Sequence[CheckedMesh]) -> None:
 
 
 def _cells(mesh: CheckedMesh) -> list[str]:
-    diagnosis = mesh.diagnosis
-    if diagnosis is None:
-        return [escaped(mesh.name), "[red]failed[/]", *[""] * 7]
-    size = length_with_unit(diagnosis.size, diagnosis.unit)
-    return [
-        escaped(mesh.name),
-        _colored(diagnosis.trust),
-        f"{diagnosis.after.faces:,}",
-        size.replace("unit not stated", f"{diagnosis.guess.unit or 'unit'}?"),
-        str(diagnosis.bodies),
-        "yes" if diagnosis.after.closed else "no",
-        str(len(diagnosis.repairs)),
-        str(diagnosis.crossing_faces),
-        exact_angle(diagnosis.noise),
-    ]
+    if mesh.diagnosis is None:
+        return [escaped(mesh.name), "[red]failed[/]", *[""] * len(COLUMNS)]
+    texts = (text(mesh.diagnosis) for text in COLUMNS.values())
+    return [escaped(mesh.name), _colored(mesh.diagnosis.trust), *texts]

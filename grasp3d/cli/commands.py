@@ -1,4 +1,4 @@
-"""The commands on meshes, libraries of them, and grasps: their options."""
+"""The commands: their options."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -6,48 +6,43 @@ from typing import Annotated
 
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
-    POSITIONAL,
-    REPEATED,
-    DegreeRanges,
-    FrameOption,
+    ARGUMENT,
+    FOLDER,
     GivenPoses,
     Guarded,
-    Inputs,
     Labelling,
     LengthOption,
     LoadOfJaws,
-    MeshFile,
-    NumberRanges,
-    ObjectPoseOption,
-    OutcomeOption,
+    ManyMeshes,
+    OneMesh,
     Overwriting,
+    Parser,
     Quiet,
     Searching,
-    Stated,
     Strict,
     WholeMesh,
-    without,
+    Without,
 )
 from grasp3d.errors import SettingError
-from grasp3d.hand.choices import ContactRule, ObjectMotion
-from grasp3d.hand.hand import Hand
+from grasp3d.hand.choices import ContactRule
+from grasp3d.hand.frames import GripperFrame
+from grasp3d.hand.hand import Hand as AnyHand
+from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.physics.simulation_settings import SimulationSettings
 from grasp3d.quality.loads import Load
-from grasp3d.settings import (
-    GraspModel,
-    MeshOptions,
-    PoseFormat,
-    Sampling,
-)
-from grasp3d.settings.parsing import Group, Main
-from grasp3d.settings.units import parse_lengths
+from grasp3d.settings import DEGREE, GraspModel, MeshOptions, PoseFormat, Radians, Sampling
+from grasp3d.settings.friction import friction_interval
+from grasp3d.settings.units import Metres, parse_lengths
 from grasp3d.validating.validation_settings import ValidationSettings
 from grasp3d.viewer.view_settings import ViewSettings
 
+ModelOfJaws = Annotated[GraspModel, Without(["fingers", "method"])]
+"""A model of grasps between two jaws."""
+
 
 @dataclass(frozen=True)
-class Batch(Labelling):
+class Batch(Labelling, ManyMeshes):
     """Label every mesh of a library, and write a summary and a report.
 
     It resumes an earlier run of the same command: meshes whose content and settings are unchanged
@@ -60,29 +55,20 @@ class Batch(Labelling):
         grasp3d batch 'meshes/*.glb' -o results_glb --max-opening 80mm --workers 2
     """
 
-    inputs: Inputs
-
-    output: Annotated[str, Stated(metavar="FOLDER"), Main("folder for labels, tables and report")]
+    output: Annotated[str, Parser("FOLDER")]
     """Folder for the results: labels/, fields/, summary/ and report/; also on an object store."""
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
 
-    overwrite: Annotated[bool, Main("label all meshes again")] = field(default=False, kw_only=True)
+    overwrite: bool = field(default=False, kw_only=True)
     """Label all meshes again, and remove labels of other meshes made with other settings."""
 
-    best: Annotated[int, Main("best grasps in the summary of a mesh")] = 5
-    """Number of best distinct grasps in the summary of each mesh; 0: none."""
-
-    report: bool = True
-    """Write report/index.html."""
-
-    def __post_init__(self) -> None:
-        if not self.inputs:
-            raise SettingError("no input: name a folder of meshes, or mesh files")
+    best: int = 5
+    """Best distinct grasps in the summary of each mesh; 0: none."""
 
 
 @dataclass(frozen=True)
-class Sweep(Guarded):
+class Sweep(Guarded, ManyMeshes):
     """Compute area fractions of S, M and U over friction and sensor resolution.
 
     Also prints the sensor resolution that is required for given area fractions of S. Each mesh is
@@ -95,42 +81,36 @@ class Sweep(Guarded):
         grasp3d sweep 'meshes/*.glb' --friction 0.5 --fraction 0.5 --max-opening 80mm -o glb.csv
     """
 
-    targets: Annotated[
-        Inputs,
-        Stated(metavar="PATH|circle|square|sphere ..."),
-        Main("meshes, folders; circle, square, sphere"),
-    ]
-    """To be given before the options. Mesh files, folders, which are searched recursively, globs in
-    quotes such as 'lib/**/*.stl', lists of these (.txt, one per line); also on an object store
-    (s3://BUCKET/FOLDER). Shapes in closed form with one finger fixed: circle, square (in the middle
-    of a side) and sphere; ./circle is a file or folder. Shapes have two fingers."""
+    inputs: Annotated[tuple[str, ...], ARGUMENT, Parser("PATH|circle|square|sphere")]
+    """Meshes, folders and shapes, to be given before the options: mesh files, folders, which are
+    searched recursively, globs in quotes such as 'lib/**/*.stl', lists of these (.txt, one per
+    line); also on an object store (s3://BUCKET/FOLDER). Shapes in closed form with one finger
+    fixed: circle, square (in the middle of a side) and sphere; ./circle is a file or folder. Shapes
+    have two fingers."""
 
-    output: Annotated[Path | None, Main("table: .csv .parquet")] = None
-    """Table (.csv or .parquet) (default: NAME_sweep.csv in this folder, sweep.csv for several
-    targets)."""
+    output: Path | None = None
+    """Table (.csv or .parquet), beside which a figure of the same name with the suffix .svg is
+    written (default: NAME_sweep.csv in this folder, sweep.csv for several targets)."""
 
-    figure: Annotated[Path | None, Main("figure: .svg .png .pdf")] = None
-    """Figure (.svg, .png or .pdf) (default: the name of the table with the suffix .svg)."""
-
-    friction: Annotated[NumberRanges, Main("frictions")] = ("0.2", "0.5", "1.0")
+    friction: Annotated[tuple[str, ...], Parser("NUMBER|FROM:TO:STEP")] = ("0.2", "0.5", "1.0")
     """Coulomb coefficients of friction between fingertip and object, above 0."""
 
-    sensor_resolution: Annotated[DegreeRanges, Main("sensor resolutions")] = ("0:60:1", "22.6")
+    sensor_resolution: Annotated[tuple[str, ...], Parser("DEGREES|FROM:TO:STEP")] = (
+        "0:60:1", "22.6",
+    )  # fmt: skip
     """Resolutions of the fingertips' sensors: the smallest angle between two normals that they can
     tell apart. One value or more, in degrees, and ranges that include both ends."""
 
-    fraction: Annotated[tuple[float, ...], Main("area fractions of S")] = (0.5, 0.9)
+    fraction: tuple[float, ...] = (0.5, 0.9)
     """Area fractions of S, above 0 and at most 1. For each the required sensor resolution is
     printed: at any smaller one at least this fraction of the surface is S."""
 
-    fingers: Annotated[int, Group("hand")] = 2
+    fingers: int = 2
     """Number of fingers, from 2 to 5."""
 
     sampling: Sampling = field(default_factory=Sampling)
 
-    reach: Annotated[ReachSettings, without(ReachSettings, "pose_error")] = field(
-        default_factory=ReachSettings
-    )
+    reach: Annotated[ReachSettings, Without(["pose_error"])] = field(default_factory=ReachSettings)
 
     mesh: MeshOptions = field(default_factory=MeshOptions)
 
@@ -142,12 +122,8 @@ class Sweep(Guarded):
                 raise SettingError(f"each fraction must be above 0 and at most 1; got {fraction:g}")
 
 
-At = Annotated[tuple[str, ...], REPEATED, Stated(metavar="X,Y,Z")]
-"""Points of a surface, in metres or each length with a unit."""
-
-
 @dataclass(frozen=True)
-class Label(Labelling):
+class Label(Labelling, OneMesh):
     """Label one mesh: print area fractions of S, M and U, write the labelled mesh.
 
     Example:
@@ -157,15 +133,13 @@ class Label(Labelling):
         grasp3d label meshes/box.obj --unit m --fingers 3 --max-opening 12cm --best 4
     """
 
-    file: MeshFile
-
-    output: Annotated[Path | None, Main("labelled file: .ply .glb .npz .vtp .parquet")] = None
+    output: Path | None = None
     """Labelled file (.ply, .glb, .npz, .vtp or .parquet) (default: NAME_labeled.ply in this
     folder)."""
 
-    best: Annotated[int | None, Main("how many best grasps to print and write")] = None
-    """Number of best distinct grasps to print and to write to a file, with a picture (.png) of the
-    same name beside it."""
+    best: int | None = None
+    """How many best grasps to print and to write: distinct ones, to a file, with a picture (.png)
+    of the same name beside it."""
 
     grasps: Path | None = None
     """File of the best grasps of --best (.json, .csv, .parquet; with a gripper also .yaml for
@@ -176,18 +150,18 @@ class Label(Labelling):
     """With a gripper: format of that file, where its suffix stands for several (default: the first
     of that suffix)."""
 
-    object_pose: ObjectPoseOption = None
+    object_pose: ObjectPose | None = None
     """With a gripper: pose of the object in your robot's frame, in which that file then has its
     poses: x,y,z,yaw in metres and degrees, x,y,z,qx,qy,qz,qw, or a file of it (default: the poses
     are in the mesh's frame)."""
 
-    frame: FrameOption = None
-    """With a gripper: frame of the gripper in which that file is to have the poses, such as
-    graspgen, or a file, as grasp3d evaluate takes it (default: that of the format)."""
+    frame: GripperFrame | None = None
+    """Frame of the gripper in which that file is to have the poses: a name, such as graspgen, or a
+    file, as grasp3d evaluate takes it (default: that of the format)."""
 
-    at: At = ()
-    """Also print the label, the grasp and the reason at the vertex nearest to this point of the
-    surface; may be stated several times."""
+    at: Annotated[tuple[str, ...], Parser("X,Y,Z")] = ()
+    """Also print the label, the grasp and the reason at the vertices nearest to these points of the
+    surface."""
 
     def __post_init__(self) -> None:
         if self.best is not None and self.best < 1:
@@ -209,14 +183,14 @@ class Label(Labelling):
             parse_lengths("at", text)
 
     @property
-    def posed_hand(self) -> Hand | None:
+    def posed_hand(self) -> AnyHand | None:
         """The hand, if it has poses for grasps of so many fingers."""
         hand = self.reach.hand
         return hand if hand is not None and self.model.fingers in hand.fingers else None
 
 
 @dataclass(frozen=True)
-class Check(Searching):
+class Check(Searching, ManyMeshes):
     """Diagnose meshes: unit, holes, orientation, bodies, self-intersections, noise.
 
     With the options of label it reports whether labels can be trusted. Exit code 0: for all
@@ -229,26 +203,12 @@ class Check(Searching):
         grasp3d check meshes --unit m --max-opening 60mm -o meshes.json
     """
 
-    inputs: Inputs
-
-    output: Annotated[Path | None, Main("report: .json")] = None
+    output: Path | None = None
     """Report with all results (.json)."""
 
-    json: Annotated[bool, Main("print JSON instead of tables")] = False
-    """Print JSON instead of tables."""
-
-    strict: Annotated[bool, Main("exit code 1 also where care is needed")] = field(
-        default=False, kw_only=True
-    )
-    """Exit code 1 also for meshes whose labels can be trusted with care only."""
-
-    mesh: Annotated[MeshOptions, WholeMesh] = field(default_factory=MeshOptions)
+    mesh: WholeMesh = field(default_factory=MeshOptions)
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
-
-    def __post_init__(self) -> None:
-        if not self.inputs:
-            raise SettingError("no input: name a mesh file, or a folder of meshes")
 
 
 @dataclass(frozen=True)
@@ -264,29 +224,18 @@ class View(Labelling):
         grasp3d view meshes/mug.glb --paint max_resolution --screenshot mug.png
     """
 
-    target: Annotated[
-        Path,
-        POSITIONAL,
-        Stated(metavar="PATH"),
-        Main("a mesh, a labelled PLY, or the folder of a batch"),
-    ]
+    target: Annotated[Path, ARGUMENT, Parser("PATH", FOLDER.parse)]
     """A mesh, a labelled PLY, or the folder of results of `grasp3d batch`."""
 
-    grasps: Annotated[Path | None, Main("poses of a gripper or hand to step through")] = None
+    grasps: Path | None = None
     """Poses of a gripper or hand on the mesh, as grasp3d evaluate takes them, instead of its
     labels: it is shown at each, the one to be taken first at the front. Needs --hand."""
 
-    contact_rule: Annotated[ContactRule | None, Group("hand")] = None
-    """With --grasps: which contacts the poses make, as in grasp3d evaluate (default: given)."""
-
-    web: Annotated[bool, Main("serve a page for a browser, open no window")] = False
+    web: bool = False
     """Serve a page for a browser instead of opening a window, as where there is no display; only
     this computer can connect."""
 
-    port: Annotated[int, Stated(metavar="PORT")] = 8080
-    """Port of the page; if it is in use, the next free one."""
-
-    screenshot: Annotated[Path | None, Main("write a picture instead: .png")] = None
+    screenshot: Path | None = None
     """Write a picture (.png) instead; needs no display."""
 
     view: ViewSettings = field(default_factory=ViewSettings)
@@ -295,7 +244,7 @@ class View(Labelling):
 
 
 @dataclass(frozen=True)
-class Evaluate(Guarded, GivenPoses):
+class Evaluate(Guarded, GivenPoses, OneMesh):
     """Evaluate given grasps: label, critical friction angle and epsilon of each.
 
     Each contact is moved to the closest point of the surface. At poses of a gripper its jaws are
@@ -308,65 +257,35 @@ class Evaluate(Guarded, GivenPoses):
         grasp3d evaluate meshes/mug.glb grasps.csv --max-distance 5mm -o evaluated.json
     """
 
-    file: MeshFile
+    contacts: Annotated[Path, ARGUMENT]
+    """Contacts, or poses of a gripper or hand: contact points in the mesh's frame, as CSV or
+    Parquet with columns x1 y1 z1 x2 y2 z2 ... and one row per grasp, or JSON with a list of grasps,
+    each a list of points [x, y, z]. Or poses of a gripper: the files that grasp3d writes;
+    isaac_grasp (.yaml); ACRONYM (.h5); GraspNet (.npy); GraspGen and moveit_msgs/Grasp (.json); of
+    hands with joints DexGraspBench and DexGraspNet (.npy). They need --hand."""
 
-    contacts: Annotated[
-        Path,
-        POSITIONAL,
-        Stated(metavar="CONTACTS"),
-        Main("contacts, or poses of a gripper or a hand"),
-    ]
-    """Contact points in the mesh's frame: CSV or Parquet with columns x1 y1 z1 x2 y2 z2
-    ... and one row per grasp, or JSON with a list of grasps, each a list of points [x, y, z]. Or
-    poses of a gripper: the files that grasp3d writes; isaac_grasp (.yaml); ACRONYM (.h5); GraspNet
-    (.npy); GraspGen and moveit_msgs/Grasp (.json); of hands with joints DexGraspBench and
-    DexGraspNet (.npy). They need --hand."""
-
-    output: Annotated[Path | None, Main("results: .csv .parquet .json")] = None
+    output: Path | None = None
     """Results (.csv, .parquet or .json) (default: NAME_grasps.csv in this folder)."""
 
-    max_distance: Annotated[
-        LengthOption, Group("search"), Main("how far contacts may be from the surface")
-    ] = None
+    max_distance: LengthOption = None
     """Largest distance of a contact from the surface (default: 1/100 of the object's size)."""
 
-    metrics: Annotated[
-        str | None,
-        Stated(metavar="all|NAME,NAME"),
-        Group("search"),
-        Main("quality measures of the literature"),
-    ] = None
+    metrics: str | None = None
     """Quality measures of the literature to compute, print and write as further columns: all, or
     names separated by commas, such as min_weight,grasp_isotropy; an unknown name lists them."""
 
-    object_motion: Annotated[ObjectMotion, Group("hand")] = "free"
-    """Poses: whether the object gives way to the closing jaws, and settles between them, or does
-    not move."""
-
-    object_scale: Annotated[float | None, Group("hand")] = None
+    object_scale: float | None = None
     """Factor from the numbers of the object's file to metres, of which the poses are: for files of
     poses on an object at several scales, or that do not state it (default: the one that they
     state)."""
 
-    contact_rule: Annotated[
-        ContactRule | None,
-        Stated(metavar="RULE"),
-        Group("hand"),
-        Main("hands with joints: given or closed"),
-    ] = None
-    """Poses of a hand with joints: which contacts they make. given: the links within the contact
+    contact_rule: ContactRule | None = None
+    """Contacts of poses of a hand with joints. given: the links within the contact
     distance of the surface; closed: the hand closes from its open preshape until its links touch
     (default: given)."""
 
-    contact_distance: Annotated[LengthOption, Group("hand")] = None
-    """Poses of a hand with joints: distance from the surface up to which a link touches, a length
-    (default: 5mm)."""
-
-    picture: Annotated[Path | None, Main("hands with joints: picture of the best poses")] = None
-    """Poses of a hand with joints: picture of the 12 to be taken first (.png, .svg or .pdf)."""
-
-    outcome: OutcomeOption = None
-    """Poses: column or key that says whether a grasp held, as grasp3d validate takes it; it is
+    outcome: str | None = None
+    """Column or key of poses that says whether a grasp held, as grasp3d validate takes it; it is
     written with the results (default: outcome or success, or what the format has)."""
 
     model: GraspModel = field(default_factory=GraspModel)
@@ -391,74 +310,43 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
     Example:
         # How well labels predict a robot's log of grasps on one object
         grasp3d validate tried.csv --mesh meshes/mug.glb --hand franka -o validated
-        # For rubber pads, with a table of S, M and U at other resolutions
-        grasp3d validate tried.csv --mesh meshes/mug.glb --friction 0.8 --sensor-resolutions 0:20:5
+        # For rubber pads
+        grasp3d validate tried.csv --mesh meshes/mug.glb --friction 0.8
     """
 
-    grasps: Annotated[
-        tuple[Path, ...], POSITIONAL, Main("poses with outcomes: .csv .h5 .json .yaml")
-    ]
+    grasps: Annotated[tuple[Path, ...], ARGUMENT]
     """Files of poses with outcomes: tables (.csv, .parquet) with px py pz qx qy qz qw and a column
     success (or outcome) of 1 or 0, true or false, empty where it was not tried; ACRONYM
     (.h5); GraspGen and the files that grasp3d writes (.json)."""
 
-    output: Annotated[
-        Path | None, Stated(metavar="FOLDER"), Main("folder for tables and figures")
-    ] = None
+    output: Annotated[Path | None, FOLDER] = None
     """Folder for tables, as CSV, and figures, as SVG (default: only prints)."""
 
-    mesh_file: Annotated[
-        Path | None,
-        Stated(name="mesh", metavar="FILE"),
-        Group("object"),
-        Main("mesh of the object of all grasps"),
-    ] = None
+    mesh: Path | None = None
     """Mesh of the object of all grasps (default: the one that each file of grasps names, in the
     scale that it states)."""
 
-    meshes: Annotated[
-        Path | None,
-        Stated(metavar="FOLDER"),
-        Group("object"),
-        Main("folder of the meshes that the grasps name"),
-    ] = None
+    meshes: Annotated[Path | None, FOLDER] = None
     """Folder in which these meshes are looked up, by their path, then by their base name (default:
     the folder of each file of grasps)."""
 
-    outcome: Annotated[OutcomeOption, Main("column that says whether a grasp held")] = None
+    outcome: str | None = None
     """Column or key of the files that says whether a grasp held: 1 or 0, true or false, empty: not
     tried (default: outcome or success; in ACRONYM and GraspGen object_in_gripper)."""
 
-    frictions: NumberRanges = ("0.3", "0.5", "1.0")
-    """Coefficients of friction of the table of S, M and U."""
+    statistics: ValidationSettings = field(default_factory=ValidationSettings)
 
-    sensor_resolutions: DegreeRanges = ("0", "10", "22.6", "40")
-    """Sensor resolutions of that table."""
-
-    statistics: Annotated[
-        ValidationSettings, without(ValidationSettings, "frictions", "sensor_resolutions")
-    ] = field(default_factory=ValidationSettings)
-
-    model: Annotated[GraspModel, without(GraspModel, "fingers", "method", "extreme_normals")] = (
-        field(default_factory=GraspModel)
-    )
+    model: ModelOfJaws = field(default_factory=GraspModel)
 
     reach: ReachSettings = field(default_factory=ReachSettings)
 
     load: LoadOfJaws = field(default_factory=Load)
 
-    surface: Annotated[MeshOptions, WholeMesh] = field(default_factory=MeshOptions)
-
-    object_motion: Annotated[ObjectMotion, Group("hand")] = "free"
-    """Whether objects give way to the closing jaws: they settle between them, or do not move."""
-
-    def __post_init__(self) -> None:
-        if not self.grasps:
-            raise SettingError("no input: name files of poses with outcomes")
+    surface: WholeMesh = field(default_factory=MeshOptions)
 
 
 @dataclass(frozen=True)
-class Simulate(Guarded, GivenPoses):
+class Simulate(Guarded, GivenPoses, OneMesh):
     """Simulate labelled grasps in MuJoCo: do S hold, and U fail?
 
     Draws pairs of contacts from the surface, labels them from what a sensor perceives of them, and
@@ -473,35 +361,150 @@ class Simulate(Guarded, GivenPoses):
         grasp3d simulate meshes/box.obj --unit m --friction 0.4..0.6 --count 6 -o simulated.parquet
     """
 
-    file: MeshFile
-
-    output: Annotated[Path | None, Main("table: .csv .parquet; or poses")] = None
+    output: Path | None = None
     """Table with a row for each grasp (.csv or .parquet), or poses with outcomes in any format that
     has them (default: NAME_simulation.csv in this folder)."""
 
-    grasps: Annotated[Path | None, Group("simulation"), Main("poses of a gripper to simulate")] = (
-        None
-    )
+    grasps: Path | None = None
     """File of poses of a gripper to simulate, in any format that grasp3d evaluate reads (default:
     grasps are drawn from the surface)."""
 
-    hand: Annotated[Hand | None, Group("hand"), Main("gripper of the poses")] = None
-    """Name of a preset, or a file, of the gripper of the poses. Of drawn grasps: a gripper with
+    hand: AnyHand | None = None
+    """Gripper of the poses: the name of a preset, or a file. Of drawn grasps: a gripper with
     round tips, whose radius and limits of the opening are taken (default: tips of --tip-radius)."""
-
-    min_opening: Annotated[LengthOption, Group("hand")] = 0.0
-    """Smallest distance between the contacts, a length (default: 0)."""
-
-    max_opening: Annotated[LengthOption, Group("hand"), Main("largest grasp, such as 80mm")] = None
-    """Largest distance between the contacts, a length (default: none)."""
 
     simulation: SimulationSettings = field(default_factory=SimulationSettings)
 
-    model: Annotated[
-        GraspModel,
-        without(GraspModel, "fingers", "method", "extreme_normals", "edges", "actuation"),
-    ] = field(default_factory=GraspModel)
+    model: ModelOfJaws = field(default_factory=GraspModel)
 
-    mesh: Annotated[MeshOptions, WholeMesh] = field(default_factory=MeshOptions)
+    sampling: Annotated[Sampling, Without(["grip"])] = field(default_factory=Sampling)
+
+    mesh: WholeMesh = field(default_factory=MeshOptions)
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
+
+
+@dataclass(frozen=True)
+class Design:
+    """Compute the sensor for a friction, or the friction for a sensor.
+
+    With --friction: the coarsest sensor for surely stable grasps. With a sensor, given by
+    --receptive-field or --sensor-resolution: the least friction. With both: whether the sensor is
+    fine enough for each friction, and with --joints the encoders that the finger needs.
+
+    Example:
+        # The coarsest sensor for two frictions
+        grasp3d design --friction 0.2 0.5
+        # Whether a sensor is fine enough, and the encoders of a finger with two joints
+        grasp3d design --friction 0.5 --receptive-field 4mm --joints 2
+    """
+
+    friction: tuple[float, ...] = ()
+    """Coulomb coefficient of friction between fingertip and object, above 0. One value or more."""
+
+    fingertip_radius: LengthOption = None
+    """Radius of a hemispherical fingertip (default: 10mm)."""
+
+    receptive_field: LengthOption = None
+    """Sensor: length of the arc on the fingertip within which it cannot distinguish contacts."""
+
+    sensor_resolution: Radians | None = None
+    """Sensor, by its resolution in degrees instead."""
+
+    joints: int | None = None
+    """Revolute joints between palm and fingertip, for the counts per revolution that their encoders
+    need, after quadrature decoding."""
+
+    def __post_init__(self) -> None:
+        for friction in self.friction:
+            friction_interval(f"{friction:g}")
+        for name in ("fingertip_radius", "receptive_field"):
+            length = getattr(self, name)
+            if length is not None and not isinstance(length, Metres):
+                raise SettingError(f"{name} needs its unit, such as {length:g}mm")
+        has_sensor = self.receptive_field is not None or self.sensor_resolution is not None
+        if self.receptive_field is not None and self.sensor_resolution is not None:
+            raise SettingError(
+                "--receptive-field and --sensor-resolution each define the sensor; give one"
+            )
+        if self.joints is not None and not (has_sensor and self.friction):
+            raise SettingError(
+                "--joints needs --friction and a sensor: --receptive-field or --sensor-resolution"
+            )
+
+
+@dataclass(frozen=True)
+class Hand(Quiet, Overwriting):
+    """Print what is known of a gripper or a hand with joints; draw it, write it as JSON.
+
+    Without one: list the ones that are known by name.
+
+    Example:
+        # Print a gripper, and draw it
+        grasp3d hand franka --picture franka.png
+        # Draw the frames in which programs give its pose
+        grasp3d hand franka --frames frames.png
+        # Describe the hand of a URDF by the links of its fingers
+        grasp3d hand hand.urdf --fingers left_finger right_finger -o gripper.json
+        # Propose the description of a hand with joints, and draw it
+        grasp3d hand allegro.urdf -o allegro.json --picture allegro.png
+    """
+
+    hand: Annotated[str, ARGUMENT, Parser("[NAME|FILE]")] = ""
+    """Name of a preset; or a file: JSON, as this command writes it, URDF (.urdf) or a MuJoCo model
+    (.xml, .mjcf)."""
+
+    fingers: Annotated[tuple[str, ...], Parser("LINK")] = ()
+    """URDF and MuJoCo: names of the links, or bodies, of the two fingers that slide (default: it is
+    a hand with joints)."""
+
+    palm: str | None = None
+    """URDF and MuJoCo: name of the link that is the palm (default: the one that carries the
+    fingers)."""
+
+    tcp: LengthOption = None
+    """URDF and MuJoCo: from the origin of the link that carries the fingers to the tool centre
+    point, a length with a unit, or in m (default: to the middle of the pads)."""
+
+    output: Path | None = None
+    """JSON file for the description."""
+
+    picture: Path | None = None
+    """Picture of it with its frame (.png, .svg or .pdf)."""
+
+    frames: Path | None = None
+    """Picture of all frames in which programs give its pose, by name (.png, .svg or .pdf)."""
+
+    def __post_init__(self) -> None:
+        options = ("fingers", "palm", "tcp", "output", "picture", "frames")
+        names = [name for name in options if getattr(self, name)]
+        if names and not self.hand:
+            raise SettingError(f"--{names[0]} needs a gripper: a name or a file before the options")
+
+
+@dataclass(frozen=True)
+class Paper(Quiet):
+    """Recompute Wan & Howe 2018: figures 4 to 11, their 3-D counterparts, numbers.
+
+    Without options friction and sensor resolutions are those of the paper.
+
+    Example:
+        # All figures and numbers
+        grasp3d paper -o paper
+        # For another friction, with a mesh of your own
+        grasp3d paper -o paper_mug --friction 0.5 --object meshes/mug.glb
+    """
+
+    output: Annotated[Path, FOLDER]
+    """Folder for figure_04 to figure_11 and surface_..., each as .svg and .png, and numbers.md;
+    created if it is missing. Figures 4 to 6 are drawings, always for the same tip, friction 1 and
+    30 degrees."""
+
+    friction: float = 1.0
+    """Coulomb coefficient of friction between fingertip and object, above 0."""
+
+    sensor_resolution: tuple[Radians, ...] = (30.0 * DEGREE, 15.0 * DEGREE)
+    """One or two sensor resolutions in degrees, each with a column of the figures."""
+
+    object: Path | None = None
+    """Mesh of a real object to scan as well (default: sphere, box and cylinder only)."""

@@ -1,41 +1,60 @@
 """The command `grasp3d evaluate`: evaluates given grasps on a mesh."""
 
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from grasp3d.cli import grasp_report, progress_bars
+import numpy as np
+
+from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Evaluate
 from grasp3d.cli.existing_files import check_output
-from grasp3d.errors import ContactError, MeshError, SettingError
-from grasp3d.grasps.audit import explained
+from grasp3d.cli.report import (
+    LEVELS,
+    Grasps,
+    Report,
+    escaped,
+    frame_text,
+    length_with_unit,
+    load_line,
+    model_words,
+    percent_text,
+)
+from grasp3d.errors import MeshError, SettingError
+from grasp3d.grasps.audit import READING, READINGS, explained
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import (
+    DISTANCE_ROUNDING,
     contacts_on,
     evaluate_contacts,
     evaluate_grasps,
     poses_on,
 )
-from grasp3d.grasps.grasp_files import (
-    SUFFIXES,
-    contacts_in,
-    read_contacts,
-    read_grasps,
-    write_grasps,
-)
-from grasp3d.grasps.pose_files import holds_poses, read_poses
+from grasp3d.grasps.grasp_files import SUFFIXES, contacts_in, read_grasps, write_grasps
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
+from grasp3d.grasps.pose_files import holds_poses
 from grasp3d.grasps.ranking import ranked_rows
+from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.frames import AUTO
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.quality.measures import metric_names
 from grasp3d.settings import GraspModel, with_fingers
+from grasp3d.settings.units import small_length
+from grasp3d.stability.label import Label
+from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.system.counts import counted
 from grasp3d.system.names import safe_stem
 
-PICTURED = 12
-"""Poses in a picture."""
+MAX_ROWS = 10
+"""Largest number of evaluated grasps in the table."""
 
-OF_POSES = {"object_motion": "free", "contact_rule": None, "contact_distance": None}
-"""Options of poses alone, and their defaults."""
+CONTACTS_OF_LINKS = {
+    "given": "contacts as given",
+    "closed": "contacts closed from the open preshape",
+}
 
 
 def run(command: Evaluate) -> int:
@@ -44,65 +63,26 @@ def run(command: Evaluate) -> int:
         metric_names(command.metrics)
     output = command.output or Path(f"{safe_stem(command.file.stem)}_grasps.csv")
     if command.file.is_dir():
-        raise MeshError(
-            f"{command.file}: is a folder, but grasps are of one object: name its mesh file, and "
-            "evaluate the grasps of other objects with theirs, one after the other"
-        )
-    poses = holds_poses(command.contacts)
-    _check_options(command, poses=poses)
+        raise MeshError(f"{command.file}: is a folder, but grasps are of one object: name its mesh")
+    reach = command.reach
+    poses = reach.hand is not None or command.contact_rule is not None or bool(reach.pose_error)
+    poses = holds_poses(command.contacts) or poses
+    if poses and reach.hand is None:
+        raise SettingError(f"{command.contacts}: of poses give their gripper with --hand NAME|FILE")
+    if poses and command.max_distance is not None:
+        raise SettingError("max_distance applies to contacts, not to poses of a gripper")
     mask = getattr(command.mesh.region, "path", None)
     inputs = [command.file, command.contacts, mask, *command.load.task.files]
     check_output(output, SUFFIXES, "table", overwrite=command.overwrite, inputs=inputs)
-    if command.picture is not None:
-        _check_picture(command)
     results = (_poses if poses else _contacts)(command)
     metrics = None if command.metrics is None else results.metrics(command.metrics)
-    progress_bars.measure(lambda: results.epsilon, "measuring epsilon", quiet=command.quiet)
+    with progress_bars.progress("measuring epsilon", quiet=command.quiet):
+        results.epsilon  # noqa: B018, computed when it is first read
     write_grasps(output, results, metrics=metrics)
-    if command.picture is not None:
-        _draw(command.picture, results, quiet=command.quiet)
     if not command.quiet:
-        grasp_report.print_grasps(results, *filter(None, (output, command.picture)))
-        if metrics is not None:
-            grasp_report.print_metrics(metrics)
+        print_grasps(results, metrics or {})
+        Report().written(output)
     return 0
-
-
-def _check_picture(command: Evaluate) -> None:
-    """Check before the work that a picture can be drawn and written."""
-    from grasp3d.plots.figures import METADATA
-    from grasp3d.rendering.opengl import check_rendering
-
-    if command.reach.hand is None:
-        raise SettingError("picture applies to poses of a gripper or hand")
-    check_output(command.picture, METADATA, "figure", overwrite=command.overwrite)
-    check_rendering()
-
-
-def _check_options(command: Evaluate, *, poses: bool) -> None:
-    """Refuse options of poses for contacts, the other way round, and poses without a gripper."""
-    hand = command.reach.hand
-    if poses and hand is None:
-        raise SettingError(
-            f"{command.contacts}: contains poses; give their gripper with --hand NAME|FILE"
-        )
-    if poses and command.max_distance is not None:
-        raise SettingError("max_distance applies to contacts, not to poses of a gripper")
-    if poses:
-        return
-    changed = [name for name, default in OF_POSES.items() if getattr(command, name) != default]
-    if command.reach.pose_error:
-        changed.append("pose_error")
-    if changed:
-        raise SettingError(f"{changed[0]} applies to poses of a gripper, not to contacts")
-    if hand is not None:
-        try:
-            read_contacts(command.contacts)
-        except ContactError:
-            read_poses(command.contacts, hand=hand)  # says why it contains neither
-        raise SettingError(
-            f"{command.contacts}: contains no poses; a gripper applies to poses, not to contacts"
-        )
 
 
 def _poses(command: Evaluate) -> Any:
@@ -117,8 +97,8 @@ def _poses(command: Evaluate) -> Any:
     with progress_bars.progress(f"evaluating {command.contacts.name}", quiet=command.quiet):
         if command.frame == AUTO:
             poses = explained(mesh, poses, scene.hand, table=scene.table)
-        options: dict[str, Any] = {name: getattr(command, name) for name in OF_POSES}
-        return evaluate_grasps(mesh, poses, model, load=command.load.chosen, scene=scene, **options)
+        options: dict[str, Any] = {"contact_rule": command.contact_rule, "scene": scene}
+        return evaluate_grasps(mesh, poses, model, load=command.load.chosen, **options)
 
 
 def _contacts(command: Evaluate) -> Any:
@@ -144,19 +124,77 @@ def _stated(command: Evaluate) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _draw(path: Path, results: Any, *, quiet: bool) -> None:
-    """Draw the poses to be taken first."""
-    from grasp3d.plots.figures import save_as
-    from grasp3d.plots.grasps import grasp_figure
-    from grasp3d.viewer.scene.sheets import draw_grasps
-
-    rows = ranked_rows(results)[:PICTURED]
-    shown = results.take(rows)
-    with progress_bars.progress("drawing poses", quiet=quiet):
-        pictures = draw_grasps(shown)
-    save_as(grasp_figure(shown, pictures, [int(row) + 1 for row in rows]), path)
-
-
 def _refuse_lengths(command: Evaluate, mesh: ObjectMesh, model: GraspModel) -> None:
     if not command.force:
         refuse_lengths(mesh, model, max_distance=command.max_distance)
+
+
+def print_grasps(grasps: Grasps, metrics: dict[str, Any]) -> None:
+    """Print the number of grasps of each label, and a table of the best grasps.
+
+    Args:
+        grasps: Evaluated contacts, or poses of a gripper or hand.
+        metrics: Values of quality measures by name, whose quantiles are printed.
+    """
+    report, mesh, size = Report(), grasps.mesh, grasps.size
+    words = model_words(grasps.model, mesh.unit)
+    report.heading(mesh.report.source, escaped(f"{_kind(grasps)}; {words}"))
+    counts = np.bincount(grasps.letter, minlength=len(Label))
+    fractions = {one: percent_text(float(counts[one] / size)) for one in Label}
+    report.letters("scan", {"count": lambda one: str(counts[one]), "": fractions.__getitem__})
+    report.lines(_remarks(grasps))
+    if not isinstance(grasps, EvaluatedHandGrasps):
+        report.line(f"[bold]{escaped(str(verdict_of(grasps)))}[/]")
+        if grasps.load_case is not None:
+            report.line(load_line(grasps.load_case))
+    elif grasps.hand_load_result is not None:
+        report.line(f"[bold]{escaped(str(grasps.verdict))}[/]")
+        report.line(escaped(grasps.hand_load_result.link_weights))
+    report.warnings(grasps.warnings)
+    rows = np.arange(size)
+    if size > MAX_ROWS:
+        rows = ranked_rows(grasps)[:MAX_ROWS]
+        report.line(f"the best {MAX_ROWS} of {size}:")
+    report.grasps(grasps, rows.tolist())
+    if metrics:
+        levels = (f"{100.0 * level:.0f} %" for level in LEVELS)
+        numbers = {name: np.nanquantile(values, LEVELS) for name, values in metrics.items()}
+        lines = ([name, *(f"{value:.4g}" for value in row)] for name, row in numbers.items())
+        report.table(("quality measure", *levels), lines)
+
+
+def _kind(grasps: Grasps) -> str:
+    """How many grasps there are, and of what."""
+    if isinstance(grasps, GraspTable):
+        return f"{counted(grasps.size, 'grasps')} of {grasps.model.fingers} fingers"
+    poses = f"{counted(grasps.size, 'poses')} of {grasps.hand.name}"
+    if isinstance(grasps, EvaluatedPoses):
+        return poses
+    distance = small_length(grasps.contact_distance, metres=True)
+    return f"{poses}, {CONTACTS_OF_LINKS[grasps.contacts.rule]}, within {distance}"
+
+
+def _remarks(grasps: Grasps) -> Iterator[str]:
+    """What is to be said of all grasps, a line each."""
+    mesh, size = grasps.mesh, grasps.size
+    if isinstance(grasps, GraspTable):
+        most = float(grasps.distance.max())
+        most *= most >= DISTANCE_ROUNDING * mesh.size
+        yield f"contacts at most {length_with_unit(most, mesh.unit)} from the surface"
+    else:
+        kinds = Counter(kind for kind in grasps.reasons.kinds if kind)
+        yield from (f"{count} of {size}: {kind}" for kind, count in kinds.most_common())
+        tried = ~np.isnan(grasps.outcome)
+        held = {one: grasps.outcome[tried & (grasps.letter == Label[one])] for one in "SMU"}
+        parts = [f"{k} {percent_text(v.mean())} of {len(v)}" for k, v in held.items() if len(v)]
+        if parts:
+            yield f"held when tried: {', '.join(parts)}"
+        given = grasps.given
+        why = ", as the file states none" if given.assumes_frame else ""
+        yield f"poses read in the gripper's frame '{given.gripper_frame}'{why} (--frame)"
+        yield frame_text(given.object_pose)
+        if read := given.settings.get(READING):
+            yield f"{READINGS[READING]}: {read}"
+    if mesh.region is not None:
+        outside = int(np.isinf(grasps.critical_angle).sum())
+        yield f"{outside} of {size} have a contact outside --region: U"

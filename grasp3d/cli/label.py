@@ -1,44 +1,40 @@
 """The command `grasp3d label`: labels one mesh, writes it, and prints its report."""
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from grasp3d.arrays import Floats
-from grasp3d.cli import grasp_report, progress_bars
+from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Label
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import (
-    CHECK_HINT,
     PERCENTS,
     Report,
     escaped,
+    frame_text,
     length_with_unit,
+    load_line,
     model_words,
     percent_text,
-    print_load,
     quantiles_text,
 )
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.export.writers import writer_for
-from grasp3d.grasps.best import best_grasps, check_external, pool_of
+from grasp3d.grasps.best import best_grasps, check_external
 from grasp3d.grasps.causes import causes_text
+from grasp3d.grasps.distinct import distance_of_distinct
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.grasp_files import SUFFIXES, write_grasps
 from grasp3d.grasps.pose_files import SUFFIXES as POSES
 from grasp3d.grasps.pose_files.files import check_frame, check_hand, format_of, suffixes_of
 from grasp3d.grasps.verdict import verdict_of
-from grasp3d.hand.jaws import AXES
-from grasp3d.hand.scene import Scene
 from grasp3d.mesh.surface_points import nearest_vertex
-from grasp3d.settings import Sampling
-from grasp3d.settings.parsing import plain_values
-from grasp3d.settings.units import Unit, parse_lengths
+from grasp3d.rendering import opengl
+from grasp3d.settings.units import parse_lengths
 from grasp3d.stability.label import Label as Letter
 from grasp3d.surface.area_statistics import vertex_weights
-from grasp3d.surface.fields import CRITICAL_ANGLE, EPSILONS, MAX_RESOLUTION
+from grasp3d.surface.fields import CRITICAL_ANGLE, EPSILONS, LOAD_NUMBERS, MAX_RESOLUTION
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import Labelling
 from grasp3d.surface.labels import SurfaceLabels
@@ -46,6 +42,9 @@ from grasp3d.system.context import refuse_warnings
 from grasp3d.system.counts import counted
 from grasp3d.system.files import check_suffix
 from grasp3d.system.names import safe_stem
+
+QUANTILES = (CRITICAL_ANGLE, MAX_RESOLUTION, *EPSILONS, *LOAD_NUMBERS)
+"""Columns whose quantiles over the area are printed, if they have a heading."""
 
 REACHED_CONTACTS = "two contacts that the gripper reaches, whole pads assumed to touch"
 """What the letters of an area are, where there is a gripper."""
@@ -59,18 +58,24 @@ def run(command: Label) -> int:
     write = writer_for(output)
     labels, vertices = _labels(command)
     grasps = best_grasps(labels, command.best) if command.best else None
-    if grasps is not None:
-        refuse_warnings(grasp_report.warnings_of_best(grasps, command.object_pose))
+    tilted = labels.scene.tilt_warning(command.object_pose) if labels.scene else None
+    refuse_warnings(filter(None, [tilted]))
     write(output, labels)
+    report = Report(quiet=command.quiet)
     if not command.quiet:
-        print_labels(labels)
+        print_labels(report, labels)
     for text, vertex in zip(command.at, vertices, strict=True):  # asked for, so also with --quiet
         _print_at(labels, text, vertex)
     written = [output]
     if grasps is not None:
         written += _write_best(command, labels, grasp_file, grasps)
-    if not command.quiet:
-        Report().written(*written)
+        print_best(report, grasps, command.best or 0)
+        if isinstance(grasps, EvaluatedPoses) and grasps.size:
+            report.line(frame_text(command.object_pose))
+        if grasps.size and not opengl.can_render():
+            report.line("no pictures: they need OpenGL (on Debian: libegl1 libgl1)")
+        report.warnings(filter(None, [tilted]))
+    report.written(*written)
     return 0
 
 
@@ -120,9 +125,8 @@ def _labels(command: Label) -> tuple[SurfaceLabels, list[int]]:
     vertices = [nearest_vertex(task.mesh, "at", point) for point in points]
     with progress_bars.progress(f"labelling {command.file.name}", quiet=quiet):
         labels = task.labels()
-    progress_bars.measure(lambda: labels.epsilon_range, "measuring epsilon", quiet=quiet)
-    if load is not None:
-        progress_bars.measure(lambda: labels.load_result, "measuring grip forces", quiet=quiet)
+    with progress_bars.progress("measuring", quiet=quiet):  # what is computed when it is first read
+        labels.epsilon_range, labels.load_result  # noqa: B018
     return labels, vertices
 
 
@@ -144,10 +148,9 @@ def _print_at(labels: SurfaceLabels, text: str, vertex: int) -> None:
 def _write_best(
     command: Label, labels: SurfaceLabels, output: Path, grasps: GraspTable | EvaluatedPoses
 ) -> list[Path]:
-    """Print, write and, if OpenGL is available, draw the best grasps; returns what was written."""
+    """Write and, if OpenGL is available, draw the best grasps; returns what was written."""
     from grasp3d.plots.figures import save_as
     from grasp3d.plots.grasps import grasp_figure
-    from grasp3d.rendering.opengl import can_render
     from grasp3d.viewer.scene.sheets import draw_grasps
 
     written, picture = [], output.with_suffix(".png")
@@ -159,106 +162,85 @@ def _write_best(
             output, grasps, format=command.grasps_format, object_pose=command.object_pose,
             frame=command.frame,
         )  # fmt: skip
-    can_draw = can_render()
-    if grasps.size and can_draw:
+    if grasps.size and opengl.can_render():
         with progress_bars.progress("drawing grasps", quiet=command.quiet):
             pictures = draw_grasps(grasps, labels)
         written.append(picture)
         save_as(grasp_figure(grasps, pictures), picture)
-    if not command.quiet:
-        grasp_report.print_best(
-            grasps, command.best or 0, can_draw=can_draw, object_pose=command.object_pose,
-            pool=pool_of(labels) if isinstance(grasps, EvaluatedPoses) else None,
-        )  # fmt: skip
     return written
 
 
-def print_labels(labels: SurfaceLabels) -> None:
+def print_best(report: Report, grasps: GraspTable | EvaluatedPoses, requested: int) -> None:
+    """Print the best distinct grasps of a surface, best first.
+
+    Args:
+        report: Where to print.
+        grasps: The grasps.
+        requested: Number of grasps that the user requested.
+    """
+    if not grasps.size:
+        report.line("best grasps: none may hold")
+        return
+    report.line(f"the {counted(grasps.size, 'best distinct grasps')}:")
+    report.grasps(grasps, range(grasps.size))
+    if grasps.size < requested:
+        apart = grasps.mesh.length_text(distance_of_distinct(grasps.mesh), 2)
+        near = f"all others that may hold are nearer than {apart} to one of these"
+        report.line(f"{requested} were requested; {near}")
+
+
+def print_labels(report: Report, labels: SurfaceLabels) -> None:
     """Print the settings, area fractions, verdict, repairs and warnings of a labelled surface.
 
     Without a gripper also quantiles of angles, epsilon and forces.
 
     Args:
+        report: Where to print.
         labels: Labels of the surface.
     """
-    report, mesh = Report(), labels.mesh
+    mesh, found = labels.mesh, labels.load_result
     areas, fractions = vertex_weights(mesh, "area"), labels.fractions()
-    report.mesh(mesh, "; ".join(map(escaped, _settings(labels))))
+    report.mesh(mesh, escaped(", ".join(_settings(labels))))
     report.lines(mesh.region_notes)
     if labels.scene is not None:
         report.line(f"area, of {REACHED_CONTACTS}:")
     report.letters("label", {"area": lambda code: percent_text(fractions[code.name])})
     if labels.sampling is not None:
         report.line(f"[bold]{escaped(str(verdict_of(labels)))}[/]")
+    if found is not None:
+        report.line(load_line(found.case))
     if labels.scene is None:
         if labels.sampling is not None and (causes := causes_text(labels)):
-            decided = labels.load_result is not None and labels.load_result.label is not None
+            decided = found is not None and found.label is not None
             forced = "U with the force at hand" if decided else "U"
             report.line(f"{forced}, of the area: {escaped(causes)}")
-        shown = (CRITICAL_ANGLE, MAX_RESOLUTION, *EPSILONS[:2])
-        values = (np.nan_to_num(getattr(labels, one.name), posinf=math.inf) for one in shown)
+        if found is not None and found.remedy and np.isfinite(found.grip_force_largest).any():
+            report.line(f"most grasps hold nothing: {escaped(found.remedy)}")  # else the verdict
+        shown = ((one, one.values_of(labels)) for one in QUANTILES if one.heading)
         texts = [
-            quantiles_text(field, one, areas, metres=mesh.unit is not None)
-            for field, one in zip(shown, values, strict=True)
+            quantiles_text(one, values, areas, metres=mesh.unit is not None)
+            for one, values in shown
+            if values is not None
         ]
         report.line(f"{PERCENTS} of the area: {'; '.join(texts)}")
-        print_load(report, labels.load_result, areas)
     if lone := int(np.sum(~mesh.on_surface)):
         report.line(f"{counted(lone, 'vertices')} in no face: their label is U, their area 0")
     report.lines(map(str, mesh.report.repairs), "repaired:")
     report.warnings(labels.warnings)
-    if mesh.report.warnings:
-        report.line(CHECK_HINT)
 
 
 def _settings(labels: SurfaceLabels) -> Iterator[str]:
-    """The model, the gripper, and settings of the search that are not default."""
-    mesh, model = labels.mesh, labels.model
-    fingers = "" if model.fingers == 2 else f", {model.fingers} fingers"
-    yield f"{model_words(model, mesh.unit)}{fingers}"
+    """The model, the gripper and the table."""
+    mesh, model, scene = labels.mesh, labels.model, labels.scene
+    yield model_words(model, mesh.unit)
+    if model.fingers > 2:
+        yield f"{model.fingers} fingers"
     if model.method == "extremes":
-        cones = "circular cones" if model.edges is None else f"cones of {model.edges} edges"
-        yield f"wrench hulls at {model.extreme_normals} extreme normals per contact, {cones}"
-    if labels.sampling is not None:
-        yield from _differences(labels.sampling, mesh.unit)
-    if labels.scene is not None:
-        yield from _scene(labels.scene, mesh.size, mesh.unit)
-    if labels.search.evaluated and model.fingers > 2:
-        yield f"{counted(labels.search.evaluated, 'candidate grasps')} evaluated"
-
-
-def _scene(scene: Scene, size: float, unit: Unit | None) -> Iterator[str]:
-    """The gripper, the table, and the limit of approach directions."""
-    hand, table, approach = scene.hand, scene.table, scene.approach
-    yield f"gripper {hand.name}, stroke {1000.0 * hand.max_opening:.4g} mm"
-    if table is not None:
-        height = round(table.offset / size, 9) * size + 0.0  # without rounding errors
-        resting = ""
-        if table.probability is not None:
-            resting = f", resting pose of probability {100.0 * table.probability:.0f} %"
-        yield f"table at {length_with_unit(height, unit)}{resting}"
-    if approach.within < math.pi:
-        yield f"approach within {math.degrees(approach.within):.4g}° of straight down"
-    if table is not None or approach.within < math.pi:
-        option = "" if table is not None and table.probability is not None else " (--up)"
-        yield f"up is {_direction(scene.up)}{option}"
-
-
-def _direction(vector: Floats) -> str:
-    """A direction by the name of its axis, or else as numbers."""
-    name = next((name for name, axis in AXES.items() if np.allclose(vector, axis)), None)
-    return name or f"({', '.join(f'{number + 0.0:.3g}' for number in vector)})"
-
-
-def _differences(sampling: Sampling, unit: Unit | None) -> Iterator[str]:
-    """The settings of the search that differ from their defaults."""
-    defaults, lengths = plain_values(type(sampling)()), sampling.lengths()
-    for name, value in plain_values(sampling).items():
-        if value == defaults[name]:
-            continue
-        text = str(value)
-        if name in lengths:
-            text = length_with_unit(value, unit)
-        elif name in {"search_angle", "tolerance"}:
-            text = f"{math.degrees(value):.4g}°"
-        yield f"{name} {text}"
+        yield f"wrench hulls at {model.extreme_normals} extreme normals per contact"
+    if scene is not None:
+        yield f"gripper {scene.hand.name}"
+        if scene.table is not None:
+            height = round(scene.table.offset / mesh.size, 9) * mesh.size  # without rounding errors
+            yield f"table at {length_with_unit(height + 0.0, mesh.unit)}"
+        if scene.table is not None and scene.table.probability is not None:
+            yield f"resting pose of probability {100.0 * scene.table.probability:.0f} %"

@@ -1,8 +1,9 @@
 """Progress bars on standard error."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TypeVar
+from functools import partial
+from typing import Any
 
 from rich.console import Console
 from rich.progress import (
@@ -17,8 +18,6 @@ from rich.progress import (
 from grasp3d.cli.report import escaped
 from grasp3d.system.context import running
 
-ResultT = TypeVar("ResultT")
-
 
 @contextmanager
 def progress(text: str, *, quiet: bool) -> Iterator[None]:
@@ -29,18 +28,33 @@ def progress(text: str, *, quiet: bool) -> Iterator[None]:
             yield
 
 
-def measure(compute: Callable[[], object], text: str, *, quiet: bool) -> None:
-    """Compute something with a progress bar, as a step that a time limit names."""
-    with progress(text, quiet=quiet):
-        compute()
+def each_mesh(
+    work: Callable[..., Any], files: list[Any], settings: Any, *, lost: Callable[..., Any],
+    text: str, command: Any,
+) -> list[Any]:  # fmt: skip
+    """Work on each mesh: on one here, on several in child processes; show a progress bar.
 
+    Args:
+        work: Called with a mesh, the settings and `force`; returns a result with a name.
+        files: The meshes.
+        settings: Passed on.
+        lost: Makes the result of a mesh whose process failed.
+        text: What is done.
+        command: The options, with those of the processes.
 
-def counted_results(
-    results: Iterable[ResultT], text: str, total: int, *, quiet: bool
-) -> Iterator[ResultT]:
-    """Pass on the results of meshes, with a progress bar that counts them."""
-    with bar_of(MofNCompleteColumn(), quiet=quiet) as bar:
-        yield from bar.track(results, total=total, description=text)
+    Returns:
+        The results, by name.
+    """
+    from grasp3d.batch.run import run as run_each  # which most commands need not
+
+    work = partial(work, force=command.force)
+    if len(files) == 1:
+        with progress(f"{text} {files[0].name}", quiet=command.quiet):
+            return [work(files[0], settings)]
+    results = run_each(work, files, settings, lost=lost, cluster=command.cluster, compiled=True)
+    with bar_of(MofNCompleteColumn(), quiet=command.quiet) as bar:
+        rows = bar.track(results, total=len(files), description=text)
+        return sorted(rows, key=lambda row: row.name)
 
 
 def bar_of(*columns: ProgressColumn, quiet: bool) -> Progress:

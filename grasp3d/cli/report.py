@@ -10,14 +10,28 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
+from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import SAFE_LABELS, friction_text
 from grasp3d.settings.units import Unit, small_length
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 from grasp3d.surface.area_statistics import quantiles
-from grasp3d.surface.fields import LENGTH, LETTERS, RADIANS, Array, Field
+from grasp3d.surface.fields import (
+    GRASPS,
+    HAND_GRASPS,
+    LENGTH,
+    LETTERS,
+    OPENING,
+    RADIANS,
+    REASON,
+    Array,
+    Field,
+    given_poses,
+)
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.load_result import LoadResult
 from grasp3d.system.counts import counted, short_number
 from grasp3d.system.names import printable
 
@@ -25,10 +39,10 @@ if TYPE_CHECKING:
     from grasp3d.arrays import Floats
     from grasp3d.mesh import ObjectMesh
 
+Grasps = GraspTable | EvaluatedPoses | EvaluatedHandGrasps
+
 WARNING, NOTE, FAILED = "[yellow]warning:[/]", "[yellow]note:[/]", "[red]failed:[/]"
 """Marks at the beginning of a message."""
-
-CHECK_HINT = "`grasp3d check` reports the defects of a mesh and their remedies"
 
 LEVELS = (0.1, 0.5, 0.9)
 """Levels of the quantiles that are printed."""
@@ -51,15 +65,15 @@ class Report:
     wide as it is, a file or a pipe whole ones.
     """
 
-    def __init__(self, *, errors: bool = False) -> None:
+    def __init__(self, *, quiet: bool = False) -> None:
         """Begin a report.
 
         Args:
-            errors: Print on standard error.
+            quiet: Print nothing.
         """
         from rich.console import Console
 
-        self.console = Console(stderr=errors, emoji=False)
+        self.console = Console(quiet=quiet, emoji=False)
         if not self.console.is_terminal:
             self.console.width = UNLIMITED
 
@@ -99,6 +113,8 @@ class Report:
             rows: Cells with markup.
             texts: Columns of texts, which a narrow terminal folds; the others are numbers.
         """
+        if self.console.quiet:
+            return
         from rich.table import Table
         from rich.text import Text
 
@@ -139,28 +155,28 @@ class Report:
         )
         self.table(("label", "", *columns), rows, texts=(0, 1))
 
-    def records(
-        self, fields: Iterable[Field], holder: Any, which: Sequence[int], *, of: str, metres: bool
-    ) -> None:
+    def grasps(self, grasps: Grasps, which: Sequence[int]) -> None:
         """Print a table of the declared columns that have a heading, and what they mean.
 
         Args:
-            fields: The columns; those that the grasps do not have are left out.
-            holder: The grasps.
+            grasps: The grasps; the columns that they do not have are left out.
             which: Their rows.
-            of: What a row is, the heading of its number.
-            metres: Whether lengths are in metres, and so printed in millimetres.
         """
-        headed = ((field, field.values_of(holder)) for field in fields if field.heading)
+        fields: Sequence[Field] = GRASPS
+        metres = grasps.mesh.unit is not None
+        if isinstance(grasps, EvaluatedPoses):
+            fields = (*(one for one in given_poses() if one is not REASON), OPENING, REASON)
+        elif isinstance(grasps, EvaluatedHandGrasps):
+            fields = HAND_GRASPS
+        headed = ((field, field.values_of(grasps)) for field in fields if field.heading)
         shown = [(field, values) for field, values in headed if values is not None]
         texts = [number for number, (field, _) in enumerate(shown, 1) if field.kind == "U"]
-
-        def cells(row: int) -> list[str]:
-            numbers = (cell(field, values[row], metres=metres) for field, values in shown)
-            return [str(row + 1), *numbers]
-
-        headings = (_heading(field, metres=metres) for field, _ in shown)
-        self.table([of, *headings], map(cells, which), texts=texts)
+        rows = (
+            [str(row + 1), *(cell(field, values[row], metres=metres) for field, values in shown)]
+            for row in which
+        )
+        of = "grasp" if isinstance(grasps, GraspTable) else "pose"
+        self.table([of, *(_heading(one, metres=metres) for one, _ in shown)], rows, texts=texts)
         meanings = [f"{field.heading}: {field.meaning}" for field, _ in shown if field.meaning]
         self.line("; ".join(meanings))
 
@@ -200,8 +216,9 @@ def quantiles_text(field: Field, values: Array, weights: "Floats", *, metres: bo
         weights: Weight of each row, shape (k,), not all 0.
         metres: As in `cell`.
     """
-    numbers = quantiles(values, LEVELS, weights)
-    return f"{field.heading} {', '.join(cell(field, one, metres=metres) for one in numbers)}"
+    numbers = quantiles(np.where(np.isnan(values), math.inf, values), LEVELS, weights)
+    heading = _heading(field, metres=metres).replace("\n", " in ")
+    return f"{heading} {', '.join(cell(field, one, metres=metres) for one in numbers)}"
 
 
 def escaped(text: str) -> str:
@@ -261,40 +278,15 @@ def model_words(model: GraspModel, unit: Unit | None) -> str:
     return f"{words}, contact locations within {error}: {SAFE_LABELS}"
 
 
+def frame_text(pose: ObjectPose | None) -> str:
+    """Frame of the poses in a file."""
+    frame = "mesh's frame" if pose is None else f"robot's frame {pose.frame!r}"
+    return f"poses in the file: in the {frame}"
+
+
 def load_line(case: LoadCase) -> str:
     """A load, and the force at hand."""
     mass = "mass not given" if case.mass is None else f"{short_number(case.mass)} kg"
     text = escaped(str(case.load.task))
     per_finger = f"{case.at_hand} per finger" if case.at_hand else "none given"
     return f"[bold]load[/]: {mass}, {text}; force at hand: {per_finger}"
-
-
-def print_load(report: Report, found: LoadResult | None, areas: "Floats") -> None:
-    """Print a load, which part of a surface holds it, and the forces and payloads there.
-
-    Args:
-        report: Where to print.
-        found: What holds it; None: there is no load, and nothing is printed.
-        areas: Area fraction of each vertex, shape (k,).
-    """
-    if found is None:
-        return
-    report.line(load_line(found.case))
-    if found.remedy and np.isfinite(found.grip_force_largest).any():  # else the verdict says it
-        report.line(f"  most grasps hold nothing: {escaped(found.remedy)}")
-    if found.label is not None:
-        sums = (f"{one} {percent_text(areas[found.label == Label[one]].sum())}" for one in "SMU")
-        report.line(f"  with that force, of the area: {', '.join(sums)}")
-    per = "" if found.case.decided else " per kg"
-    bound = ", a safe bound" if found.how == "bound" else ""
-    forces = {f"force{per} at the worst normals{bound}, in N": found.grip_force_largest}
-    if found.has_payload:
-        forces["payload there, in kg"] = np.where(found.payload > 0.0, found.payload, math.inf)
-    for name, values in forces.items():
-        known = np.isfinite(values)
-        if not areas[known].sum() > 0.0:
-            report.line(f"  {name}: none suffices anywhere")
-            continue
-        texts = ", ".join(map(short_number, quantiles(values[known], LEVELS, areas[known])))
-        part = percent_text(areas[known].sum() / areas.sum())
-        report.line(f"  {name}: on {part} of the area; {PERCENTS} of that {texts}")

@@ -1,14 +1,12 @@
 """The command `grasp3d sweep`: area fractions of labels over friction and sensor resolution."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from grasp3d.batch.inputs import MeshFile
-from grasp3d.batch.run import run as run_each
 from grasp3d.batch.storage.files import local_path
 from grasp3d.batch.sweeping import (
     SweepSettings,
@@ -23,16 +21,20 @@ from grasp3d.batch.sweeping import (
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Sweep
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.ranges import parse_angles, parse_frictions
+from grasp3d.cli.options import number, typed_angle
 from grasp3d.cli.report import FAILED, NONE, NOTE, Report, escaped
-from grasp3d.errors import GraspError
+from grasp3d.errors import GraspError, SettingError
 from grasp3d.plots.figures import METADATA, save_as
 from grasp3d.plots.fractions import meaning_in, sweep_figure
+from grasp3d.settings.friction import friction_interval
 from grasp3d.settings.parsing import plain_values
 from grasp3d.surface.sweeps import Sweep as Fractions
 from grasp3d.surface.sweeps import write_sweeps
 from grasp3d.system.names import safe_stem
 from grasp3d.system.tables import SUFFIXES
+
+MAX_VALUES = 10_000
+"""Most values of a range."""
 
 MAX_SHOWN = 6
 """Meshes up to which each of them is drawn; of more the mean."""
@@ -50,15 +52,15 @@ MAX_CREASES = 1.0 / 3.0
 def run(command: Sweep) -> int:
     """Run the command, and return the exit code."""
     settings = SweepSettings(
-        friction=parse_frictions("--friction", command.friction),
-        sensor_resolution=parse_angles("--sensor-resolution", command.sensor_resolution),
+        friction=frictions_in(command.friction),
+        sensor_resolution=angles_in(command.sensor_resolution),
         sampling=command.sampling,
         mesh=command.mesh,
         fingers=command.fingers,
         reach=command.reach,
     )
     fractions = sorted(set(command.fraction))
-    names, meshes = find_targets(command.targets)
+    names, meshes = find_targets(command.inputs)
     shapes = [sweep_shape(name, settings) for name in names]
     table, figure = _outputs(command, names, meshes)
     swept = _swept(command, meshes, settings)
@@ -73,11 +75,10 @@ def run(command: Sweep) -> int:
     if shown:
         drawn = sweep_figure(shown, members=members if mean else (), fractions=fractions)
         save_as(drawn, figure)
-    if not command.quiet:
-        report = Report()
-        _print_sweeps(report, shown, every, fractions)
-        _print_notes(report, names, swept, fractions)
-        report.written(table, *([figure] if shown else []))
+    report = Report(quiet=command.quiet)
+    _print_sweeps(report, shown, every, fractions)
+    _print_notes(report, swept, fractions)
+    report.written(table, *([figure] if shown else []))
     return 1 if failures else 0
 
 
@@ -86,7 +87,7 @@ def _outputs(command: Sweep, shapes: list[str], meshes: list[MeshFile]) -> tuple
     names = [*shapes, *(mesh.name for mesh in meshes)]
     stem = f"{safe_stem(Path(names[0]).stem)}_sweep" if len(names) == 1 else "sweep"
     table = command.output or Path(f"{stem}.csv")
-    figure = command.figure or table.with_suffix(".svg")
+    figure = table.with_suffix(".svg")
     sources = [local_path(mesh.source) for mesh in meshes]
     check_output(table, SUFFIXES, "table", overwrite=command.overwrite, inputs=sources)
     check_output(figure, METADATA, "figure", overwrite=command.overwrite, inputs=sources)
@@ -94,23 +95,14 @@ def _outputs(command: Sweep, shapes: list[str], meshes: list[MeshFile]) -> tuple
 
 
 def _swept(command: Sweep, meshes: list[MeshFile], settings: SweepSettings) -> list[SweptMesh]:
-    """Sweep each mesh once: a single mesh in this process, several in child processes."""
-    if len(meshes) == 1:
-        text = f"labelling {meshes[0].name}"
-        with progress_bars.progress(text, quiet=command.quiet):
-            swept = sweep_mesh(meshes[0], settings, force=command.force)
-        if swept.error:
-            raise GraspError(swept.error)
-        return [swept]
-    if not meshes:
-        return []
-    one_thread = partial(sweep_on_one_thread, force=command.force)
-    sweeps = run_each(
-        one_thread, meshes, settings, lost=lost_mesh, cluster=command.cluster,
-        compiled=True,
-    )  # fmt: skip
-    rows = progress_bars.counted_results(sweeps, "sweeping", len(meshes), quiet=command.quiet)
-    return sorted(rows, key=lambda row: row.name)
+    """Sweep each mesh once."""
+    work = sweep_mesh if len(meshes) == 1 else sweep_on_one_thread
+    swept: list[SweptMesh] = progress_bars.each_mesh(
+        work, meshes, settings, lost=lost_mesh, text="sweeping", command=command
+    )
+    if len(meshes) == 1 and swept[0].error:
+        raise GraspError(swept[0].error)
+    return swept
 
 
 def _print_sweeps(
@@ -175,34 +167,71 @@ def _angle(angle: float) -> str:
     return NONE if math.degrees(angle) < LEAST else f"{math.degrees(angle):.1f}°"
 
 
-def _print_notes(
-    report: Report, shapes: Sequence[str], meshes: Sequence[SweptMesh], required: list[float]
-) -> None:
+def _print_notes(report: Report, meshes: Sequence[SweptMesh], required: list[float]) -> None:
     """Print errors, warnings and notes."""
-    report.lines(
-        (
-            f"{name} is the shape in closed form; for the file or folder of that name write "
-            f"./{name}"
-            for name in shapes
-            if Path(name).exists()
-        ),
-        NOTE,
-    )
     failed = [mesh.error for mesh in meshes if mesh.error]
     report.lines(failed, FAILED)
     report.warnings(f"{mesh.name}: {line}" for mesh in meshes for line in mesh.warnings)
-    report.lines(_creased(meshes, required), NOTE)
+    most = max(required, default=math.nan)
+    creased = [one for one in meshes if one.crease_fraction > MAX_CREASES * (1.0 - most)]
+    for mesh in creased:
+        percent = f"{100.0 * mesh.crease_fraction:.0f} % of the area of {mesh.name}"
+        report.lines(
+            [f"{percent} is strips along creases: a finer mesh has less (--max-edge)"], NOTE
+        )
     if failed:
         report.line(f"{len(meshes) - len(failed)} swept, {len(failed)} failed")
 
 
-def _creased(meshes: Sequence[SweptMesh], required: list[float]) -> Iterator[str]:
-    """Meshes whose required resolution depends on the length of their edges."""
-    most = max(required, default=math.nan)
-    for mesh in meshes:
-        if mesh.crease_fraction > MAX_CREASES * (1.0 - most):
-            yield (
-                f"{100.0 * mesh.crease_fraction:.0f} % of the area of {mesh.name} is strips along "
-                "creases, which are smaller on a finer mesh (--max-edge): the resolution required "
-                f"for {100.0 * most:g} % may be larger than printed here"
+def frictions_in(words: Iterable[str]) -> tuple[float, ...]:
+    """Return coefficients of friction; see `_values`."""
+    values = _values(lambda name, word: number(float, name, word), 1.0, "--friction", words)
+    for value in values[:1] + values[-1:]:
+        friction_interval(f"{value:g}")
+    return values
+
+
+def angles_in(words: Iterable[str]) -> tuple[float, ...]:
+    """Return angles [rad] of words, ranges of which are in degrees; see `_values`.
+
+    Example:
+        >>> from grasp3d.cli.sweep import angles_in
+        >>> angles_in(["0:0.2:0.1", "0.1rad"])
+        (0.0, 0.0017453292519943296, 0.003490658503988659, 0.1)
+    """
+    return _values(typed_angle, math.radians(1.0), "--sensor-resolution", words)
+
+
+def _values(
+    single: Callable[[str, str], float], scale: float, option: str, words: Iterable[str]
+) -> tuple[float, ...]:
+    """Return the values of words, sorted: single ones, and ranges FROM:TO:STEP with both ends.
+
+    Args:
+        single: Parses a single one.
+        scale: Value of 1 in a range.
+        option: Name of the option, for the error.
+        words: The words.
+
+    Raises:
+        SettingError: A word is neither, or there are too many values.
+    """
+    values = set[float]()
+    for word in words:
+        try:
+            if ":" not in word:
+                values.add(single(option, word))
+                continue
+            first, last, step = map(float, word.split(":"))
+            count = math.floor((last - first) / step + 1e-9)
+        except SettingError as error:
+            raise SettingError(f"{error}; or give a range FROM:TO:STEP") from error
+        except (ValueError, ArithmeticError):
+            count, step = -1, 0.0
+        if step <= 0.0 or not 0 <= count < MAX_VALUES:
+            raise SettingError(
+                f"{option} must be a range FROM:TO:STEP with STEP above 0 and at most {MAX_VALUES} "
+                f"values; got {word!r}"
             )
+        values |= {scale * round(first + step * one, 9) for one in range(count + 1)}
+    return tuple(sorted(values))

@@ -2,35 +2,42 @@
 
 import re
 import shutil
-from argparse import SUPPRESS, ArgumentError, ArgumentParser, BooleanOptionalAction
-from collections.abc import Iterable, Mapping
-from dataclasses import MISSING, fields
+from argparse import SUPPRESS, ArgumentError, ArgumentParser
+from collections.abc import Mapping
+from dataclasses import MISSING, is_dataclass
 from difflib import get_close_matches
 from functools import partial
-from textwrap import fill, indent
-from typing import Any, NoReturn, get_type_hints
+from textwrap import fill, indent, shorten
+from typing import Any
 
-from grasp3d.cli.options import Option, is_option, options_of, parted, settings_in
+from grasp3d.cli.options import Option, left_out, members, options_of
 from grasp3d.errors import SettingError
 from grasp3d.settings.units import METRES
 
 GROUPS = {
-    "arguments": "",
-    "object": "The object and its mesh. A LENGTH has a unit: 80mm, 8cm, 0.08m, 3in; without one it "
-    "is in metres, or in the mesh's own unit where that is not known.",
-    "noise": "The noise of a scan, and the copies that have it.",
-    "fingertip": "The fingertip, and its finger. A LENGTH has a unit, such as 10mm.",
-    "sensor": "Friction, what the fingertips' sensors resolve, and what else is uncertain.",
-    "hand": "The fingers, the hand that must reach each grasp, and what the object stands on.",
-    "load": "What each grasp must hold, and the force at hand.",
-    "search": "How candidate grasps are searched, labelled and measured.",
-    "simulation": "How grasps are drawn and simulated.",
-    "statistics": "What is computed from outcomes, and listed.",
-    "view": "The initial view of the object.",
-    "output": "What is written and printed.",
-    "processes": "Which processes do the work, and their limits.",
+    "arguments": "arguments",
+    "options": "options: What is read, written and printed.",
+    "MeshOptions": "mesh: The object and its mesh. A LENGTH has a unit: 80mm, 8cm, 0.08m, 3in; "
+    "without one it is in metres, or in the mesh's own unit where that is not known.",
+    "GraspModel": "contacts: Fingers, friction, what the fingertips' sensors resolve, and what "
+    "else is uncertain.",
+    "Sampling": "search: Which grasps are searched.",
+    "ReachSettings": "hand: The hand that must reach each grasp, and what the object stands on.",
+    "Load": "load: What each grasp must hold, and the force at hand.",
+    "SimulationSettings": "simulation: How grasps are drawn and simulated.",
+    "ValidationSettings": "statistics: What is computed from outcomes, and listed.",
+    "ViewSettings": "view: The initial view of the object.",
+    "ClusterSettings": "processes: Which processes do the work, and their limits.",
 }
-"""Texts on the groups of options, in the order of the help."""
+"""Titles of the groups of options, and texts on them, in the order of the help."""
+
+MAIN = {
+    "unit", "friction", "sensor_resolution", "fingers", "max_opening", "hand", "table", "mass",
+    "pose_error", "output", "best", "grasps", "frame", "max_distance", "metrics", "contact_rule",
+    "mesh", "meshes", "outcome", "count", "tip_radius", "object_mass", "workers", "fraction",
+    "paint", "web", "screenshot",
+}  # fmt: skip
+"""Fields whose options the short help lists, with the first words of their help."""
 
 HELP, HELP_ALL = ("-h", "--help"), "--help-all"
 
@@ -54,9 +61,11 @@ OTHER_WORDS = {
 WIDEST, LONG = 100, 20
 """Most columns of the help; most letters of a placeholder in the short help."""
 
-
 _NEGATIVE = re.compile(r"-([.\d]|([xyz]|inf|nan)$)")
 """Words that are no options: how a negative number begins, such as -1mm, and directions."""
+
+_END = re.compile(r"[.;:] | \(default|\.$")
+"""Where the first words of a help end."""
 
 
 def parse(kind: type, words: list[str]) -> Any:
@@ -70,26 +79,55 @@ def parse(kind: type, words: list[str]) -> Any:
         SettingError: An option is not known, or a value is missing or not right.
     """
     options, prog = list(options_of(kind, helps=False)), prog_of(kind)
-    names = sorted((name for option in options for name in option.names), key=len)
-    end = words.index("--") if "--" in words else len(words)
-    words = [*map(_hyphened, words[:end]), *words[end:]]
-    for word in words[:end]:
-        name = word.partition("=")[0]
-        if name.startswith("--") and name.replace("--no-", "--") not in names:
-            raise SettingError(f"{prog} has no option {name}; {_meant(name, names, prog)}")
-    parser = _Words(prog=prog, add_help=False, allow_abbrev=False, exit_on_error=False)
+    named = {name: one for one in options for name in one.names}
+    parser = ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     parser._negative_number_matcher = _NEGATIVE  # noqa: SLF001, others are no numbers
+    parser.add_argument("arguments", nargs="*", default=())
     for one in options:
-        parser.add_argument(*(one.names or (one.field,)), **_arguments(one))
+        taken = {"action": "extend", "nargs": "+"} if one.many else {"nargs": 1}
+        how = taken if one.metavar else {"action": "store_true"}
+        if one.names:
+            parser.add_argument(*one.names, dest=one.field, default=SUPPRESS, **how)
     try:
-        found, extra = parser.parse_known_args(words)
+        known, extra = parser.parse_known_args([*map(_hyphened, words)])
     except ArgumentError as error:
-        raise SettingError(_sentence(error, options)) from error
-    if extra:
-        takes = " ".join(one.metavar for one in options if not one.names) or "options only"
-        unit = "; a length has its unit without a space, as in 80mm" if extra[0] in METRES else ""
-        raise SettingError(f"{extra[0]!r} is one too many: {prog} takes {takes}{unit}")
-    return _made(kind, **{one.field: _value(one, vars(found)) for one in options})
+        one = named[(error.argument_name or "").rpartition("/")[2]]
+        needs = f"needs a value: {one.metavar}" if one.metavar else "takes no value"
+        raise SettingError(f"{one.name} {needs}") from error
+    found = vars(known)
+    rest = [*found.pop("arguments"), *extra]
+    if unknown := next((word for word in extra if word.startswith("--")), ""):
+        name = unknown.partition("=")[0]
+        raise SettingError(f"{prog} has no option {name}; {_meant(name, [*named], prog)}")
+    arguments = [one for one in options if not one.names]
+    for one in arguments:
+        own, rest = (rest, []) if one.many else (rest[:1], rest[1:])
+        found |= {one.field: own} if own else {}
+    if rest:
+        takes = " ".join(one.metavar for one in arguments) or "options only"
+        unit = "; a length has its unit without a space, as in 80mm" if rest[0] in METRES else ""
+        raise SettingError(f"{rest[0]!r} is one too many: {prog} takes {takes}{unit}")
+    missing = [one for one in options if one.default is MISSING and one.field not in found]
+    if missing:
+        needs = ", ".join(one.name if one.names else one.metavar for one in missing)
+        raise SettingError(f"{prog} needs {needs}; see {prog} --help")
+    values = {
+        one.field: one.parse(found[one.field]) if isinstance(found[one.field], list) else True
+        for one in options
+        if one.field in found
+    }
+    return _made(kind, values)
+
+
+def _made(kind: Any, values: Mapping[str, Any], without: Any = ()) -> Any:
+    """Make a command, or settings, of the given values of options by the name of their field."""
+    return kind(
+        **{
+            one.name: _made(base, values, left_out(notes)) if nested else values[one.name]
+            for one, base, notes in members(kind, without)
+            if (nested := is_dataclass(base)) or one.name in values
+        }
+    )
 
 
 def _hyphened(word: str) -> str:
@@ -98,54 +136,13 @@ def _hyphened(word: str) -> str:
     return f"{name.replace('_', '-')}{equals}{value}" if name.startswith("--") else word
 
 
-class _Words(ArgumentParser):
-    """A parser of words whose errors are those of settings."""
-
-    def error(self, message: str) -> NoReturn:
-        """Name the arguments and options that are missing."""
-        names = (part.partition("/")[0] for part in message.rpartition(": ")[2].split(", "))
-        raise SettingError(f"{self.prog} needs {', '.join(names)}; see {self.prog} --help")
-
-
-def _arguments(option: Option) -> dict[str, Any]:
-    """Return how argparse takes the words of an option."""
-    named: dict[str, Any] = {"dest": option.field, "required": option.is_required}
-    shared = {"default": SUPPRESS, **(named if option.names else {"metavar": option.metavar})}
-    if not option.metavar:
-        return {**shared, "action": BooleanOptionalAction if option.default else "store_true"}
-    if option.repeated:
-        return {**shared, "action": "append"}
-    single = None if option.is_required or option.names else "?"
-    return {**shared, "nargs": single if option.count == 1 else option.count}
-
-
-def _value(option: Option, found: Mapping[str, Any]) -> Any:
-    """Return the value of an option, or its default."""
-    words = found.get(option.field, option.default)
-    if words is MISSING:
-        words = []  # any number of arguments, of which none is given
-    elif option.field not in found or isinstance(words, bool):
-        return words
-    return option.parse([words] if isinstance(words, str) else words)
-
-
 def _meant(name: str, names: list[str], prog: str) -> str:
     """Return which option may have been meant by a name, or how to find it."""
+    names = sorted(names, key=len)
     alike = [one for one in names if one == OTHER_WORDS.get(name)]
     alike += [one for one in names if len(name) > len("--x") and name.lstrip("-") in one]
     alike += get_close_matches(name, names, 1, LEAST_LIKENESS)
     return f"did you mean {alike[0]}?" if alike else f"all options: {prog} {HELP_ALL}"
-
-
-def _sentence(error: ArgumentError, options: Iterable[Option]) -> str:
-    """Return what is wrong with the words of an option."""
-    name = (error.argument_name or "").rpartition("/")[2]
-    name = name.replace("--no-", "--")
-    [option] = [one for one in options if name in one.names]
-    if not option.metavar:
-        return f"{name} takes no value"
-    count = "a value" if option.repeated or option.count == 1 else f"{option.count} values"
-    return f"{name} needs {count}: {option.metavar}"
 
 
 def groups_of(kind: type) -> dict[str, list[Option]]:
@@ -164,25 +161,30 @@ def help_of(kind: type, *, whole: bool) -> str:
     """
     from docstring_parser import parse_from_object
 
-    groups, doc = groups_of(kind), parse_from_object(kind)
-    options = [one for group in groups.values() for one in group]
-    whole = whole or len(options) <= MOST_OPTIONS
-    width = max(len(invocation(one, short=True)) for one in options if one.brief or whole)
+    doc, groups, more = parse_from_object(kind), groups_of(kind), ""
     columns = min(shutil.get_terminal_size().columns, WIDEST)
     paragraph = partial(fill, width=columns, initial_indent=" " * 6, subsequent_indent=" " * 6)
-    lines, more = [usage_of(kind), ""], (doc.long_description or "") * whole
-    for text in filter(None, (doc.short_description, *more.split("\n\n"))):
-        lines += [fill(text, columns), ""]
-    for name, group in groups.items():
-        if whole:
-            lines.append(fill(f"{name}: {GROUPS[name]}".strip(), columns))
-            lines += [f"  {invocation(one)}\n{paragraph(one.text)}" for one in group]
-            lines.append("")
-        elif rows := [one for one in group if one.brief]:
-            lines.append(f"{name}:")
-            lines += [f"  {invocation(one, short=True):{width}}  {one.brief}" for one in rows]
-    lines += [*[""] * (not whole), "examples:", examples_of(kind)]
-    return "\n".join(lines if whole else [*lines, "", f"all options: {prog_of(kind)} {HELP_ALL}"])
+    lines = []
+    if whole or sum(map(len, groups.values())) <= MOST_OPTIONS:
+        more = doc.long_description or ""
+        for name, group in groups.items():
+            lines += [fill(GROUPS[name], columns)]
+            lines += [f"  {invocation(one)}\n{paragraph(one.text)}" for one in group] + [""]
+    else:
+        shown = [one for group in groups.values() for one in group if is_main(one)]
+        width = max(len(invocation(one, short=True)) for one in shown)
+        for one in shown:
+            words = shorten(_END.split(one.text)[0], columns - width - 4, placeholder=" ...")
+            lines.append(f"  {invocation(one, short=True):{width}}  {words}")
+        lines += ["", f"all options: {prog_of(kind)} {HELP_ALL}", ""]
+    texts = filter(None, (doc.short_description, *more.split("\n\n")))
+    head = [usage_of(kind), "", *(f"{fill(text, columns)}\n" for text in texts)]
+    return "\n".join([*head, *lines, "examples:", examples_of(kind)])
+
+
+def is_main(option: Option) -> bool:
+    """Whether the short help has an option: arguments, and some options."""
+    return not option.names or option.field in MAIN
 
 
 def prog_of(kind: type) -> str:
@@ -193,7 +195,7 @@ def prog_of(kind: type) -> str:
 def usage_of(kind: type) -> str:
     """Return how a command is called: its arguments and required options."""
     options = sorted(options_of(kind), key=lambda one: len(one.names))  # arguments first
-    required = (one for one in options if one.is_required or not one.names)
+    required = (one for one in options if one.default is MISSING or not one.names)
     words = (" ".join((*one.names[:1], one.metavar)) for one in required)
     return " ".join(["usage:", prog_of(kind), *words, "[OPTIONS]"])
 
@@ -203,14 +205,12 @@ def invocation(option: Option, *, short: bool = False) -> str:
 
     Args:
         option: The option, or the argument.
-        short: Whether other long names and placeholders are left out.
+        short: Whether a long placeholder is cut.
     """
-    names, metavar = option.names, option.metavar
-    if short:
-        names = (*(name for name in names[:-1] if not name.startswith("--")), *names[-1:])
-        metavar = metavar.removesuffix("|none")
-        metavar = f"{metavar.partition('|')[0]}|..." if len(metavar) > LONG else metavar
-    return f"{', '.join(names)} {metavar}".strip()
+    metavar = option.metavar
+    if short and len(metavar) > LONG:
+        metavar = f"{metavar.partition('|')[0]}|..."
+    return f"{', '.join(option.names)} {metavar}".strip()
 
 
 def examples_of(kind: type) -> str:
@@ -223,17 +223,3 @@ def examples_of(kind: type) -> str:
 
     [examples] = parse_from_object(kind).examples
     return indent(examples.description or "", "  ")
-
-
-def _made(kind: Any, /, **values: Any) -> Any:
-    """Make a command, or settings, of the values of all options by the name of their field."""
-    plain, constants = parted(kind)
-    hints = get_type_hints(plain, include_extras=True)
-    settings = {name: settings_in(hint) for name, hint in hints.items()}
-    names = [one.name for one in fields(plain) if is_option(one, hints[one.name], constants)]
-    return kind(
-        **{
-            name: _made(settings[name], **values) if settings[name] else values[name]
-            for name in names
-        }
-    )

@@ -1,20 +1,14 @@
 """`grasp3d view`: view an object in a window, in a browser, or as a picture."""
 
-from pathlib import Path
-from typing import Any
-
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import View
 from grasp3d.cli.existing_files import check_output
+from grasp3d.cli.report import Report
 from grasp3d.errors import GraspError, SettingError, WarningError
-from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_poses, poses_on
-from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.ranking import ranked_rows
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.scene import Scene
 from grasp3d.system.context import refuse_warnings
-from grasp3d.system.names import printable
 from grasp3d.viewer.scene.pictures import check_picture, save_picture
 from grasp3d.viewer.session.collection import (
     Collection,
@@ -27,14 +21,20 @@ from grasp3d.viewer.window.display import display_problem
 
 def run(command: View) -> int:
     """Run the command; returns the exit code."""
-    problem = _check(command)
+    report, problem = Report(quiet=command.quiet), _check(command)
     collection = _opened(command)
     if command.screenshot:
         with progress_bars.progress(f"rendering {command.screenshot.name}", quiet=command.quiet):
             save_picture(collection, command.view, command.screenshot)
-        _print(command, f"written: {command.screenshot}")
+        report.written(command.screenshot)
     if command.web or problem:
-        _serve(command, collection, problem)
+        from grasp3d.viewer.web.page import serve
+
+        def ready(address: str) -> None:
+            shows = f"{address} shows {command.target.name}; Ctrl+C stops it"
+            report.lines(["; ".join(filter(None, (problem, shows)))])
+
+        serve(collection, command.view, ready=ready)
     elif not command.screenshot:
         from grasp3d.viewer.window.desktop import show_window
 
@@ -44,37 +44,26 @@ def run(command: View) -> int:
 
 def _collection(command: View) -> Collection:
     """The objects, or poses."""
-    if command.grasps is not None:
-        return collection_of_grasps(_poses(command, command.grasps))
-    if command.contact_rule is not None:
-        raise SettingError("contact_rule applies to poses of a hand with joints: give --grasps")
-    return open_collection(
-        command.target,
-        command.model,
-        command.sampling,
-        command.mesh,
-        force=command.force,
-        reach=command.reach,
-        load=command.load.chosen,
-    )
-
-
-def _poses(command: View, path: Path) -> EvaluatedPoses | EvaluatedHandGrasps:
-    """Evaluate poses, the one to be taken first at the front."""
-    hand, rules = command.reach.hand, dict[str, Any]()
-    if hand is None:
+    model, load = command.model, command.load.chosen
+    if command.grasps is None:
+        return open_collection(
+            command.target,
+            model,
+            command.sampling,
+            command.mesh,
+            force=command.force,
+            reach=command.reach,
+            load=load,
+        )
+    if command.reach.hand is None:
         raise SettingError("grasps are poses of a gripper or hand: give it with --hand NAME|FILE")
-    if command.contact_rule is not None:
-        if not isinstance(hand, ArticulatedHand):
-            raise SettingError("contact_rule applies to poses of a hand with joints")
-        rules["contact_rule"] = command.contact_rule
-    poses, mesh = poses_on(path, command.target, command.mesh, hand=hand)
+    hand = command.reach.hand
+    poses, mesh = poses_on(command.grasps, command.target, command.mesh, hand=hand)
     scene = Scene.of(command.reach, mesh)
     assert scene is not None
-    with progress_bars.progress(f"evaluating {path.name}", quiet=command.quiet):
-        model, load = command.reach.touching(command.model), command.load.chosen
-        results = evaluate_poses(mesh, poses, model, scene, load=load, **rules)
-    return results.take(ranked_rows(results))
+    with progress_bars.progress(f"evaluating {command.grasps.name}", quiet=command.quiet):
+        results = evaluate_poses(mesh, poses, command.reach.touching(model), scene, load=load)
+    return collection_of_grasps(results.take(ranked_rows(results)))
 
 
 def _opened(command: View) -> Collection:
@@ -104,22 +93,5 @@ def _check(command: View) -> str:
     if command.web or problem:
         from grasp3d.viewer.web.page import check_page
 
-        check_page(command.port)
+        check_page()
     return problem
-
-
-def _serve(command: View, collection: Collection, problem: str) -> None:
-    """Serve the page; say first why no window was opened, if that is the reason."""
-    from grasp3d.viewer.web.page import serve, uses_other_port
-
-    def ready(address: str) -> None:
-        note = f"{problem}; " if problem else ""
-        note += f"{command.port} is in use; " if uses_other_port(address, command.port) else ""
-        _print(command, f"{note}{address} shows {command.target.name}; Ctrl+C stops it")
-
-    serve(collection, command.view, port=command.port, ready=ready)
-
-
-def _print(command: View, line: str) -> None:
-    if not command.quiet:
-        print(printable(line), flush=True)  # noqa: T201

@@ -8,7 +8,7 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.choices import Axis, Standing, check_approach
 from grasp3d.hand.hand import Hand, touching
 from grasp3d.settings import GraspModel, Radians, check_choice, whole_number
-from grasp3d.settings.parsing import IN_PYTHON, Main, Settings
+from grasp3d.settings.parsing import IN_PYTHON, Settings
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
 
 
@@ -17,8 +17,8 @@ class ReachSettings(Settings):
     """The gripper that must reach each grasp, and what the object stands on.
 
     Attributes:
-        hand: Name of a preset, or a JSON file (which grasp3d hand makes of a URDF or MuJoCo
-            model), of the gripper that must reach each grasp: fingers and palm touch neither the
+        hand: Gripper or hand that must reach each grasp: the name of a preset, or a JSON file
+            (which grasp3d hand makes of a URDF or MuJoCo model). Fingers and palm touch neither the
             object nor the table on a straight approach. none: ideal point contacts.
         table: What the object stands on. none: nothing; as-is: a table below its lowest points;
             stable: a table in the most probable resting pose.
@@ -27,20 +27,18 @@ class ReachSettings(Settings):
         approach_within: Largest angle between the approach direction and straight down, above 0, up
             to 180 degrees; with a table at most 90: never from below.
         approach_angles: Number of approach angles about the closing axis that are tested, 8 to 64.
-        pose_error: How far the true pose of the gripper may be from the stated one: the radius of
-            a ball, the largest turn, or both: 5mm,3deg. The jaws are also closed at poses that are
-            wrong by so much and less.
+        pose_error: Error of the gripper's pose: how far the true one may be from the stated one,
+            as the radius of a ball, the largest turn, or both: 5mm,3deg. The jaws are also closed
+            at poses that are wrong by so much and less.
     """
 
-    hand: Annotated[Hand | None, Main("gripper, or hand, that must reach the grasps")] = None
-    table: Annotated[Standing, Main("what the object stands on")] = "none"
+    hand: Hand | None = None
+    table: Standing = "none"
     up: Axis = "z"
     resting_pose: Annotated[int, IN_PYTHON] = 1
     approach_within: Radians = math.pi
     approach_angles: Annotated[int, IN_PYTHON] = 32
-    pose_error: Annotated[PoseErrorField, Main("error of poses: 5mm,3deg")] = PoseErrorField(
-        PoseError()
-    )
+    pose_error: PoseErrorField = PoseErrorField(PoseError())
 
     def __post_init__(self) -> None:
         super().__post_init__()

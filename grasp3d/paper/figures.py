@@ -105,22 +105,18 @@ def load_object(path: Path) -> ObjectMesh:
     return load_mesh(path, max_edge=PICTURE_EDGE * load_mesh(path).size)
 
 
-def real_object(
-    mesh: ObjectMesh, name: str, settings: PaperSettings, *, fixed: ArrayLike | None = None
-) -> ScannedObject:
-    """Scan any object.
+def real_object(mesh: ObjectMesh, name: str, settings: PaperSettings) -> ScannedObject:
+    """Scan any object, the first finger where a two-finger grasp is best.
 
     Args:
         mesh: Its surface.
         name: Its name.
         settings: Friction and resolutions.
-        fixed: Contact point of the first finger, in the mesh's frame; None: where a two-finger
-            grasp is best.
 
     Raises:
-        SettingError: No grasp was found on it and no point is given, or `fixed` is not a point.
+        SettingError: No grasp was found on it.
     """
-    point = best_contact_point(mesh, settings.models[0]) if fixed is None else fixed
+    point = best_contact_point(mesh, settings.models[0])
     with unreported():
         normal = scan_surface(mesh, settings.models[0], fixed=point).grasps.contacts.normals[0, 1]
         return _scanned(name, mesh, point, settings, view_of(normal))
@@ -140,8 +136,7 @@ def best_contact_point(mesh: ObjectMesh, model: GraspModel) -> Floats:
     lowest = float(labels.critical_angle.min())
     if math.isinf(lowest):
         raise SettingError(
-            f"{mesh.report.source}: no grasp was found that gives the fixed finger's contact "
-            "point; set one with --fixed"
+            f"{mesh.report.source}: no grasp was found that gives the fixed finger's contact point"
         )
     good = np.flatnonzero(labels.critical_angle <= max(lowest, 0.0) + AS_GOOD)
     compared = np.unique(good[np.linspace(0, len(good) - 1, COMPARED).astype(np.int64)])

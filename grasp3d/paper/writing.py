@@ -5,8 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from grasp3d.arrays import ArrayLike
-from grasp3d.errors import OutputError, SettingError
+from grasp3d.errors import OutputError
 from grasp3d.paper.figures import (
     FIGURES,
     ScannedObject,
@@ -46,7 +45,6 @@ def write_paper(
     settings: PaperSettings | None = None,
     *,
     object_file: Path | None = None,
-    fixed: ArrayLike | None = None,
 ) -> Paper:
     """Recompute Wan & Howe 2018: Fig. 4 to 11, their counterparts in space, and all numbers.
 
@@ -58,16 +56,12 @@ def write_paper(
         output: Folder, made if it is missing.
         settings: Friction and resolutions; None: the paper's.
         object_file: A mesh for the counterparts in space.
-        fixed: Contact point of the first finger on it, in the file's frame; None: where a
-            two-finger grasp is best.
 
     Raises:
-        SettingError: A setting is outside its range, or `fixed` is given without a mesh.
+        SettingError: A setting is outside its range, or no grasp was found on the mesh.
         MeshError: The mesh cannot be read.
         OutputError: The folder cannot be written to.
     """
-    if fixed is not None and object_file is None:
-        raise SettingError("a contact point of the first finger needs an object: give its mesh")
     own = settings or PaperSettings()
     names = [*SOLIDS, *([OBJECT] if object_file is not None else [])]
     _check(output, [*FIGURES, *(f"surface_{name}" for name in names)])
@@ -77,7 +71,7 @@ def write_paper(
     real: list[ScannedObject] = []
     if object_file is not None and mesh is not None:
         with steps.part(SEARCH):
-            real.append(real_object(mesh, object_file.stem, own, fixed=fixed))
+            real.append(real_object(mesh, object_file.stem, own))
     paths: list[Path] = []
     for name, draw in FIGURES.items():
         with steps.part(FIGURE), unreported():

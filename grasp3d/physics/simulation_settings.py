@@ -2,11 +2,10 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 from grasp3d.settings import DEGREE, Radians, check_choice
 from grasp3d.settings.checks import LARGEST_SEED, check_length, check_range
-from grasp3d.settings.parsing import Main
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
 from grasp3d.settings.units import FORCES, MASSES, STIFFNESSES, Length, LengthSettings, Quantity
 
@@ -63,13 +62,11 @@ class SimulationSettings(LengthSettings):
         0.2
     """
 
-    count: Annotated[int, Main("grasps that are drawn")] = 60
-    tip_radius: Annotated[Length[float], Main("radius of round tips")] = Length(0.003)
-    object_mass: Annotated[Quantity[float], Main("mass of the object")] = Quantity(0.1, MASSES)
+    count: int = 60
+    tip_radius: Length[float] = Length(0.003)
+    object_mass: Quantity[float] = Quantity(0.1, MASSES)
     grip_ratio: float = 50.0
-    grip_force: Annotated[Quantity[float | None], Main("force of each finger")] = Quantity(
-        None, FORCES
-    )
+    grip_force: Quantity[float | None] = Quantity(None, FORCES)
     pull_acceleration: float = 0.0
     pad_stiffness: Quantity[float] = Quantity(3e5, STIFFNESSES)
     pose_error: PoseErrorField = PoseErrorField(PoseError())

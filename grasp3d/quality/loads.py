@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 from grasp3d.errors import SettingError
 from grasp3d.quality.task_texts import TaskField, TaskText
-from grasp3d.settings.parsing import Main, Settings, settings_of_texts
+from grasp3d.settings.parsing import Settings, settings_of_texts
 from grasp3d.settings.units import DENSITIES, FORCES, MASSES, TORQUES, Quantity
 
 if TYPE_CHECKING:
@@ -46,9 +46,7 @@ class Load(Settings):
 
     lone: ClassVar[str] = "mass"
 
-    mass: Annotated[Quantity[float | None], Main("mass of the object, such as 0.5kg")] = Quantity(
-        None, MASSES
-    )
+    mass: Quantity[float | None] = Quantity(None, MASSES)
     density: Quantity[float | None] = Quantity(None, DENSITIES)
     grip_force: Quantity[float | None] = Quantity(None, FORCES)
     torque_limits: Quantity[float | None] = Quantity(None, TORQUES)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from grasp3d.errors import SettingError
 from grasp3d.settings.checks import check_choice, check_length, check_range
 from grasp3d.settings.friction import Friction, friction_interval
-from grasp3d.settings.parsing import IN_PYTHON, Group, Main
+from grasp3d.settings.parsing import IN_PYTHON
 from grasp3d.settings.units import DEGREE, Length, LengthSettings, Radians
 
 Actuation = Literal["total", "per_finger"]
@@ -28,11 +28,12 @@ class GraspModel(LengthSettings):
     A length is in metres, or has a unit: '5mm', '0.5cm', '0.2in'; see `Length`.
 
     Attributes:
-        friction: Coulomb coefficient of friction between fingertip and object, above 0; or the
+        friction: Coulomb friction of fingertip and object: its coefficient, above 0, or the
             interval in which it lies, 0.4..0.6: S is decided by the smallest, U by the largest.
-        sensor_resolution: Sensor resolution alpha: the angle between the two extreme normals that
-            the fingertip cannot distinguish, from 0 to below 180 degrees. Further errors of the
-            normals, such as those of joint encoders, count twice: alpha + 2 x error.
+        sensor_resolution: Resolution alpha of the fingertips' sensors: the angle between the two
+            extreme normals that the fingertip cannot distinguish, from 0 to below 180 degrees.
+            Further errors of the normals, such as those of joint encoders, count twice:
+            alpha + 2 x error.
         fingers: Number of fingers of a grasp, 2 to 5.
         method: How grasps are labelled. exact: by the critical friction angle, which covers every
             normal within the resolution; extremes: by the wrench hulls at every combination of
@@ -60,10 +61,10 @@ class GraspModel(LengthSettings):
         S below 16.6 degrees
     """
 
-    friction: Annotated[Friction, Main("friction, or an interval: 0.4..0.6")] = Friction(0.5)
-    sensor_resolution: Annotated[Radians, Main("what the fingertip cannot resolve")] = 22.6 * DEGREE
-    fingers: Annotated[int, Group("hand")] = 2
-    method: Annotated[Method, Group("search")] = "exact"
+    friction: Friction = Friction(0.5)
+    sensor_resolution: Radians = 22.6 * DEGREE
+    fingers: int = 2
+    method: Method = "exact"
     extreme_normals: Annotated[int, IN_PYTHON] = 8
     edges: Annotated[int | None, IN_PYTHON] = None
     actuation: Annotated[Actuation, IN_PYTHON] = "total"

@@ -3,10 +3,9 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from grasp3d.settings.checks import check_choice, check_range
-from grasp3d.settings.parsing import Main
 from grasp3d.settings.regions import Region
 from grasp3d.settings.units import DEGREE, Length, Lengths, LengthSettings, Radians, Unit
 
@@ -21,7 +20,7 @@ class MeshOptions(LengthSettings):
     A length is in metres, or has a unit: '3mm', '0.3cm', '0.1in'; see `Length`.
 
     Attributes:
-        unit: Unit of the file's coordinates, from which they become metres; none: the unit that the
+        unit: Unit of the file's coordinates: from it they become metres; none: the unit that the
             file states, if any. Without either, lengths are in the mesh's own unit, and nothing can
             be said about grippers, masses and lengths with a unit.
         max_edge: Longest edge of the mesh, a length; longer edges are divided. none: 1/32 of the
@@ -51,7 +50,7 @@ class MeshOptions(LengthSettings):
         194
     """
 
-    unit: Annotated[Unit | None, Main("unit of the mesh, if its file states none")] = None
+    unit: Unit | None = None
     max_edge: Length[float | None] = Length(None)
     crease_angle: Radians = 30.0 * DEGREE
     repair: Repair = "safe"

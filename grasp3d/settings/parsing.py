@@ -12,22 +12,6 @@ ValueT = TypeVar("ValueT")
 GivenT = TypeVar("GivenT")
 SettingsT = TypeVar("SettingsT")
 
-
-class Main(str):
-    """Marks the type of a field as that of a main option, which the short help of commands lists.
-
-    It is what this help says of it, in a few words.
-    """
-
-    __slots__ = ()
-
-
-class Group(str):
-    """Marks the type of a field, or of settings, with the group of the help that options are in."""
-
-    __slots__ = ()
-
-
 IN_PYTHON = object()
 """Marks the type of a field that commands have no option for: Python alone sets it."""
 

@@ -11,7 +11,7 @@ from grasp3d.settings.grasp_model import (
     MAX_SEARCHED_FINGERS,
     GraspModel,
 )
-from grasp3d.settings.parsing import IN_PYTHON, Group, Main
+from grasp3d.settings.parsing import IN_PYTHON
 from grasp3d.settings.units import Length, LengthSettings, Radians, describe_length
 
 Grip = Literal["squeeze", "expand", "both"]
@@ -79,10 +79,8 @@ class Sampling(LengthSettings):
     search_angle: Annotated[Radians | None, IN_PYTHON] = None
     tolerance: Annotated[Radians, IN_PYTHON] = 1e-3
     grip: Grip = "squeeze"
-    min_opening: Annotated[Length[float], Group("hand")] = Length(0.0)
-    max_opening: Annotated[
-        Length[float], Group("hand"), Main("stroke of the gripper, such as 80mm")
-    ] = Length(math.inf)
+    min_opening: Length[float] = Length(0.0)
+    max_opening: Length[float] = Length(math.inf)
     rays: Annotated[int, IN_PYTHON] = 64
     candidates: Annotated[int, IN_PYTHON] = 64
     candidate_points: Annotated[CandidatePoints, IN_PYTHON] = "surface"

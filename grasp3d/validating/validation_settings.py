@@ -1,10 +1,12 @@
 """Settings of a validation: grid of labels, bins, resamples, seed."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE, GraspModel, Radians, whole_number
 from grasp3d.settings.checks import check_range
+from grasp3d.settings.parsing import IN_PYTHON
 
 FRICTIONS = (0.3, 0.5, 1.0)
 RESOLUTIONS = (0.0, 10.0 * DEGREE, 22.6 * DEGREE, 40.0 * DEGREE)
@@ -36,8 +38,8 @@ class ValidationSettings:
         grasp3d.errors.SettingError: bins must be from 2 to 50; got 100
     """
 
-    frictions: tuple[float, ...] = FRICTIONS
-    sensor_resolutions: tuple[Radians, ...] = RESOLUTIONS
+    frictions: Annotated[tuple[float, ...], IN_PYTHON] = FRICTIONS
+    sensor_resolutions: Annotated[tuple[Radians, ...], IN_PYTHON] = RESOLUTIONS
     bins: int = 10
     target: float = 0.9
     resamples: int = 1000

@@ -2,11 +2,10 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 from grasp3d.errors import SettingError
 from grasp3d.settings import Radians, check_choice, whole_number
-from grasp3d.settings.parsing import Main
 
 Paint = Literal[
     "label", "critical_angle", "max_resolution", "epsilon", "epsilon_min", "approach_margin",
@@ -38,7 +37,7 @@ class ViewSettings:
         height: Height of the window or picture [pixels].
     """
 
-    paint: Annotated[Paint, Main("colours: epsilon, margin, ...")] = "label"
+    paint: Paint = "label"
     vertex: int | None = None
     azimuth: Radians | None = None
     elevation: Radians | None = None

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.helpers import shapes
-from tests.helpers.commands import export, printed
+from tests.helpers.commands import export
 from tests.helpers.commands import run_here as grasp3d
 from tests.helpers.commands import run_process as real_grasp3d
 
@@ -88,13 +88,6 @@ def test_a_surface_of_inconsistent_orientation_is_not_watertight(folder: Path) -
     faces[0] = faces[0, ::-1]
     export(folder / "turned.ply", (vertices, faces))
     assert "no, inconsistent orientation" in grasp3d("check", "turned.ply", cwd=folder).stdout
-
-
-def test_only_json_is_printed_to_standard_output(folder: Path) -> None:
-    text = printed("check", "box.stl", "--json", cwd=folder)
-    (mesh,) = json.loads(text)["meshes"]
-    assert (mesh["mesh"], mesh["format"], mesh["repairs"]) == ("box.stl", "stl", [])
-    assert mesh["guess"]["unit"] == "m"
 
 
 def test_strict_accepts_no_warnings(folder: Path) -> None:

@@ -35,7 +35,7 @@ def facts(text: str) -> dict[str, str]:
 
 def test_without_options_it_prints_the_numbers_of_the_paper() -> None:
     text = printed()
-    assert "fingertip: radius 10 mm" in text
+    assert facts(text)["fingertip"] == "radius 10 mm"
     table = rows(text)
     assert [float(row[0]) for row in table] == [step / 10.0 for step in range(1, 11)]
     assert ["0.5", "9.273", "53.13°", "10", "10"] in table
@@ -44,7 +44,6 @@ def test_without_options_it_prints_the_numbers_of_the_paper() -> None:
         sensor = Sensor.limiting(float(row[0]), 10.0)
         assert float(row[1]) == pytest.approx(sensor.receptive_field, abs=0.006)
         assert row[3:] == [str(sensor.sensors_by_discs), str(sensor.sensors_by_caps)]
-    assert "their 50 comes from rounding 3.95 mm" in " ".join(text.split())
     assert "lower bounds" in text
 
 
@@ -55,7 +54,6 @@ def test_required_sensors_for_some_frictions() -> None:
         assert float(row[1]) == pytest.approx(sensor.receptive_field, rel=1e-3)
         assert row[2] == f"{math.degrees(sensor.resolution):.2f}°"
         assert row[3:] == [str(sensor.sensors_by_discs), str(sensor.sensors_by_caps)]
-    assert "Wan & Howe report" not in text
 
 
 def test_required_friction_for_a_sensor() -> None:

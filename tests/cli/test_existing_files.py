@@ -17,7 +17,7 @@ SWEEP = ("sweep", "circle", "--friction", "0.5", "-o", "out.csv")
         ("box_labeled.ply", ("label", "box.stl")),
         ("grasps.json", ("label", "box.stl", "--best", "1", "--grasps", "grasps.json")),
         ("out.csv", SWEEP),
-        ("out.svg", (*SWEEP, "--figure", "out.svg")),
+        ("out.svg", SWEEP),
         ("check.json", ("check", "box.stl", "-o", "check.json")),
     ],
 )

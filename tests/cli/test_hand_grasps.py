@@ -54,7 +54,6 @@ def test_report(folder: Path) -> None:
     [
         ("--method extremes", "sliders is a hand with joints, and takes no method extremes"),
         ("--max-distance 1mm", "max_distance applies to contacts"),
-        ("--contact-distance -1mm", "contact_distance"),
     ],
 )
 def test_options_that_do_not_apply(folder: Path, words: str, message: str) -> None:

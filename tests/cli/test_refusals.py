@@ -104,11 +104,10 @@ validate poses.csv --hand franka --meshes nowhere | nowhere: there is no such fo
 simulate box.stl --unit mm --hand franka | gripper 'franka' has flat pads, which touch more than two
 simulate box.stl --unit mm --count 2 | count must be from 3 to 100000; got 2
 simulate ball.ply --unit mm -o link.csv | link.csv: is read by this command; name another file
-sweep | nothing to sweep
+sweep | grasp3d sweep needs PATH|circle|square|sphere ...; see grasp3d sweep --help
 sweep void | no mesh in it
-sweep circle --figure x.docx | unsupported figure format .docx
 sweep circle -o notes.csv | notes.csv: exists; name another file
-sweep sphere --friction 0.4..0.6 | --friction must be a number, or a range FROM:TO:STEP
+sweep sphere --friction 0.4..0.6 | --friction must be a number; got '0.4..0.6'; or give a range FROM:TO:STEP
 sweep circle --friction 50 | that of rubber is some 2; got 50: is 0.5 meant?
 sweep circle --sensor-resolution 0.39 | write 0.39deg for that, or 0.39rad
 sweep circle --fingers 3 | closed form for two fingers only; got 3
@@ -125,7 +124,6 @@ batch ball.ply -o ball.ply | its folder is a file
 view . --screenshot a.png | was not written by grasp3d batch
 view bad.ply --screenshot a.png | have a property 'label' but no 'critical_angle'
 view ball.ply --screenshot a.png --fingers 9 | fingers must be from 2 to 5
-view ball.ply --web --port 70000 | port must be from 0 to 65535
 design --friction 50 | is 0.5 meant?
 design --fingertip-radius 8 | fingertip_radius needs its unit, such as 8mm
 design --receptive-field 4mm --sensor-resolution 20 | each define the sensor
@@ -149,7 +147,7 @@ label x --resolution 3 | did you mean --sensor-resolution?
 label x --colour red | no option --colour; all options: grasp3d label --help-all
 label x --at | --at needs a value: X,Y,Z
 label x --quiet=1 | --quiet takes no value
-paper -o x --fixed 1 2 | --fixed needs 3 values: X Y Z
+paper -o x --sensor-resolution | --sensor-resolution needs a value: DEGREES ...
 label x --fingers 2.5 | --fingers must be a whole number; got '2.5'
 check ball.ply --repair all | --repair must be one of none, safe, full; got 'all'
 """
@@ -172,11 +170,9 @@ evaluate ball.ply void | void: has no suffix: supported are .csv
 evaluate ball.ply pair.json -o x.ply | unsupported table format .ply
 validate poses.csv --mesh box.stl -o notes.csv | notes.csv: is a file; name a folder
 simulate box.stl --grasps poses.csv --hand franka -o x.ply | unsupported pose format .ply
-sweep circle --figure x.csv | unsupported figure format .csv
 hand franka --tcp 5 | for URDF and MuJoCo files
 batch ball.ply -o out --workers 2 --scheduler tcp://x:1 | workers and scheduler exclude each other
 view ball.ply --width 10 --screenshot x.png | width must be from 320
-paper -o x --fixed 1 2 3 | needs an object: give its mesh
 """
 """Wrong inputs that need no mesh: they are refused before one is read."""
 
@@ -193,7 +189,6 @@ simulate box.stl --unit mm -o @.csv
 simulate box.stl --unit mm --grasps poses.csv --hand franka -o @.json
 batch ball.ply -o @.csv/out
 sweep ball.ply -o @.csv
-sweep ball.ply -o new.csv --figure @.svg
 check ball.ply -o @.json
 view ball.ply --screenshot @.png
 hand franka -o @.json

@@ -7,9 +7,7 @@ from pathlib import Path
 import pytest
 
 from grasp3d import GraspModel
-from grasp3d.cli.ranges import parse_angles, parse_frictions
 from grasp3d.cli.usage import parse
-from grasp3d.errors import SettingError
 from grasp3d.settings.parsing import plain_values
 from tests.helpers import shapes
 from tests.helpers.commands import export, printed
@@ -34,16 +32,6 @@ def parsed(*words: str) -> GraspModel:
 def test_the_options_are_the_settings() -> None:
     assert plain_values(parsed(*ERRORS)) == plain_values(MODEL)
     assert plain_values(parsed()) == plain_values(GraspModel())
-
-
-def test_ranges_of_angles_and_numbers() -> None:
-    assert parse_frictions("it", ("0.1", "0.1:0.3:0.1")) == pytest.approx((0.1, 0.2, 0.3))
-    assert parse_angles("it", ("180",)) == (math.pi,)
-    assert parse_angles("it", ("0:0.2:0.1rad", "0.3 RAD")) == (0.0, 0.1, 0.2, 0.3)
-    assert parse_angles("it", ("0:30:15deg",)) == parse_angles("it", ("0:30:15",))
-    for word in ("0:1rad:0.1", "0deg:1:0.1rad", "rad"):
-        with pytest.raises(SettingError, match="it must be an angle"):
-            parse_angles("it", (word,))
 
 
 @pytest.mark.parametrize("words", [(), ERRORS])

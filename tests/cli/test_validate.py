@@ -70,19 +70,16 @@ def test_it_prints_how_well_scores_predict(folder: Path) -> None:
     assert "…" not in narrow
 
 
-def test_options_choose_the_grid_the_seed_and_the_model(folder: Path) -> None:
-    words = ("--frictions", "0.4", "--sensor-resolutions", "0:20:10", "--seed", "7", "--worst", "1",
-             "--friction", "0.8", "--mass", "20g", "--bins", "4", "--target", "0.5")  # fmt: skip
+def test_options_choose_the_statistics_the_seed_and_the_model(folder: Path) -> None:
+    words = ("--seed", "7", "--worst", "1", "--friction", "0.8", "--mass", "20g", "--bins", "4",
+             "--target", "0.5")  # fmt: skip
     text = printed(*GIVEN, *words, cwd=folder)
     assert "labels, margins and forces at μ 0.8, α 22.6°" in text
-    rows = re.findall(r"^0\.4 +(\S+)° ", text, re.MULTILINE)
-    assert rows == ["0", "10", "20"]
     assert "seed 7" in text
     assert "grip force" in text
     assert "mass 20 g, as given" in text
     assert len(re.findall(r"^-?\d+\.\d° to", text, re.MULTILINE)) == 4
     assert "50 % of the accepted grasps held" in text
-    assert len(re.findall(r"^  grasp \d+:", text, re.MULTILINE)) <= 3
 
 
 @pytest.mark.slow

@@ -29,7 +29,7 @@ from grasp3d.stability.label import COLORS, Label
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web import page as served_page
-from grasp3d.viewer.web.page import address_of, background_server, listen, open_page
+from grasp3d.viewer.web.page import background_server, listen, open_page
 from tests.helpers.shapes import LIBRARY
 
 CI = os.environ.get("CI") == "true"
@@ -341,9 +341,6 @@ def test_invalid_ports_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         port = taken.getsockname()[1]
         with listen(port) as free:
             assert port < free.getsockname()[1] <= port + served_page.OTHER_PORTS
-        assert not served_page.uses_other_port(address_of(taken), port)
-        assert not served_page.uses_other_port(address_of(taken), 0)
-        assert served_page.uses_other_port(address_of(taken), port - 1)
         monkeypatch.setattr(served_page, "OTHER_PORTS", 0)
         with pytest.raises(OutputError, match="all in use"):
             listen(port)

@@ -13,7 +13,6 @@ from concurrent.futures import Future
 from functools import cache, partial
 from importlib import import_module
 from typing import TYPE_CHECKING
-from urllib.parse import urlsplit
 
 from grasp3d.errors import OutputError
 from grasp3d.rendering.opengl import check_rendering
@@ -57,14 +56,14 @@ def serve(
         asyncio.run(_serve(server, listener, ready))  # Ctrl+C ends it, too
 
 
-def check_page(port: int) -> None:
+def check_page() -> None:
     """Check that a page can be served.
 
     Raises:
         OutputError: It cannot; see `serve`.
     """
     create_server()
-    listen(port).close()
+    listen(PORT).close()
 
 
 def open_page(session: Session) -> str:
@@ -125,11 +124,6 @@ def listen(port: int) -> socket.socket:
 def address_of(listener: socket.socket) -> str:
     """Address of the page for a browser."""
     return f"http://{HOST}:{listener.getsockname()[1]}/"
-
-
-def uses_other_port(address: str, port: int) -> bool:
-    """Whether a page is served at another port than requested."""
-    return port not in {0, urlsplit(address).port}
 
 
 class BackgroundServer:
