@@ -75,8 +75,6 @@ class SweptMesh:
     sweep: Sweep | None = None
     error: str = ""
     warnings: tuple[str, ...] = ()
-    crease_fraction: float = 0.0
-    """As in `ObjectMesh`."""
 
 
 def find_targets(inputs: Iterable[str]) -> tuple[list[str], list[MeshFile]]:
@@ -132,7 +130,6 @@ def sweep_mesh(mesh: MeshFile, settings: SweepSettings, *, force: bool = False) 
         mesh.name,
         _swept(mesh.name, labels.angle_distribution(), settings, mode="label"),
         warnings=labels.warnings,
-        crease_fraction=surface.crease_fraction,
     )
 
 

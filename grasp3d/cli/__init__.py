@@ -46,12 +46,6 @@ options:
   --help-all    After the name of a command: print all of its options.
   --version     Print the version.
   --completion  Print what completes commands in bash and zsh: source <(grasp3d --completion)
-
-examples:
-  # Label a mesh, and write it
-  grasp3d label meshes/mug.glb --max-opening 60mm
-  # The options of a command that matter first
-  grasp3d label --help
 """
 
 
@@ -66,13 +60,13 @@ def main(arguments: list[str] | None = None) -> int:
         print(end="", flush=True)  # noqa: T201
     except GraspError as error:
         return _failed(printable(str(error)), BAD_INPUT)
-    except BrokenPipeError:  # the reader of the output has ended, as in `grasp3d batch ... | head`
-        _discard_output()
-        return 0
     except OSError as error:
         if error.filename is not None:
             raise
-        _discard_output()
+        # What could not be printed is discarded, as Python tries it again at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):  # the reader has ended: `grasp3d batch ... | head`
+            return 0
         return _failed(f"standard output: cannot be written ({error.strerror})", BAD_INPUT)
     except KeyboardInterrupt as stop:
         return _failed("interrupted" + (f": {stop}" if str(stop) else ""), INTERRUPTED)
@@ -82,11 +76,6 @@ def main(arguments: list[str] | None = None) -> int:
 def _failed(text: str, code: int) -> int:
     print(f"grasp3d: {text}", file=sys.stderr, flush=True)  # noqa: T201
     return code
-
-
-def _discard_output() -> None:
-    """Discard what could not be printed, which Python tries again at its end."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _run(arguments: list[str]) -> int:
@@ -127,7 +116,7 @@ def _check_file(file: object) -> None:
     Raises:
         MeshError: There is no such file; whether it is a mesh, is seen later.
     """
-    if isinstance(file, Path) and not file.is_dir() and (problem := problem_of_file(file)):
+    if isinstance(file, Path) and (problem := problem_of_file(file)):
         raise MeshError(f"{file}: {problem}")
 
 

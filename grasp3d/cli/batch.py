@@ -3,7 +3,6 @@
 import logging
 import signal
 import sys
-import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -76,16 +75,12 @@ def _interrupted_once() -> Iterator[None]:
             signal.signal(number, signal.SIG_IGN)
         raise KeyboardInterrupt
 
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = [signal.signal(number, interrupt) for number in signals]
+    before = {number: signal.signal(number, interrupt) for number in signals}
     try:
         yield
     finally:
-        if signal.getsignal(signal.SIGINT) is interrupt:  # not interrupted
-            for number, handler in zip(signals, before, strict=True):
-                signal.signal(number, handler)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class ProgressDisplay:
@@ -93,7 +88,7 @@ class ProgressDisplay:
 
     def __init__(self, bar: Progress) -> None:
         self._bar, self._task = bar, bar.add_task("labelling", total=1.0, status="")
-        self._started = self._last_line = 0.0
+        self._last_line = 0.0
         self.counts = "no mesh was started"
         """How many meshes are done."""
 
@@ -101,18 +96,17 @@ class ProgressDisplay:
         """Show the progress."""
         now, console = time.monotonic(), self._bar.console
         done = progress.labelled + progress.failed
-        if not self._started:
-            self._started = self._last_line = now
+        if not self._last_line:
+            self._last_line = now
             self._bar.reset(self._task)
             left = counted(progress.left, "meshes")
             console.print(f"{left} to label, {progress.finished} finished before")
             if progress.stale:
                 stale = counted(progress.stale, "meshes")
                 console.print(f"{WARNING} labels made with other settings are replaced: {stale}")
-        finished, rate = progress.finished + done, done / max(now - self._started, 1e-9)
+        finished = progress.finished + done
         self.counts = f"{finished} of {counted(finished + progress.left, 'meshes')} are done"
         status = f"{progress.labelled} labelled, {progress.failed} failed, {progress.left} left"
-        status += f", {rate:.3g}/s" * (done > 0)
         self._bar.update(self._task, completed=progress.fraction, status=status)
         is_due = progress.row and (now - self._last_line > LINE_INTERVAL or not progress.left)
         if is_due and not console.is_terminal:

@@ -81,7 +81,7 @@ class Sweep(Guarded, ManyMeshes):
         grasp3d sweep 'meshes/*.glb' --friction 0.5 --fraction 0.5 --max-opening 80mm -o glb.csv
     """
 
-    inputs: Annotated[tuple[str, ...], ARGUMENT, Parser("PATH|circle|square|sphere")]
+    inputs: Annotated[tuple[str, ...], ARGUMENT, Parser("PATH|SHAPE")]
     """Meshes, folders and shapes, to be given before the options: mesh files, folders, which are
     searched recursively, globs in quotes such as 'lib/**/*.stl', lists of these (.txt, one per
     line); also on an object store (s3://BUCKET/FOLDER). Shapes in closed form with one finger
@@ -167,18 +167,19 @@ class Label(Labelling, OneMesh):
         if self.best is not None and self.best < 1:
             raise SettingError(f"best must be at least 1; got {self.best}")
         for name in ("grasps", "grasps_format", "object_pose", "frame"):
-            if getattr(self, name) is not None and self.best is None:
+            if getattr(self, name) is None:
+                continue
+            if self.best is None:
                 raise SettingError(f"{name} is for the best grasps; give their number with --best")
+            if name != "grasps" and self.posed_hand is None:
+                raise SettingError(
+                    f"{name} is for poses of a gripper of two fingers; give one with --hand"
+                )
         if self.grasps_format == "graspgen":
             raise SettingError(
                 "graspgen files state which grasps held, which is not known of grasps that are "
                 "found; choose another grasps_format"
             )
-        for name in ("grasps_format", "object_pose", "frame"):
-            if getattr(self, name) is not None and self.posed_hand is None:
-                raise SettingError(
-                    f"{name} is for poses of a gripper of two fingers; give one with --hand"
-                )
         for text in self.at:
             parse_lengths("at", text)
 
@@ -239,8 +240,6 @@ class View(Labelling):
     """Write a picture (.png) instead; needs no display."""
 
     view: ViewSettings = field(default_factory=ViewSettings)
-
-    load: Load = field(default_factory=Load, kw_only=True)
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,12 @@ LIMITS = (
 COMPARED = ("friction", "fine\nenough", "margin", "effective\nfriction", "counts\nat least")
 
 COUNTS = (
-    "Numbers of sensors are for the whole hemisphere, by area: 'discs' as in Wan & Howe, 'caps' "
-    "on the curved surface. Both are lower bounds: real layouts overlap, by a fifth at least."
+    "sensors: lower bounds for the whole hemisphere, by area: 'discs' as in Wan & Howe, 'caps' on "
+    "the curved surface; real layouts overlap"
 )
 MARGIN = (
-    "margin: friction angle minus half the resolution; effective friction: friction whose friction "
-    "angle is the margin; counts: per revolution of the encoder of each joint. For the best "
-    "grasps; others require a finer sensor: see grasp3d sweep."
+    "margin: friction angle minus half the resolution; effective friction: that whose angle is the "
+    "margin; counts: per revolution of each joint's encoder. All for the best grasps."
 )
 
 

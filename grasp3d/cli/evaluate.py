@@ -11,17 +11,15 @@ from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Evaluate
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import (
-    LEVELS,
     Grasps,
     Report,
     escaped,
     frame_text,
     length_with_unit,
     load_line,
-    model_words,
     percent_text,
 )
-from grasp3d.errors import MeshError, SettingError
+from grasp3d.errors import SettingError
 from grasp3d.grasps.audit import READING, READINGS, explained
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import (
@@ -42,6 +40,7 @@ from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.quality.measures import metric_names
 from grasp3d.settings import GraspModel, with_fingers
+from grasp3d.settings.model_text import model_line
 from grasp3d.settings.units import small_length
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_table import GraspTable
@@ -51,19 +50,12 @@ from grasp3d.system.names import safe_stem
 MAX_ROWS = 10
 """Largest number of evaluated grasps in the table."""
 
-CONTACTS_OF_LINKS = {
-    "given": "contacts as given",
-    "closed": "contacts closed from the open preshape",
-}
-
 
 def run(command: Evaluate) -> int:
     """Run the command, and return the exit code."""
     if command.metrics is not None:
         metric_names(command.metrics)
     output = command.output or Path(f"{safe_stem(command.file.stem)}_grasps.csv")
-    if command.file.is_dir():
-        raise MeshError(f"{command.file}: is a folder, but grasps are of one object: name its mesh")
     reach = command.reach
     poses = reach.hand is not None or command.contact_rule is not None or bool(reach.pose_error)
     poses = holds_poses(command.contacts) or poses
@@ -137,7 +129,7 @@ def print_grasps(grasps: Grasps, metrics: dict[str, Any]) -> None:
         metrics: Values of quality measures by name, whose quantiles are printed.
     """
     report, mesh, size = Report(), grasps.mesh, grasps.size
-    words = model_words(grasps.model, mesh.unit)
+    words = model_line(grasps.model, metres=mesh.unit is not None)
     report.heading(mesh.report.source, escaped(f"{_kind(grasps)}; {words}"))
     counts = np.bincount(grasps.letter, minlength=len(Label))
     fractions = {one: percent_text(float(counts[one] / size)) for one in Label}
@@ -157,10 +149,8 @@ def print_grasps(grasps: Grasps, metrics: dict[str, Any]) -> None:
         report.line(f"the best {MAX_ROWS} of {size}:")
     report.grasps(grasps, rows.tolist())
     if metrics:
-        levels = (f"{100.0 * level:.0f} %" for level in LEVELS)
-        numbers = {name: np.nanquantile(values, LEVELS) for name, values in metrics.items()}
-        lines = ([name, *(f"{value:.4g}" for value in row)] for name, row in numbers.items())
-        report.table(("quality measure", *levels), lines)
+        medians = (f"{name} {np.nanmedian(values):.4g}" for name, values in metrics.items())
+        report.line(f"medians: {', '.join(medians)}")
 
 
 def _kind(grasps: Grasps) -> str:
@@ -171,7 +161,7 @@ def _kind(grasps: Grasps) -> str:
     if isinstance(grasps, EvaluatedPoses):
         return poses
     distance = small_length(grasps.contact_distance, metres=True)
-    return f"{poses}, {CONTACTS_OF_LINKS[grasps.contacts.rule]}, within {distance}"
+    return f"{poses}, contacts {grasps.contacts.rule}, within {distance}"
 
 
 def _remarks(grasps: Grasps) -> Iterator[str]:
@@ -195,6 +185,3 @@ def _remarks(grasps: Grasps) -> Iterator[str]:
         yield frame_text(given.object_pose)
         if read := given.settings.get(READING):
             yield f"{READINGS[READING]}: {read}"
-    if mesh.region is not None:
-        outside = int(np.isinf(grasps.critical_angle).sum())
-        yield f"{outside} of {size} have a contact outside --region: U"

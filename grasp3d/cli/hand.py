@@ -20,17 +20,11 @@ from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper, preset_names
 GRIPPERS = ("name", "opening,\nmm", "force,\nN")
 JOINTS = ("joint", "moves", "from,\n°", "to,\n°", "open,\n°", "closes", "torque,\nN m")
 
-FRAME = (
-    "the TCP, midway between the pads or tips; x: closing axis, from finger 1 to finger 2; "
-    "z: approach direction; y = z x x"
-)
+FRAME = "the TCP, midway between pads or tips; x: closing axis, to finger 2; z: approach direction"
 
 NOT_STATED = "not stated"
-OTHERWISE = {
-    "format", "version", "unit", "name", "inner_faces", "joint_names", "joint_scale",
-    "joint_closed", "max_force", "sensor_resolution", "receptive_field", "source",
-}  # fmt: skip
-"""Fields of a gripper that are no lengths, or have a line of their own."""
+OTHER_NUMBERS = {"max_force", "sensor_resolution", "receptive_field"}
+"""Numbers of a gripper that are no lengths, or follow from others."""
 
 
 def run(command: Hand) -> int:
@@ -71,7 +65,6 @@ def print_known(report: Report) -> None:
         for title, one in zip(preset_names(), PRESETS.values(), strict=True)
     )
     report.table(GRIPPERS, rows)
-    report.line("grasp3d hand NAME prints all of a gripper")
     report.line(f"hands with joints: {', '.join(NAMES)}")
     report.line("they need a URDF of yours: grasp3d hand FILE.urdf -o NAME.json")
 
@@ -96,9 +89,9 @@ def print_hand(report: Report, hand: AnyHand) -> None:
 def _fields(gripper: ParallelGripper) -> Iterator[tuple[str, str]]:
     """Names and values of what is known of a gripper."""
     for name, value in gripper.description().items():
-        if name not in OTHERWISE and value is not None:
-            text = _mm(value) if isinstance(value, float) else ", ".join(value)
-            yield name.replace("_", " "), text
+        if isinstance(value, float) and name not in OTHER_NUMBERS:
+            yield name.replace("_", " "), _mm(value)
+    yield "base axes", ", ".join(gripper.base_axes)
     joints = gripper.joint_names, gripper.joint_closed, gripper.joint_scale
     for name, closed, scale in zip(*joints, strict=True):
         yield "joint", f"{name} = {closed:.6g} {scale:+.6g} x opening [m]"

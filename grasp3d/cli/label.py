@@ -13,9 +13,7 @@ from grasp3d.cli.report import (
     Report,
     escaped,
     frame_text,
-    length_with_unit,
     load_line,
-    model_words,
     percent_text,
     quantiles_text,
 )
@@ -31,6 +29,7 @@ from grasp3d.grasps.pose_files.files import check_frame, check_hand, format_of, 
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.mesh.surface_points import nearest_vertex
 from grasp3d.rendering import opengl
+from grasp3d.settings.model_text import model_line
 from grasp3d.settings.units import parse_lengths
 from grasp3d.stability.label import Label as Letter
 from grasp3d.surface.area_statistics import vertex_weights
@@ -211,9 +210,7 @@ def print_labels(report: Report, labels: SurfaceLabels) -> None:
         report.line(load_line(found.case))
     if labels.scene is None:
         if labels.sampling is not None and (causes := causes_text(labels)):
-            decided = found is not None and found.label is not None
-            forced = "U with the force at hand" if decided else "U"
-            report.line(f"{forced}, of the area: {escaped(causes)}")
+            report.line(f"U, of the area: {escaped(causes)}")
         if found is not None and found.remedy and np.isfinite(found.grip_force_largest).any():
             report.line(f"most grasps hold nothing: {escaped(found.remedy)}")  # else the verdict
         shown = ((one, one.values_of(labels)) for one in QUANTILES if one.heading)
@@ -223,8 +220,6 @@ def print_labels(report: Report, labels: SurfaceLabels) -> None:
             if values is not None
         ]
         report.line(f"{PERCENTS} of the area: {'; '.join(texts)}")
-    if lone := int(np.sum(~mesh.on_surface)):
-        report.line(f"{counted(lone, 'vertices')} in no face: their label is U, their area 0")
     report.lines(map(str, mesh.report.repairs), "repaired:")
     report.warnings(labels.warnings)
 
@@ -232,15 +227,10 @@ def print_labels(report: Report, labels: SurfaceLabels) -> None:
 def _settings(labels: SurfaceLabels) -> Iterator[str]:
     """The model, the gripper and the table."""
     mesh, model, scene = labels.mesh, labels.model, labels.scene
-    yield model_words(model, mesh.unit)
+    yield model_line(model, metres=mesh.unit is not None)
     if model.fingers > 2:
         yield f"{model.fingers} fingers"
-    if model.method == "extremes":
-        yield f"wrench hulls at {model.extreme_normals} extreme normals per contact"
     if scene is not None:
         yield f"gripper {scene.hand.name}"
-        if scene.table is not None:
-            height = round(scene.table.offset / mesh.size, 9) * mesh.size  # without rounding errors
-            yield f"table at {length_with_unit(height + 0.0, mesh.unit)}"
         if scene.table is not None and scene.table.probability is not None:
             yield f"resting pose of probability {100.0 * scene.table.probability:.0f} %"

@@ -35,9 +35,8 @@ ARGUMENT = "argument"
 """A note on a field: it is an argument, without the name of an option."""
 
 _METAVARS = {
-    "max_memory": "GB", "worker_memory": "GB", "timeout": "SECONDS", "scheduler": "ADDRESS|FILE",
-    "mass": "MASS", "density": "DENSITY", "grip_force": "FORCE", "object_mass": "MASS",
-    "palm": "LINK", "outcome": "NAME", "metrics": "all|NAME,NAME", "contacts": "CONTACTS",
+    "scheduler": "ADDRESS|FILE", "palm": "LINK", "outcome": "NAME", "paint": "QUANTITY",
+    "metrics": "all|NAME,NAME", "contacts": "CONTACTS",
 }  # fmt: skip
 """Placeholders of the values of some settings; others have a placeholder by their type."""
 
@@ -253,7 +252,7 @@ _PARSERS: dict[Any, Parser] = {
     ObjectPose: Parser("POSE|FILE", _read(_FRAMES, "read_object_pose")),
     Metres: _LENGTH,
     Length: _LENGTH,
-    Quantity: Parser("NUMBER"),
+    Quantity: Parser("QUANTITY"),
     Friction: Parser("NUMBER|LOW..HIGH"),
     PoseErrorField: Parser("LENGTH,DEGREES", lambda _, word: PoseError.of(word)),
     Lengths: Parser("X,Y,Z"),
@@ -275,15 +274,6 @@ _AnyFrame = Parser(
     "NAME|FILE|auto",
     lambda option, word: word if word == AUTO else _PARSERS[GripperFrame].parse(option, word),
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Forced:
-    """The option of commands that refuse lengths which are most likely in another unit."""
-
-    force: bool = False
-    """Accept lengths that cannot be meant, such as an opening 500 times the object's size. It
-    replaces no files: see --overwrite."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -350,8 +340,12 @@ class ManyMeshes:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Guarded(Quiet, Overwriting, Strict, Forced):
+class Guarded(Quiet, Overwriting, Strict):
     """The options of what is accepted, replaced and printed."""
+
+    force: bool = False
+    """Accept lengths that cannot be meant, such as an opening 500 times the object's size. It
+    replaces no files: see --overwrite."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,8 +13,6 @@ import numpy as np
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.hand.object_pose import ObjectPose
-from grasp3d.settings import GraspModel
-from grasp3d.settings.model_text import SAFE_LABELS, friction_text
 from grasp3d.settings.units import Unit, small_length
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 from grasp3d.surface.area_statistics import quantiles
@@ -249,33 +247,10 @@ def exact_angle(angle: float) -> str:
     return f"{round(math.degrees(angle), 2) + 0.0:.2f}°"  # never -0.00
 
 
-def duration_text(seconds: float) -> str:
-    """Format a time in seconds, minutes or hours."""
-    minutes, hours = seconds / 60.0, seconds / 3600.0
-    if minutes < 1.5:
-        return f"{seconds:.0f} s"
-    return f"{minutes:.0f} min" if hours < 1.5 else f"{hours:.1f} h"
-
-
 def length_with_unit(length: float, unit: Unit | None) -> str:
     """Format a length of a mesh."""
     stated = "" if unit else " (unit not stated)"
     return f"{small_length(length, metres=unit is not None)}{stated}"
-
-
-def model_words(model: GraspModel, unit: Unit | None) -> str:
-    """What is known of friction, sensor and locations, in words.
-
-    Args:
-        model: The model.
-        unit: Unit of the mesh.
-    """
-    resolution = math.degrees(model.sensor_resolution)
-    words = f"friction {friction_text(model)}, sensor resolution {resolution:.4g}°"
-    if not model.location_error:
-        return words
-    error = length_with_unit(model.location_error, unit)
-    return f"{words}, contact locations within {error}: {SAFE_LABELS}"
 
 
 def frame_text(pose: ObjectPose | None) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Simulate
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.report import Report, escaped, label_name, model_words
+from grasp3d.cli.report import Report, escaped, label_name
 from grasp3d.errors import SettingError
 from grasp3d.grasps.audit import READINGS, explained
 from grasp3d.grasps.evaluation import poses_on
@@ -23,24 +23,13 @@ from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.physics.engine import mujoco_module
 from grasp3d.physics.simulate import simulate_grasps, simulate_poses
 from grasp3d.physics.simulation import Simulation, SuccessRate, success_rate, write_simulation
-from grasp3d.settings.units import small_length
+from grasp3d.settings.model_text import model_line
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.system.counts import counted
 from grasp3d.system.names import safe_stem
 from grasp3d.system.tables import SUFFIXES
 
 LABELS = sorted(Label)[::-1]
-
-EXPLANATIONS = {
-    "held": "held through all pulls, at the contacts that were labelled",
-    "regrasped": "object held, but the contacts slipped first: by another grasp",
-    "pulled": "held while squeezed, lost to a pull",
-    "lost": "slipped or turned away while squeezed",
-    "missed": "the two tips never touched it at once",
-    "blocked": "the open gripper is in the object before it closes",
-    "broken": "the simulation failed, and says nothing",
-}
-"""What the fates of grasps mean."""
 
 
 def run(command: Simulate) -> int:
@@ -106,23 +95,17 @@ def _simulate(command: Simulate) -> Simulation:
 def print_simulation(report: Report, simulation: Simulation) -> None:
     """Print what was simulated, success by label and by margin, and what became of the grasps."""
     mesh, settings = simulation.mesh, simulation.settings
-    depth = small_length(float(simulation.part_depth.max(initial=0.0)), metres=True, digits=2)
-    angle = math.degrees(float(simulation.part_angle.max(initial=0.0)))
     where = "line between the contacts" if settings.pulled == "line" else "centre of mass"
-    report.mesh(mesh, escaped(model_words(simulation.model, mesh.unit)))
+    report.mesh(mesh, escaped(model_line(simulation.model)))
     report.line(
-        f"{counted(simulation.size, 'grasps')}; grip force {settings.force:.3g} N; 6 pulls of "
-        f"{settings.weight:.3g} N at the {where}"
-    )
-    report.line(
-        f"simulated as {counted(simulation.parts, 'convex parts')}, whose surface is off by at "
-        f"most {depth}, {angle:.1f}° at contacts"
+        f"{counted(simulation.size, 'grasps')}, {counted(simulation.parts, 'convex parts')}; grip "
+        f"force {settings.force:.3g} N; 6 pulls of {settings.weight:.3g} N at the {where}"
     )
     rates = simulation.rates()
     _print_rates(report, "label", ((_legend(label), rates[label.name]) for label in LABELS))
     margins = ((f"{one.name}°", one) for one in simulation.rates_by_margin() if one.count)
     _print_rates(report, "margin", margins)
-    _print_fates(report, simulation.fates)
+    report.line(_fates(simulation.fates))
     report.warnings(simulation.warnings)
 
 
@@ -138,7 +121,7 @@ def print_poses(report: Report, poses: GraspPoses) -> None:
         for one, outcome in tried.items()
     )
     _print_rates(report, "label", rates)
-    _print_fates(report, poses.columns["fate"].tolist())
+    report.line(_fates(poses.columns["fate"]))
 
 
 def _legend(label: Label) -> str:
@@ -148,16 +131,16 @@ def _legend(label: Label) -> str:
 def _print_rates(report: Report, of: str, rates: Iterable[tuple[str, SuccessRate]]) -> None:
     """Print how many grasps of each label, or of each margin, held."""
     rows = (
-        (name, str(one.count), f"{100.0 * one.rate:.0f} %", f"{100.0 * one.low:.0f} to "
-         f"{100.0 * one.high:.0f} %")
+        (name, str(one.count), _percent(one.rate), f"{_percent(one.low)} to {_percent(one.high)}")
         for name, one in rates
-    )  # fmt: skip
+    )
     report.table((of, "grasps", "held", "95 %"), rows)
 
 
-def _print_fates(report: Report, fates: Iterable[str]) -> None:
-    """Print how often each fate was met."""
-    counts = Counter(map(str, fates))
-    for fate, text in EXPLANATIONS.items():
-        if counts[fate]:
-            report.line(f"{fate}: {counts[fate]} ({text})")
+def _percent(fraction: float) -> str:
+    return f"{100.0 * fraction:.0f} %"
+
+
+def _fates(fates: Iterable[str]) -> str:
+    """How many grasps met each fate, as one line."""
+    return ", ".join(f"{count} {fate}" for fate, count in Counter(map(str, fates)).most_common())

@@ -22,7 +22,7 @@ from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Sweep
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.options import number, typed_angle
-from grasp3d.cli.report import FAILED, NONE, NOTE, Report, escaped
+from grasp3d.cli.report import FAILED, Report, angle_text, escaped
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.plots.figures import METADATA, save_as
 from grasp3d.plots.fractions import meaning_in, sweep_figure
@@ -39,14 +39,12 @@ MAX_VALUES = 10_000
 MAX_SHOWN = 6
 """Meshes up to which each of them is drawn; of more the mean."""
 
+REQUIRED = (
+    "required: resolution below which so much of the area is S; --max-edge makes creases narrow"
+)
+
 COLUMNS = 5
 """Resolutions whose area fractions are printed."""
-
-LEAST = 0.05
-"""Resolution below which no sensor is fine enough [degrees]."""
-
-MAX_CREASES = 1.0 / 3.0
-"""Area fraction of creases that gives a note, relative to the area that need not be S."""
 
 
 def run(command: Sweep) -> int:
@@ -76,8 +74,11 @@ def run(command: Sweep) -> int:
         drawn = sweep_figure(shown, members=members if mean else (), fractions=fractions)
         save_as(drawn, figure)
     report = Report(quiet=command.quiet)
-    _print_sweeps(report, shown, every, fractions)
-    _print_notes(report, swept, fractions)
+    _print_sweeps(report, every, fractions)
+    report.lines(failures.values(), FAILED)
+    report.warnings(f"{mesh.name}: {line}" for mesh in swept for line in mesh.warnings)
+    if failures:
+        report.line(f"{len(swept) - len(failures)} swept, {len(failures)} failed")
     report.written(table, *([figure] if shown else []))
     return 1 if failures else 0
 
@@ -105,55 +106,33 @@ def _swept(command: Sweep, meshes: list[MeshFile], settings: SweepSettings) -> l
     return swept
 
 
-def _print_sweeps(
-    report: Report, shown: Sequence[Fractions], every: Sequence[Fractions], required: list[float]
-) -> None:
+def _print_sweeps(report: Report, sweeps: Sequence[Fractions], required: list[float]) -> None:
     """Print the area fractions at some of the resolutions, and the required resolutions.
 
     Args:
         report: Where to print.
-        shown: Sweeps whose fractions are printed.
-        every: Sweeps whose required resolutions are printed.
+        sweeps: Of shapes and meshes.
         required: Area fractions of S for which the required resolution is printed.
     """
-    if not shown:
+    if not sweeps:
         return
-    resolutions = shown[0].sensor_resolution
+    resolutions = sweeps[0].sensor_resolution
     some = np.linspace(0, len(resolutions) - 1, min(len(resolutions), COLUMNS)).astype(int)
-    report.line("area fractions of S/M/U [%] by sensor resolution:")
-    _print_table(
-        report,
-        shown,
-        [f"{math.degrees(resolutions[one]):.4g}°" for one in some],
-        lambda sweep, row: [_percents(sweep, row, one) for one in some],
-    )
-    report.lines([", ".join(f"{one.name} {text}" for one, text in meaning_in(shown).items())])
-    if required:
-        report.line(
-            "\nrequired resolution: below it at least this fraction of the surface is S "
-            f"({NONE}: at no resolution)"
-        )
-        _print_table(
-            report,
-            every,
-            [f"{100.0 * one:g} %" for one in required],
-            lambda sweep, row: [_angle(sweep.required_resolution(one)[row]) for one in required],
-        )
-
-
-def _print_table(
-    report: Report,
-    sweeps: Sequence[Fractions],
-    headings: Sequence[str],
-    cells: Callable[[Fractions, int], Sequence[str]],
-) -> None:
-    """Print a table with a line for each sweep and friction."""
-    lines = (
-        (escaped(sweep.name), f"{friction:.4g}", *cells(sweep, row))
+    headings = [f"S/M/U, %\n{math.degrees(resolutions[one]):.4g}°" for one in some]
+    headings += [f"required\nfor {100.0 * one:g} %" for one in required]
+    rows = [
+        [
+            escaped(sweep.name),
+            f"{friction:.4g}",
+            *(_percents(sweep, row, one) for one in some),
+            *(angle_text(sweep.required_resolution(one)[row]) for one in required),
+        ]
         for sweep in sweeps
         for row, friction in enumerate(sweep.friction)
-    )
-    report.table(("", "friction", *headings), lines)
+    ]
+    report.table(("", "friction", *headings), rows)
+    meanings = ", ".join(f"{one.name} {text}" for one, text in meaning_in(sweeps).items())
+    report.lines([meanings, REQUIRED])
 
 
 def _percents(sweep: Fractions, row: int, column: int) -> str:
@@ -161,26 +140,6 @@ def _percents(sweep: Fractions, row: int, column: int) -> str:
     stable, ambiguous = sweep.stable[row, column], sweep.ambiguous[row, column]
     first, second = round(100.0 * stable), round(100.0 * (stable + ambiguous))
     return f"{first}/{second - first}/{100 - second}"
-
-
-def _angle(angle: float) -> str:
-    return NONE if math.degrees(angle) < LEAST else f"{math.degrees(angle):.1f}°"
-
-
-def _print_notes(report: Report, meshes: Sequence[SweptMesh], required: list[float]) -> None:
-    """Print errors, warnings and notes."""
-    failed = [mesh.error for mesh in meshes if mesh.error]
-    report.lines(failed, FAILED)
-    report.warnings(f"{mesh.name}: {line}" for mesh in meshes for line in mesh.warnings)
-    most = max(required, default=math.nan)
-    creased = [one for one in meshes if one.crease_fraction > MAX_CREASES * (1.0 - most)]
-    for mesh in creased:
-        percent = f"{100.0 * mesh.crease_fraction:.0f} % of the area of {mesh.name}"
-        report.lines(
-            [f"{percent} is strips along creases: a finer mesh has less (--max-edge)"], NOTE
-        )
-    if failed:
-        report.line(f"{len(meshes) - len(failed)} swept, {len(failed)} failed")
 
 
 def frictions_in(words: Iterable[str]) -> tuple[float, ...]:

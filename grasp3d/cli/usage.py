@@ -17,10 +17,8 @@ from grasp3d.settings.units import METRES
 GROUPS = {
     "arguments": "arguments",
     "options": "options: What is read, written and printed.",
-    "MeshOptions": "mesh: The object and its mesh. A LENGTH has a unit: 80mm, 8cm, 0.08m, 3in; "
-    "without one it is in metres, or in the mesh's own unit where that is not known.",
-    "GraspModel": "contacts: Fingers, friction, what the fingertips' sensors resolve, and what "
-    "else is uncertain.",
+    "MeshOptions": "mesh: A LENGTH has a unit, such as 80mm; else it is in m, or the mesh's unit.",
+    "GraspModel": "contacts: Friction, what the sensors resolve, and what else is uncertain.",
     "Sampling": "search: Which grasps are searched.",
     "ReachSettings": "hand: The hand that must reach each grasp, and what the object stands on.",
     "Load": "load: What each grasp must hold, and the force at hand.",
@@ -49,17 +47,15 @@ LEAST_LIKENESS = 0.75
 
 OTHER_WORDS = {
     "--gripper": "--hand",
-    "--robot": "--hand",
     "--weight": "--mass",
     "--mu": "--friction",
     "--alpha": "--sensor-resolution",
-    "--width": "--max-opening",
     "--stroke": "--max-opening",
 }
 """Options that others have for what an option here is called."""
 
-WIDEST, LONG = 100, 20
-"""Most columns of the help; most letters of a placeholder in the short help."""
+WIDEST = 100
+"""Most columns of the help."""
 
 _NEGATIVE = re.compile(r"-([.\d]|([xyz]|inf|nan)$)")
 """Words that are no options: how a negative number begins, such as -1mm, and directions."""
@@ -89,7 +85,7 @@ def parse(kind: type, words: list[str]) -> Any:
         if one.names:
             parser.add_argument(*one.names, dest=one.field, default=SUPPRESS, **how)
     try:
-        known, extra = parser.parse_known_args([*map(_hyphened, words)])
+        known, extra = parser.parse_known_args(words)
     except ArgumentError as error:
         one = named[(error.argument_name or "").rpartition("/")[2]]
         needs = f"needs a value: {one.metavar}" if one.metavar else "takes no value"
@@ -130,12 +126,6 @@ def _made(kind: Any, values: Mapping[str, Any], without: Any = ()) -> Any:
     )
 
 
-def _hyphened(word: str) -> str:
-    """Return a word with the name of its option as it is declared: `--max_edge` is accepted."""
-    name, equals, value = word.partition("=")
-    return f"{name.replace('_', '-')}{equals}{value}" if name.startswith("--") else word
-
-
 def _meant(name: str, names: list[str], prog: str) -> str:
     """Return which option may have been meant by a name, or how to find it."""
     names = sorted(names, key=len)
@@ -172,10 +162,10 @@ def help_of(kind: type, *, whole: bool) -> str:
             lines += [f"  {invocation(one)}\n{paragraph(one.text)}" for one in group] + [""]
     else:
         shown = [one for group in groups.values() for one in group if is_main(one)]
-        width = max(len(invocation(one, short=True)) for one in shown)
+        width = max(len(invocation(one)) for one in shown)
         for one in shown:
             words = shorten(_END.split(one.text)[0], columns - width - 4, placeholder=" ...")
-            lines.append(f"  {invocation(one, short=True):{width}}  {words}")
+            lines.append(f"  {invocation(one):{width}}  {words}")
         lines += ["", f"all options: {prog_of(kind)} {HELP_ALL}", ""]
     texts = filter(None, (doc.short_description, *more.split("\n\n")))
     head = [usage_of(kind), "", *(f"{fill(text, columns)}\n" for text in texts)]
@@ -200,17 +190,9 @@ def usage_of(kind: type) -> str:
     return " ".join(["usage:", prog_of(kind), *words, "[OPTIONS]"])
 
 
-def invocation(option: Option, *, short: bool = False) -> str:
-    """Return how an option is given.
-
-    Args:
-        option: The option, or the argument.
-        short: Whether a long placeholder is cut.
-    """
-    metavar = option.metavar
-    if short and len(metavar) > LONG:
-        metavar = f"{metavar.partition('|')[0]}|..."
-    return f"{', '.join(option.names)} {metavar}".strip()
+def invocation(option: Option) -> str:
+    """Return how an option, or an argument, is given."""
+    return f"{', '.join(option.names)} {option.metavar}".strip()
 
 
 def examples_of(kind: type) -> str:

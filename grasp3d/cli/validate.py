@@ -13,9 +13,6 @@ from grasp3d.validating.disagreements import MEANING
 from grasp3d.validating.validate import validate_grasps
 from grasp3d.validating.validation import TABLES, Validation, write_validation
 
-MOST_WARNINGS = 10
-"""Most warnings that are printed."""
-
 
 def run(command: Validate) -> int:
     """Run the command, and return the exit code."""
@@ -62,9 +59,7 @@ def print_validation(report: Report, validation: Validation) -> None:
     """Print how well the scores predict the outcomes."""
     report.lines([sentences.counts_of(validation), sentences.model_of(validation)])
     report.lines([*sentences.sources_of(validation), sentences.closing_of(validation)])
-    report.warnings(validation.warnings[:MOST_WARNINGS])
-    if len(validation.warnings) > MOST_WARNINGS:
-        report.line(f"and {counted(len(validation.warnings) - MOST_WARNINGS, 'warnings')} more")
+    report.warnings(validation.warnings)
     _print_table(report, text_tables.scores_of(validation))
     report.lines([sentences.intervals_of(validation), *sentences.objects_of(validation)])
     if not validation.grasps.one_sided:

@@ -4,7 +4,7 @@ from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import View
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import Report
-from grasp3d.errors import GraspError, SettingError, WarningError
+from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluation import evaluate_poses, poses_on
 from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.scene import Scene
@@ -22,7 +22,10 @@ from grasp3d.viewer.window.display import display_problem
 def run(command: View) -> int:
     """Run the command; returns the exit code."""
     report, problem = Report(quiet=command.quiet), _check(command)
-    collection = _opened(command)
+    collection = _collection(command)
+    first = collection.items[0]
+    with progress_bars.progress(f"opening {first.name}", quiet=command.quiet):
+        refuse_warnings(first.open().notes)
     if command.screenshot:
         with progress_bars.progress(f"rendering {command.screenshot.name}", quiet=command.quiet):
             save_picture(collection, command.view, command.screenshot)
@@ -64,19 +67,6 @@ def _collection(command: View) -> Collection:
     with progress_bars.progress(f"evaluating {command.grasps.name}", quiet=command.quiet):
         results = evaluate_poses(mesh, poses, command.reach.touching(model), scene, load=load)
     return collection_of_grasps(results.take(ranked_rows(results)))
-
-
-def _opened(command: View) -> Collection:
-    """The collection, with its first object opened."""
-    collection = _collection(command)
-    first = collection.items[0]
-    try:
-        with progress_bars.progress(f"opening {first.name}", quiet=command.quiet):
-            refuse_warnings(first.open().notes)
-    except GraspError as error:
-        if len(collection.items) == 1 or isinstance(error, WarningError):
-            raise  # with several objects the viewer shows the error of the first one
-    return collection
 
 
 def _check(command: View) -> str:

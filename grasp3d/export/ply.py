@@ -18,7 +18,7 @@ from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from grasp3d.system.ply_files import settings_of_header, write_ply_columns
 
 
-def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -> None:
+def write_ply(path: str | Path, labels: SurfaceLabels) -> None:
     """Write a labelled PLY: the mesh with one label, colour and set of numbers per vertex.
 
     Per vertex: x y z, outward nx ny nz, red green blue, `label` (uchar: 0 U, 1 M, 2 S),
@@ -31,7 +31,6 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
     Args:
         path: File to make or replace.
         labels: The labels.
-        binary: Little-endian binary; otherwise text.
 
     Raises:
         OutputError: The file cannot be written.
@@ -52,7 +51,7 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
         for name, column in field.as_columns(values).items()
     }
     settings = {**complete_settings(labels), PACKED: packed((*HIDDEN, *SURFACE[1:]), labels)}
-    write_ply_columns(Path(path), columns, labels.mesh.faces, settings, binary=binary)
+    write_ply_columns(Path(path), columns, labels.mesh.faces, settings)
 
 
 PACKED = "packed"

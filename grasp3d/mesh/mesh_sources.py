@@ -29,7 +29,7 @@ else:
         - a `trimesh.Trimesh` or `trimesh.Scene`, with the transforms of its parts applied and its
           `units`;
         - a PyVista `PolyData`; faces with more than three corners are divided into triangles;
-        - an Open3D `TriangleMesh`, of `open3d.geometry` or `open3d.t.geometry`;
+        - an Open3D `TriangleMesh` of `open3d.geometry`, which `to_legacy()` makes of tensors;
         - a pair `(vertices, faces)` of arrays: positions (V, 3), and for every triangle the
           numbers of its corners (F, 3), counter-clockwise seen from outside.
 
@@ -89,10 +89,6 @@ def _of_arrays(pair: Any) -> Surface:
     return vertices, faces, None
 
 
-def _of_trimesh(source: Any) -> Surface:
-    return source.vertices, source.faces, source.units
-
-
 def _of_scene(source: Any) -> Surface:
     units = sorted({str(part.units or "none") for part in source.geometry.values()})
     stated = None if units == ["none"] else " and ".join(units)
@@ -104,20 +100,12 @@ def _of_polydata(source: Any) -> Surface:
     return surface.points, np.asarray(surface.faces).reshape(-1, 4)[:, 1:], None
 
 
-def _of_open3d(source: Any) -> Surface:
-    if not hasattr(source, "vertex"):
-        return source.vertices, source.triangles, None
-    tensors = source.vertex.positions, source.triangle.indices
-    vertices, faces = (tensor.cpu().numpy() for tensor in tensors)
-    return vertices, faces, None
-
-
 _LIBRARIES: dict[str, Callable[[Any], Surface]] = {
     "builtins.tuple": _of_arrays,
     "builtins.list": _of_arrays,
-    "trimesh.Trimesh": _of_trimesh,
+    "trimesh.Trimesh": lambda one: (one.vertices, one.faces, one.units),
     "trimesh.Scene": _of_scene,
     "pyvista.PolyData": _of_polydata,
-    "open3d.TriangleMesh": _of_open3d,
+    "open3d.TriangleMesh": lambda one: (one.vertices, one.triangles, None),
 }
 """Readers of other libraries' objects, by library and class."""

@@ -242,12 +242,6 @@ class ObjectMesh:
         return locked(areas * self.allowed)
 
     @cached_property
-    def crease_fraction(self) -> float:
-        """Area fraction of the vertices on creases; it shrinks on a finer mesh."""
-        areas = self.vertex_areas
-        return float(areas[self.contact_normals.counts != 1].sum() / areas.sum())
-
-    @cached_property
     def torque_scale(self) -> float:
         """Largest distance of a surface vertex from the centre of mass (rho)."""
         used = self.vertices[used_indices(self.faces)]

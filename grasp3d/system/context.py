@@ -64,9 +64,8 @@ def running(
     Raises:
         SettingError: `threads` is no whole number from 1 on.
     """
-    if threads is not None and not (
-        isinstance(threads, Integral) and not isinstance(threads, bool) and threads >= 1
-    ):
+    is_count = isinstance(threads, Integral) and not isinstance(threads, bool) and threads >= 1
+    if threads is not None and not is_count:
         raise SettingError(f"threads must be a whole number, at least 1; got {threads!r}")
     stated = {"threads": threads, "progress": progress, "strict": strict}
     with _changed(**{name: value for name, value in stated.items() if value is not None}):
@@ -111,8 +110,6 @@ def in_threads(
     count: int,
     chunk: int,
     scratch: Callable[[], Any] = object,
-    *,
-    most: int | None = None,
 ) -> None:
     """Run work on slices of rows in threads.
 
@@ -121,10 +118,9 @@ def in_threads(
         count: Number of rows.
         chunk: Rows that are worked on at a time.
         scratch: Makes scratch arrays.
-        most: Threads at most; None: any number.
     """
     starts = range(0, count, chunk)
-    threads = max(1, min(thread_count(), len(starts), most or len(starts)))
+    threads = max(1, min(thread_count(), len(starts)))
 
     def run(number: int) -> None:
         own = scratch()

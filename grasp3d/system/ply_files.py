@@ -25,10 +25,8 @@ def write_ply_columns(
     columns: Mapping[str, npt.NDArray[Any]],
     faces: Ints,
     settings: Mapping[str, Any],
-    *,
-    binary: bool = True,
 ) -> None:
-    """Write a PLY of triangles, with settings in comments that begin with `grasp3d`.
+    """Write a binary PLY of triangles, with settings in comments that begin with `grasp3d`.
 
     Some programs read no file with other elements than vertices and faces, nor other properties of
     faces than their corners.
@@ -38,7 +36,6 @@ def write_ply_columns(
         columns: Vertex properties by name, (V,) each, of 64 or 32 bits, or bytes; with x y z.
         faces: Faces (F, 3).
         settings: Values without line breaks, by name.
-        binary: Little-endian binary; otherwise text.
 
     Raises:
         OutputError: The file cannot be written.
@@ -52,7 +49,7 @@ def write_ply_columns(
     header = "\n".join(
         [
             "ply",
-            f"format {'binary_little_endian' if binary else 'ascii'} 1.0",
+            "format binary_little_endian 1.0",
             *(line for key, value in settings.items() for line in _lines(key, str(value))),
             f"element vertex {count}",
             *(f"property {_TYPES[c.dtype.str]} {name}" for name, c in columns.items()),
@@ -63,13 +60,8 @@ def write_ply_columns(
     )
     with atomic_write(path) as part, part.open("wb") as stream:
         stream.write(header.encode("ascii"))
-        if binary:
-            vertices.tofile(stream)
-            rows.tofile(stream)
-        else:
-            for row in vertices:
-                stream.write((" ".join(str(value) for value in row) + "\n").encode())
-            np.savetxt(stream, np.column_stack([rows["count"], rows["corners"]]), fmt="%d")
+        vertices.tofile(stream)
+        rows.tofile(stream)
 
 
 def _lines(key: str, value: str) -> Iterator[str]:

@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import is_dataclass
 from enum import StrEnum
-from functools import partial
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
@@ -45,9 +44,6 @@ LONGEST_LINE = 2**20
 """Bytes of a CSV file in which its first line must end."""
 
 _NUMBER = re.compile(r"[-+\d.,;\se]+", re.IGNORECASE)
-
-_FORMULA = r"^('*[=+@\t\r-])"
-"""Start of texts that spreadsheets take for formulas: one ' more before it makes them texts."""
 
 _QUOTED = re.compile(r'"[^"]*"')
 
@@ -284,8 +280,7 @@ def _head_of_csv(path: Path) -> tuple[list[str], str]:
     if "\0" in head or data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise ValueError("it is no text in UTF-8; write it in that encoding")
     delimiter = max(",;\t", key=_QUOTED.sub("", head).count)
-    names = next(csv.reader([head], delimiter=delimiter))
-    return [re.sub(f"^'{_FORMULA[1:]}", r"\1", name) for name in names], delimiter
+    return next(csv.reader([head], delimiter=delimiter)), delimiter
 
 
 def _read_csv(path: Path) -> pa.Table:
@@ -298,7 +293,7 @@ def _read_csv(path: Path) -> pa.Table:
         convert = pc.ConvertOptions(decimal_point=",")
         other = pc.read_csv(path, parse_options=options, convert_options=convert)
         table = other if _numeric(table) < _numeric(other) else table
-    return _without_formulas(table, f"^'{_FORMULA[1:]}", r"\1")
+    return table
 
 
 def _numeric(table: pa.Table) -> set[str]:
@@ -316,23 +311,12 @@ def write_tables(path: Path, tables: Iterable[pa.Table]) -> None:
         OutputError: The suffix is unknown, or the file cannot be written.
     """
     check_suffix(path, SUFFIXES, "table")
-    is_csv, writer = path.suffix.lower() == ".csv", None
+    writer, kind = None, pc.CSVWriter if path.suffix.lower() == ".csv" else pq.ParquetWriter
     with atomic_write(path) as temporary, ExitStack() as stack:
-        for one in tables:
-            table = _without_formulas(one, _FORMULA, r"'\1") if is_csv else one
+        for table in tables:
             if writer is None:
-                kind = pc.CSVWriter if is_csv else pq.ParquetWriter
                 writer = stack.enter_context(kind(temporary, table.schema))
             writer.write_table(table)
-
-
-def _without_formulas(table: pa.Table, pattern: str, replacement: str) -> pa.Table:
-    """A table of which texts and names of columns that match are replaced."""
-    replace = partial(pa.compute.replace_substring_regex, pattern=pattern, replacement=replacement)
-    for number, field in enumerate(table.schema):
-        if pa.types.is_string(field.type):
-            table = table.set_column(number, field, replace(table.column(number)))
-    return table.rename_columns(replace(pa.array(table.column_names, pa.string())).to_pylist())
 
 
 def _unicode(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -389,7 +373,6 @@ def unpack_records(data: bytes, kind: type[RecordT]) -> tuple[list[RecordT], boo
     hints = get_type_hints(kind)
     try:
         table = pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
-        _check_origin(table)
         _check_complete(table, hints)
         present = {name: each for name, each in hints.items() if name in table.column_names}
         rows = table.select(list(present)).cast(_schema(present, {})).to_pylist()
@@ -401,12 +384,9 @@ def unpack_records(data: bytes, kind: type[RecordT]) -> tuple[list[RecordT], boo
     return records, table.column_names == list(hints)
 
 
-def _check_origin(table: pa.Table) -> None:
+def _check_complete(table: pa.Table, hints: Mapping[str, Any]) -> None:
     if b"grasp3d" not in (table.schema.metadata or {}):
         raise ValueError("it was not written by grasp3d")
-
-
-def _check_complete(table: pa.Table, hints: Mapping[str, Any]) -> None:
     for name in filter(hints.__contains__, table.column_names):
         if NoneType not in get_args(hints[name]) and table.column(name).null_count:
             raise ValueError(f"its column {name} has missing values")
@@ -418,15 +398,12 @@ def _without_none(hint: Any) -> Any:
     return hint if get_origin(hint) is tuple or not kinds else kinds[0]
 
 
-def _is_list(kind: Any) -> bool:
-    return get_args(kind)[-1] is Ellipsis
-
-
 def _type(hint: Any) -> pa.DataType:
     kind = _without_none(hint)
     if get_origin(kind) is tuple:
         item = _type(get_args(kind)[0])
-        return pa.list_(item) if _is_list(kind) else pa.list_(item, len(get_args(kind)))
+        parts = get_args(kind)
+        return pa.list_(item) if parts[-1] is Ellipsis else pa.list_(item, len(parts))
     if is_dataclass(kind):
         return pa.struct([(name, _type(each)) for name, each in get_type_hints(kind).items()])
     return pa.string() if issubclass(kind, StrEnum) else _TYPES[kind]

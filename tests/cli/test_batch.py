@@ -91,7 +91,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 def test_without_a_terminal_progress_is_plain_lines(undisturbed: Path) -> None:
     stderr = (undisturbed / "stderr").read_text(encoding="utf-8")
-    assert re.fullmatch(r"10 labelled, 0 failed, 0 left, [\d.]+/s", stderr.splitlines()[-1])
+    assert stderr.splitlines()[-1] == "10 labelled, 0 failed, 0 left"
     assert "\x1b" not in stderr
     assert "10 meshes to label, 0 finished before" in stderr
     quiet = resumed(undisturbed, "-q")

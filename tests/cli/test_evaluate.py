@@ -79,7 +79,7 @@ def test_metrics_are_printed_and_written(folder: Path, name: str) -> None:
     names = "min_weight,epsilon_linf"
     arguments = ("my box.stl", "pair.json", "-o", name, "--unit", "mm", "--metrics", names)
     text = printed("evaluate", *arguments, cwd=folder)
-    assert re.search(r"^min_weight +0.0625 +0.0625 +0.0625", text, re.MULTILINE)
+    assert "medians: min_weight 0.0625, epsilon_linf " in text
     path = folder / name
     if path.suffix == ".json":
         row = json.loads(path.read_text(encoding="utf-8"))["grasps"][0]

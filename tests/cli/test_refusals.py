@@ -104,10 +104,10 @@ validate poses.csv --hand franka --meshes nowhere | nowhere: there is no such fo
 simulate box.stl --unit mm --hand franka | gripper 'franka' has flat pads, which touch more than two
 simulate box.stl --unit mm --count 2 | count must be from 3 to 100000; got 2
 simulate ball.ply --unit mm -o link.csv | link.csv: is read by this command; name another file
-sweep | grasp3d sweep needs PATH|circle|square|sphere ...; see grasp3d sweep --help
+sweep | grasp3d sweep needs PATH|SHAPE ...; see grasp3d sweep --help
 sweep void | no mesh in it
 sweep circle -o notes.csv | notes.csv: exists; name another file
-sweep sphere --friction 0.4..0.6 | --friction must be a number; got '0.4..0.6'; or give a range FROM:TO:STEP
+sweep sphere --friction 0.4..0.6 | --friction must be a number; got '0.4..0.6'; or give a range FROM
 sweep circle --friction 50 | that of rubber is some 2; got 50: is 0.5 meant?
 sweep circle --sensor-resolution 0.39 | write 0.39deg for that, or 0.39rad
 sweep circle --fingers 3 | closed form for two fingers only; got 3

@@ -43,7 +43,6 @@ def test_a_file_is_swept_into_a_table_and_a_figure(tmp_path: Path) -> None:
     assert "U no grasp found" in done.stdout
     assert "surely unstable" not in done.stdout
     assert "written: my blob_sweep.csv, my blob_sweep.svg" in done.stdout
-    assert "creases" not in done.stdout
 
     model = GraspModel(friction=1.0, sensor_resolution=math.radians(60.0))
     mesh = load_mesh(source, unit="cm", max_edge=9.0)
@@ -94,15 +93,6 @@ def test_a_folder_with_a_broken_mesh_has_the_mean_of_the_others(tmp_path: Path) 
     settings = json.loads(pq.read_schema(tmp_path / "out.parquet").metadata[b"grasp3d"])
     assert settings["friction"] == [0.5]
     assert (tmp_path / "out.svg").stat().st_size > 10_000
-
-
-@pytest.mark.slow
-def test_a_note_about_creases_that_decide_the_required_resolution(tmp_path: Path) -> None:
-    export(tmp_path / "box.stl", shapes.box())
-    once = ("--friction", "0.5", "--sensor-resolution", "20")
-    for edge, noted in (("0.1", True), ("0.02", False)):
-        text = printed("sweep", "box.stl", *once, "--max-edge", edge, "--overwrite", cwd=tmp_path)
-        assert ("of the area of box.stl is strips along creases" in text) == noted
 
 
 @pytest.mark.slow

@@ -46,14 +46,13 @@ def labels() -> SurfaceLabels:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("binary", [True, False])
-def test_ply_contains_exactly_the_documented_properties(tmp_path: Path, binary: bool) -> None:
+def test_ply_contains_exactly_the_documented_properties(tmp_path: Path) -> None:
     plyfile = shapes.reader("plyfile")
-    write_ply(tmp_path / "out.ply", labels(), binary=binary)
+    write_ply(tmp_path / "out.ply", labels())
     data = plyfile.PlyData.read(tmp_path / "out.ply")
     vertex = data["vertex"].data
     assert vertex.dtype.names == FIELDS
-    assert data.byte_order == "<" if binary else data.text
+    assert data.byte_order == "<"
     mesh = labels().mesh
     for k, name in enumerate("xyz"):
         assert np.array_equal(vertex[name], mesh.file_points[:, k])

@@ -338,12 +338,6 @@ def test_an_implausible_size_for_its_unit_gives_a_warning(unit: str, implausible
     assert mesh.file_size == pytest.approx(math.sqrt(80.0**2 + 60.0**2 + 90.0**2))
 
 
-def test_creases_take_less_area_on_a_finer_mesh() -> None:
-    coarse, fine = (load_mesh(shapes.box(), max_edge=edge).crease_fraction for edge in (0.1, 0.05))
-    assert 0.3 * coarse < fine < 0.7 * coarse < 0.2
-    assert load_mesh(shapes.sphere()).crease_fraction == 0.0
-
-
 def test_a_unit_that_is_stated_later_is_as_if_it_were_stated_at_first() -> None:
     body = shapes.box((60.0, 40.0, 20.0))
     later = load_mesh(load_mesh(body, max_edge=20.0, center_of_mass=(5.0, 0.0, 0.0)), unit="mm")

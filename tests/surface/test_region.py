@@ -242,10 +242,7 @@ def test_files_have_the_region(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["colour", "scalar"])
-@pytest.mark.parametrize("binary", [True, False])
-def test_a_painted_mask_is_the_part_that_is_painted(
-    tmp_path: Path, kind: str, binary: bool
-) -> None:
+def test_a_painted_mask_is_the_part_that_is_painted(tmp_path: Path, kind: str) -> None:
     """On a mesh with other vertices, too."""
     mesh, path = object_of("box"), tmp_path / "mask.ply"
     fine = load_mesh(trimesh.creation.box([0.06, 0.04, 0.05]), max_edge=0.006)
@@ -256,7 +253,7 @@ def test_a_painted_mask_is_the_part_that_is_painted(
         columns |= {"red": np.full(len(painted), 255, "u1"), "green": channels, "blue": channels}
     else:
         columns |= {"other": np.ones(len(painted), "f4"), "grip": painted.astype("u1")}
-    write_ply_columns(path, columns, fine.faces, {}, binary=binary)
+    write_ply_columns(path, columns, fine.faces, {})
     part = load_mesh(mesh, region=f"{path}:grip" if kind == "scalar" else str(path))
     np.testing.assert_array_equal(part.allowed, mesh.vertices[:, 2] > 0.001)
     with pytest.raises(SettingError, match=r"is no mask of arrays, .* farther than 0\.0\d+ away"):
