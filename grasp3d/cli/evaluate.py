@@ -56,10 +56,9 @@ def run(command: Evaluate) -> int:
     if command.metrics is not None:
         metric_names(command.metrics)
     output = command.output or Path(f"{safe_stem(command.file.stem)}_grasps.csv")
-    reach = command.reach
-    poses = reach.hand is not None or command.contact_rule is not None or bool(reach.pose_error)
-    poses = holds_poses(command.contacts) or poses
-    if poses and reach.hand is None:
+    of_poses = command.reach.hand, command.contact_rule, command.reach.pose_error
+    poses = any(of_poses) or holds_poses(command.contacts)
+    if poses and command.reach.hand is None:
         raise SettingError(f"{command.contacts}: of poses give their gripper with --hand NAME|FILE")
     if poses and command.max_distance is not None:
         raise SettingError("max_distance applies to contacts, not to poses of a gripper")

@@ -125,19 +125,21 @@ def members(
             yield one, base, notes
 
 
-def options_of(kind: Any, without: Collection[str] = (), *, helps: bool = True) -> Iterator[Option]:
+def options_of(
+    kind: Any, without: Collection[str] = (), group: str = "options", *, helps: bool = True
+) -> Iterator[Option]:
     """Yield the options of a command, or of settings.
 
     Args:
         kind: A dataclass.
         without: Names of its fields that have no options.
+        group: Group of the options that are in no settings.
         helps: Whether they have their helps, which are read from the sources.
     """
     texts = _help_texts(kind) if helps else {}
-    group = kind.__name__ if kind.__module__ != "grasp3d.cli.commands" else "options"
     for one, base, notes in members(kind, without):
         if is_dataclass(base):
-            yield from options_of(base, left_out(notes), helps=helps)
+            yield from options_of(base, left_out(notes), base.__name__, helps=helps)  # type: ignore[union-attr]
         else:
             yield _option(one, base, notes, texts.get(one.name, ""), group)
 

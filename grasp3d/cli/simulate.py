@@ -103,7 +103,7 @@ def print_simulation(report: Report, simulation: Simulation) -> None:
     )
     rates = simulation.rates()
     _print_rates(report, "label", ((_legend(label), rates[label.name]) for label in LABELS))
-    margins = ((f"{one.name}°", one) for one in simulation.rates_by_margin() if one.count)
+    margins = ((f"{one.name}°", one) for one in simulation.rates_by_margin())
     _print_rates(report, "margin", margins)
     report.line(_fates(simulation.fates))
     report.warnings(simulation.warnings)
@@ -133,6 +133,7 @@ def _print_rates(report: Report, of: str, rates: Iterable[tuple[str, SuccessRate
     rows = (
         (name, str(one.count), _percent(one.rate), f"{_percent(one.low)} to {_percent(one.high)}")
         for name, one in rates
+        if one.count
     )
     report.table((of, "grasps", "held", "95 %"), rows)
 

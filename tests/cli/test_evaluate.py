@@ -43,14 +43,14 @@ def test_labels_and_numbers_of_given_grasps(folder: Path) -> None:
         "evaluate", "my box.stl", "three.json", "--unit", "m", "--friction", "1", cwd=folder
     )
     assert (run.returncode, run.stderr) == (0, "")
-    assert "my box.stl: 3 grasps of 3 fingers; friction 1, sensor resolution 22.6°" in run.stdout
+    assert "my box.stl: 3 grasps of 3 fingers; μ 1, α 22.6°" in run.stdout
     rows = pc.read_csv(folder / "my box_grasps.csv").to_pylist()
     assert [row["label"] for row in rows] == ["S", "U", "U"]
     for name, count in (("S +surely stable", 1), ("M .*", 0), ("U +surely unstable", 2)):
         assert re.search(rf"■ {name} +{count} +{100.0 * count / 3.0:.1f} %", run.stdout)
     assert rows[0]["x1"] == 0.5
     assert rows[0]["distance1"] == pytest.approx(0.005)
-    assert "distance of the contacts from the surface: median 0 mm, at most 5 mm" in run.stdout
+    assert "contacts at most 5 mm from the surface" in run.stdout
     first = next(line for line in run.stdout.splitlines() if re.match(r" +1 +■ S", line))
     assert first.split()[3] == f"{rows[0]['score']:.3f}"
     assert first.split()[4] == f"{math.degrees(rows[0]['critical_angle']):.1f}°"
@@ -118,7 +118,7 @@ def test_poses_of_a_gripper_are_evaluated(posed: Path) -> None:
     arguments = ("small.stl", "poses.csv", "--unit", "mm", "--hand", "franka")
     run = grasp3d("evaluate", *arguments, "-o", "out.csv", cwd=posed)
     assert (run.returncode, run.stderr) == (0, "")
-    assert "small.stl: 3 poses of franka; friction 0.5" in run.stdout
+    assert "small.stl: 3 poses of franka; μ 0.5" in run.stdout
     for text in (
         "■ S +surely stable +2 +66.7 %",
         "1 of 3: the jaws close on nothing",

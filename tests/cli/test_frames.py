@@ -41,7 +41,7 @@ def test_a_file_in_another_frame_is_doubted_and_read_in_it(folder: Path) -> None
     right = evaluate("--frame", "graspgen", output="right.csv")
     assert "warning" not in right
     assert "poses read in the gripper's frame 'graspgen' (--frame)" in right
-    assert "17   100.0 %" in right
+    assert "17  100.0 %" in right
     auto = " ".join(evaluate("--frame", "auto", output="auto.parquet").split())
     assert "--frame auto: as stated ('hand')" in auto
     named, found = pc.read_csv(folder / "right.csv"), pq.read_table(folder / "auto.parquet")
@@ -53,7 +53,7 @@ def test_a_file_in_another_frame_is_doubted_and_read_in_it(folder: Path) -> None
     ahead = "1 0 0 0\n0 1 0 0\n0 0 1 0.1034\n0 0 0 1\n"
     (folder / "ahead.txt").write_text(ahead, encoding="utf-8")
     same = evaluate("--frame", "ahead.txt", output="axes.csv")
-    assert "17   100.0 %" in same
+    assert "17  100.0 %" in same
     kept = evaluate("--frame", "auto", output="kept.csv").count("warning")
     assert kept == 0
 
@@ -64,7 +64,7 @@ def test_poses_without_a_unit_are_in_that_of_the_mesh_in_every_frame(folder: Pat
     write_grasps(folder / "unit.csv", replace(poses, columns={}), frame="gpd")
     table = pc.read_csv(folder / "unit.csv").drop_columns(["unit", "gripper_frame"])
     pc.write_csv(table, folder / "silent.csv")
-    for frame, lines in {"gpd": "17   100.0 %", "auto": "--frame auto: as stated"}.items():
+    for frame, lines in {"gpd": "17  100.0 %", "auto": "--frame auto: as stated"}.items():
         text = printed("evaluate", "box.stl", "silent.csv", "--unit", "mm", "--hand", "franka",
                        "--overwrite", "--frame", frame, cwd=folder)  # fmt: skip
         assert lines in text

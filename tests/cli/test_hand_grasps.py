@@ -39,7 +39,7 @@ def folder(tmp_path: Path) -> Path:
 
 def test_report(folder: Path) -> None:
     text = printed("evaluate", *POSES, cwd=folder)
-    assert "box.stl: 3 poses of sliders, contacts as given, within 5 mm; friction 0.5" in text
+    assert "box.stl: 3 poses of sliders, contacts given, within 5 mm; μ 0.5" in text
     for line in (
         "1 of 3: a joint is beyond its limit",
         "1 of 3: no link within 5 mm of the object",
@@ -89,7 +89,7 @@ def test_results_are_written_with_joints_by_name(folder: Path, name: str) -> Non
     assert poses.columns["reason"].tolist()[1] == "no link within 5 mm of the object"
     assert poses.columns["gap_finger_0"][0] == pytest.approx(0.0, abs=1e-6)
     # They are evaluated again to the same results.
-    assert "contacts as given" in printed(
+    assert "contacts given" in printed(
         "evaluate", "box.stl", name, *HAND, "-o", "again.csv", cwd=folder
     )
     again = pc.read_csv(folder / "again.csv").to_pydict()
@@ -100,7 +100,7 @@ def test_grasps_are_of_one_object(folder: Path) -> None:
     (folder / "meshes").mkdir()
     run = grasp3d("evaluate", "meshes", "poses.csv", *HAND, cwd=folder)
     assert run.returncode == 2
-    assert "meshes: is a folder, but grasps are of one object: name its mesh" in run.stderr
+    assert "meshes: is a folder; name a file" in run.stderr
     run = grasp3d("batch", "box.stl", "-o", "out", *HAND, cwd=folder)
     assert run.returncode == 2
     assert "object by object (grasp3d evaluate MESH GRASPS --hand FILE)" in run.stderr

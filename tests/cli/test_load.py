@@ -22,8 +22,7 @@ def test_label_end_to_end(tmp_path: Path) -> None:
     text = printed("label", "block.ply", *SOFT, *LOAD, "--best", "2", cwd=tmp_path)
     assert "load: 0.5 kg, weight; force at hand: 40 N per finger" in text
     assert "N of 40 N to hold 0.5 kg in any orientation" in text
-    assert re.search(r"with that force, of the area: S \d+\.\d %, M", text)
-    assert re.search(r"payload there, in kg: on .* of the area; 10/50/90 % of that [\d.]+, ", text)
+    assert re.search(r"10/50/90 % of the area: .*; force in N [\d.]+, .*; payload in kg ", text)
     assert re.search(r"score +β\* +α\* +ε +ε_min +mm +N +kg", text)
     written = json.loads((tmp_path / "block_grasps.json").read_text())
     assert written["grasp3d"]["object_mass"] == 0.5
@@ -38,7 +37,7 @@ def test_the_remedy_for_hard_fingers_is_printed(tmp_path: Path) -> None:
     text = printed("label", "block.ply", *SOFT[:4], "--mass", "0.5", cwd=tmp_path)
     assert HARD_FINGERS in text
     assert "force at hand: none given" in text
-    assert "force at the worst normals, a safe bound, in N: on " in text
+    assert "; force in N " in text
 
 
 def test_evaluate_contacts(tmp_path: Path) -> None:

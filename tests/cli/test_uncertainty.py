@@ -35,20 +35,15 @@ def test_the_options_are_the_settings() -> None:
 
 
 @pytest.mark.parametrize("words", [(), ERRORS])
-def test_reports_have_the_uncertainties_and_the_meaning_of_safe_labels(
-    tmp_path: Path, words: tuple[str, ...]
-) -> None:
+def test_reports_have_the_uncertainties(tmp_path: Path, words: tuple[str, ...]) -> None:
     export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
     pairs = [[[-20, 0, 0], [20, 0, 0]], [[-20, 0, 0], [0, 30, 0]]]
     (tmp_path / "pairs.json").write_text(json.dumps(pairs), encoding="utf-8")
     labelled = printed("label", "box.stl", *words, *COARSE, cwd=tmp_path)
     evaluated = ("evaluate", "box.stl", "pairs.json", *words, "--unit", "mm", "-o", "out.csv")
-    safe = (
-        "friction 0.4 to 0.6, sensor resolution 14°, contact locations within 1 mm: every S and U "
-        "is correct, an M may be one of them"
-    )
+    stated = "μ 0.4 to 0.6, α 14°, locations ± 1 mm"
     for text in (labelled, printed(*evaluated, cwd=tmp_path)):
-        assert (safe in text.splitlines()[0]) == bool(words)
+        assert (stated in text.splitlines()[0]) == bool(words)
 
 
 def test_a_batch_refuses_a_location_error_that_cannot_be_meant(tmp_path: Path) -> None:
