@@ -888,7 +888,7 @@ def compress(path: Path) -> None:
 def draw_viewer(path: Path) -> None:
     """The viewer's page, with a vertex inspected."""
     main = [sys.executable, "-c", "import sys; from grasp3d.cli import main; sys.exit(main())"]
-    view = [*main, "view", str(MESHES / "spray.glb"), "--web", "--port", "0"]
+    view = [*main, "view", str(MESHES / "spray.glb"), "--web"]
     with subprocess.Popen(view, stdout=subprocess.PIPE, text=True) as server:  # noqa: S603
         assert server.stdout is not None
         address = re.match(r"(http:\S+) ", server.stdout.readline())

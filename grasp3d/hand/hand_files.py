@@ -103,7 +103,7 @@ def read_hand(
         if str(source) in NAMES:
             raise SettingError(
                 f"{source} is a hand with joints, known without its links: name the URDF that you "
-                f"have of it: grasp3d hand FILE.urdf --preset {source} -o {source}.json"
+                f"have of it: grasp3d hand FILE.urdf -o {source}.json"
             )
         if given:
             raise SettingError(f"{given}: for URDF and MuJoCo files; {str(source)!r} is no file")
