@@ -12,7 +12,6 @@ from grasp3d.cli.commands import Check
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import FAILED, NONE, Report, escaped, exact_angle, length_with_unit
 from grasp3d.mesh.diagnosis import MeshDiagnosis, Trust
-from grasp3d.system.counts import short_number
 
 COLORS = {Trust.YES: "green", Trust.CARE: "yellow", Trust.NO: "red"}
 """Colours of the values of `Trust`."""
@@ -30,7 +29,7 @@ COLUMNS: dict[str, Callable[[MeshDiagnosis], str]] = {
     "crossing\nfaces": lambda one: f"{one.crossing_faces:,}",
     "noise of\nnormals": lambda one: exact_angle(one.noise),
     "vertices\nto label": lambda one: f"{one.label_vertices:,}",
-    "time,\ns": lambda one: short_number(one.cost.seconds),
+    "time,\ns": lambda one: f"{max(1.0, one.cost.seconds):.0f}{'+' * one.cost.more}",
     "memory,\nGB": lambda one: f"{one.cost.memory:.1f}",
 }
 """Columns of the table of meshes, as they are after repair."""

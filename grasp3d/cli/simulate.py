@@ -131,7 +131,7 @@ def _legend(label: Label) -> str:
 def _print_rates(report: Report, of: str, rates: Iterable[tuple[str, SuccessRate]]) -> None:
     """Print how many grasps of each label, or of each margin, held."""
     rows = (
-        (name, str(one.count), _percent(one.rate), f"{_percent(one.low)} to {_percent(one.high)}")
+        (name, str(one.count), _percent(one.rate), f"{100.0 * one.low:.0f} to {_percent(one.high)}")
         for name, one in rates
         if one.count
     )
