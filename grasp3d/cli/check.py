@@ -10,18 +10,21 @@ from grasp3d.batch.storage.files import local_path
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Check
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.report import FAILED, NONE, Report, escaped, exact_angle, length_with_unit
+from grasp3d.cli.report import FAILED, NONE, Report, escaped, exact_angle
 from grasp3d.mesh.diagnosis import MeshDiagnosis, Trust
+from grasp3d.system.counts import short_number
 
 COLORS = {Trust.YES: "green", Trust.CARE: "yellow", Trust.NO: "red"}
 """Colours of the values of `Trust`."""
 
+LEGEND = "labels: whether they can be trusted; of a known unit extents are in mm, volumes in m³"
+
+SCALES = {"m": 1e3, None: 1.0}
+"""Factors from lengths to those that are printed: of a known unit in millimetres."""
+
 COLUMNS: dict[str, Callable[[MeshDiagnosis], str]] = {
     "unit": lambda one: one.file_unit or NONE,
-    "extents": lambda one: " x ".join(
-        length_with_unit(extent, one.unit and "m").removesuffix(" (unit not stated)")
-        for extent in one.extents
-    ),
+    "extents": lambda one: " x ".join(short_number(x * SCALES[one.unit]) for x in one.extents),
     "faces": lambda one: f"{one.after.faces:,}",
     "bodies": lambda one: str(one.bodies),
     "closed": lambda one: "yes" if one.after.closed else "no",
@@ -54,7 +57,7 @@ def run(command: Check) -> int:
 def _print(report: Report, meshes: Sequence[CheckedMesh]) -> None:
     """Print a line for each mesh, then the errors, repairs and warnings."""
     report.table(("mesh", "labels", *COLUMNS), map(_cells, meshes), texts=(0, 1))
-    report.line("labels: whether they can be trusted; of the mesh after repair")
+    report.line(LEGEND)
     for mesh in meshes:
         found = mesh.diagnosis
         if found is None:

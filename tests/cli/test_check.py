@@ -34,7 +34,7 @@ def test_a_row_has_the_diagnosis_and_the_cost_of_labelling(folder: Path) -> None
     """In a process of its own."""
     run = real_grasp3d("check", "box.stl", "--unit", "m", cwd=folder)
     assert run.returncode == 0, run.stderr
-    row = re.escape("40 mm x 60 mm x 80 mm") + r" +12 +1 +yes +0\.000192 +0 +0\.00° +[\d,]+ "
+    row = re.escape("40 x 60 x 80") + r" +12 +1 +yes +0\.000192 +0 +0\.00° +[\d,]+ "
     assert re.search(rf"^box\.stl +yes +m +{row}", run.stdout, re.MULTILINE)
     assert "labels can be trusted: 1 yes, 0 with care, 0 no; 0 failed" in run.stdout
     assert run.stderr == ""
