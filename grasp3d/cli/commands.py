@@ -156,8 +156,8 @@ class Label(Labelling, OneMesh):
     are in the mesh's frame)."""
 
     frame: GripperFrame | None = None
-    """Frame of the gripper in which that file is to have the poses: a name, such as graspgen, or a
-    file, as grasp3d evaluate takes it (default: that of the format)."""
+    """Frame of the poses in that file: a name, such as graspgen, or a file, as grasp3d evaluate
+    takes it (default: that of the format)."""
 
     at: Annotated[tuple[str, ...], Parser("X,Y,Z")] = ()
     """Also print the label, the grasp and the reason at the vertices nearest to these points of the
@@ -226,7 +226,7 @@ class View(Labelling):
     """
 
     target: Annotated[Path, ARGUMENT, Parser("PATH", FOLDER.parse)]
-    """A mesh, a labelled PLY, or the folder of results of `grasp3d batch`."""
+    """Mesh, labelled PLY or results of a batch: the folder that `grasp3d batch` wrote."""
 
     grasps: Path | None = None
     """Poses of a gripper or hand on the mesh, as grasp3d evaluate takes them, instead of its

@@ -337,8 +337,9 @@ class ManyMeshes:
     """The argument of commands on many meshes, as `batch.inputs.find_meshes` takes it."""
 
     inputs: Annotated[tuple[str, ...], ARGUMENT, Parser("PATH")]
-    """Mesh files, folders, which are searched recursively, globs in quotes such as 'lib/**/*.stl',
-    lists of these (.txt, one per line); also on an object store (s3://BUCKET/FOLDER)."""
+    """Mesh files, folders, globs or lists: folders are searched recursively, globs are in quotes
+    ('lib/**/*.stl'), lists are files (.txt, one of these per line); also on an object store
+    (s3://BUCKET/FOLDER)."""
 
 
 @dataclass(frozen=True, kw_only=True)

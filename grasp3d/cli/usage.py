@@ -50,7 +50,6 @@ OTHER_WORDS = {
     "--weight": "--mass",
     "--mu": "--friction",
     "--alpha": "--sensor-resolution",
-    "--stroke": "--max-opening",
 }
 """Options that others have for what an option here is called."""
 
@@ -60,8 +59,11 @@ WIDEST = 100
 _NEGATIVE = re.compile(r"-([.\d]|([xyz]|inf|nan)$)")
 """Words that are no options: how a negative number begins, such as -1mm, and directions."""
 
-_END = re.compile(r"[.;:] | \(default|\.$")
+_END = re.compile(r"[.;:] (?![^(]*\))| \(default|\.$")
 """Where the first words of a help end."""
+
+_PAUSE = re.compile(r"[,;:]? \(|[,;:] (?![^(]*\))|$")
+"""Where they may end before, outside parentheses."""
 
 
 def parse(kind: type, words: list[str]) -> Any:
@@ -103,8 +105,7 @@ def parse(kind: type, words: list[str]) -> Any:
         takes = " ".join(one.metavar for one in arguments) or "options only"
         unit = "; a length has its unit without a space, as in 80mm" if rest[0] in METRES else ""
         raise SettingError(f"{rest[0]!r} is one too many: {prog} takes {takes}{unit}")
-    missing = [one for one in options if one.default is MISSING and one.field not in found]
-    if missing:
+    if missing := [one for one in options if one.default is MISSING and one.field not in found]:
         needs = ", ".join(one.name if one.names else one.metavar for one in missing)
         raise SettingError(f"{prog} needs {needs}; see {prog} --help")
     values = {
@@ -161,20 +162,22 @@ def help_of(kind: type, *, whole: bool) -> str:
             lines += [fill(GROUPS[name], columns)]
             lines += [f"  {invocation(one)}\n{paragraph(one.text)}" for one in group] + [""]
     else:
-        shown = [one for group in groups.values() for one in group if is_main(one)]
-        width = max(len(invocation(one)) for one in shown)
-        for one in shown:
-            words = shorten(_END.split(one.text)[0], columns - width - 4, placeholder=" ...")
-            lines.append(f"  {invocation(one):{width}}  {words}")
+        every = (one for group in groups.values() for one in group)
+        shown = {invocation(one): one for one in every if not one.names or one.field in MAIN}
+        width = max(map(len, shown))
+        rows = ((name, _first_words(one.text, columns - width - 4)) for name, one in shown.items())
+        lines += [f"  {name:{width}}  {words}" for name, words in rows]
         lines += ["", f"all options: {prog_of(kind)} {HELP_ALL}", ""]
     texts = filter(None, (doc.short_description, *more.split("\n\n")))
     head = [usage_of(kind), "", *(f"{fill(text, columns)}\n" for text in texts)]
     return "\n".join([*head, *lines, "examples:", examples_of(kind)])
 
 
-def is_main(option: Option) -> bool:
-    """Whether the short help has an option: arguments, and some options."""
-    return not option.names or option.field in MAIN
+def _first_words(text: str, most: int) -> str:
+    """Return a sentence of so many letters at most, or what of it ends before a punctuation."""
+    sentence = _END.split(text)[0]
+    ends = [pause.start() for pause in _PAUSE.finditer(sentence) if pause.start() <= most]
+    return sentence[: ends[-1]] if ends else shorten(sentence, most, placeholder=" ...")
 
 
 def prog_of(kind: type) -> str:
