@@ -463,7 +463,7 @@ TRIANGLE = 3
 """Vertices of the first polytope, a triangle."""
 HULL_PLANE = (0, 0)
 """As long as the wrenches have components: two."""
-HULL_GOAL = (0.0, 0.0, math.inf, 0.0)
+HULL_GOAL = (0.0, 0.0, math.inf)
 
 SPACE, FACET, NEAR, POINT = "#D9DEE3", "#0072B2", "#D55E00", "#111111"
 

@@ -30,6 +30,7 @@ from grasp3d.settings import GraspModel
 from grasp3d.settings.units import GivenLength
 from grasp3d.stability.contact_sets import ContactSets, SetLabels, contact_margins, label_sets
 from grasp3d.stability.normal_sets import WorstAndBest
+from grasp3d.stability.thresholds import max_resolution
 from grasp3d.surface.fields import HAND_GRASPS, Arrays, columns_of
 from grasp3d.surface.grasp_numbers import EPSILON_RTOL
 from grasp3d.surface.grasp_table import settings_of
@@ -218,8 +219,7 @@ class EvaluatedHandGrasps(GivenGrasps):
     @cached_property
     def max_resolution(self) -> Floats:
         """Resolution of all sensors alike below which a grasp is S [rad], shape (k,); 0: none."""
-        smallest, _ = self.model.friction_interval
-        return self._labels.max_resolution(math.atan(smallest))
+        return max_resolution(np.nan_to_num(self.critical_angle, nan=math.inf), self.model)
 
     @cached_property
     def epsilon(self) -> Floats:

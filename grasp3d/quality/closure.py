@@ -14,7 +14,7 @@ from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, shaped, short_
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.contact.friction_cones import tangents
 from grasp3d.quality.wrench_problem import WrenchProblem
-from grasp3d.quality.wrenches import EpsilonOptions, Goal
+from grasp3d.quality.wrenches import EpsilonOptions
 
 
 class Status(IntEnum):
@@ -23,8 +23,9 @@ class Status(IntEnum):
     CONVERGED = growing_hull.CONVERGED
     """Within the requested tolerance."""
     UNDECIDED = growing_hull.UNDECIDED
-    """Force closure is not decided: the interval contains 0 and is as narrow as rounding errors, or
-    tilts exceed friction (see `cone_offset`)."""
+    """Force closure is not decided: the hull contains no ball of 1e-8 of the largest wrench, and no
+    direction was found in which wrenches reach at most 1e-12 of it; or tilts exceed friction (see
+    `cone_offset`)."""
     STALLED = growing_hull.STALLED
     """Rounding errors stopped the search; the interval is valid."""
     EXHAUSTED = growing_hull.EXHAUSTED
@@ -51,9 +52,8 @@ class Certificate:
 
         If the grasp is force-closed, nonzero forces in equilibrium, each inside its friction cone,
         shape (..., n, 4): force along x, y, z, and torsional moment about the normal [m].
-        For given wrenches their weights, shape (..., n). nan where not force-closed, where
-        `cone_offset` makes cones of 90 degrees or more, and where closure is so narrow that only
-        the hull proves it. Copies and pickles hold the forces.
+        For given wrenches their weights, shape (..., n). nan where not force-closed, and where
+        `cone_offset` makes cones of 90 degrees or more. Copies and pickles hold the forces.
         """
         return self._balance()
 
@@ -64,7 +64,6 @@ class Certificate:
 def certificate_of(
     problem: WrenchProblem,
     results: Results,
-    goal: Goal,
     *,
     batch: tuple[int, ...],
     forces_of: Callable[[Floats], Floats],
@@ -74,14 +73,13 @@ def certificate_of(
     Args:
         problem: The wrench spaces.
         results: Their results, of which directions and closure are kept.
-        goal: That of the results.
         batch: Shape of the batch.
         forces_of: Converts components along the contacts' axes.
     """
     closed = results.closed
 
     def balance() -> Floats:
-        forces: Floats = shaped(forces_of(problem.balanced_forces(closed, goal)), batch)
+        forces: Floats = shaped(forces_of(problem.balanced_forces(closed)), batch)
         return forces
 
     return Certificate(shaped(results.direction, batch), balance)
@@ -128,13 +126,18 @@ def force_closure(
 ) -> ForceClosure:
     """Whether grasps resist every wrench in the span of their own, with certificates.
 
-    Depends neither on the centre of mass nor on a torque scale; the direction of the certificate is
-    that for a torque scale of 1.
+    A grasp is force-closed if its wrenches contain a ball about the origin of 1e-8 of the largest
+    one. It surely is not if in some direction none reaches farther than 1e-12 of that. What lies
+    between is undecided, and counts as not force-closed.
+
+    The result depends neither on the centre of mass nor on a torque scale; the direction of the
+    certificate is that for a torque scale of 1.
 
     Args:
         contacts: The contacts.
         edges: Edges of polygonal friction cones; None: circular cones.
-        cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n).
+        cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n);
+            where one becomes negative, tilts exceed friction: nothing is decided.
         phase: As in `epsilon`.
 
     Raises:
@@ -155,7 +158,7 @@ def force_closure(
     problem = WrenchProblem.of_contacts(
         scaled, EpsilonOptions(edges), cone_offset=cone_offset, phase=phase
     )
-    results = problem.solve(SIGN, with_forces=False)
+    results = problem.solve(SIGN)
     u = results.direction
     u[:, 3:] /= size.reshape(-1, 1)
     u[:, :3] -= np.cross(u[:, 3:], mean.reshape(-1, 3))
@@ -166,6 +169,6 @@ def force_closure(
         rank=shaped(results.rank, batch),
         status=shaped(results.status, batch),
         certificate=certificate_of(
-            problem, results, SIGN, batch=batch, forces_of=partial(forces_of_components, contacts)
+            problem, results, batch=batch, forces_of=partial(forces_of_components, contacts)
         ),
     )

@@ -9,41 +9,34 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.hull.critical_angle import Bracket
-from grasp3d._kernels.hull.frictionless_closure import frictionless_depth, make_cells
-from grasp3d._kernels.hull.wrench_problem import SIGN
+from grasp3d._kernels.hull.wrench_problem import Bracket
 from grasp3d._kernels.search.coplanar_contacts import critical_of_three, make_plane
-from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, angles_between, shaped
+from grasp3d.arrays import RIGHT_ANGLE, Floats, angles_between, shaped
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.errors import SettingError
-from grasp3d.quality.closure import Status
 from grasp3d.quality.wrench_problem import WrenchProblem
-from grasp3d.quality.wrenches import EpsilonOptions, span, wrench_axes
 
-MAX_CELLS = 1 << 20
-"""Cells of the sphere of directions after which the search for a negative angle ends."""
-
-FIRST = 0.01
-"""Friction angle at which closure is tried first [rad]: most grasps need more."""
+TORQUE_SCALE = 10.0
+"""Torque scale of hulls that must contain a ball, in extents of the contacts: the larger, the less
+of a wrench of the ball is force."""
 
 
 def critical_friction_angle(contacts: Contacts, *, tolerance: float = 1e-4) -> Floats:
     """Friction angle above which a grasp is force-closed.
 
-    Two contacts have a closed form. For more the angle is bracketed: three can be in equilibrium
-    only in the plane through them, where six planar wrenches decide closure (Ponce & Faverjon
-    1995); for more a direction that separates the grasp at some angle proves a lower bound, forces
-    in equilibrium an upper one. Friction and torsion of the contacts do not matter.
+    Two contacts have a closed form. For more the angle is bracketed by closure tests: three can be
+    in equilibrium only in the plane through them, where six planar wrenches decide closure (Ponce &
+    Faverjon 1995); for more see `angle_brackets`. Friction and torsion of the contacts do not
+    matter.
 
     Args:
         contacts: The contacts.
         tolerance: Three contacts and more: width of the bracket [rad]; its upper end is returned.
 
     Returns:
-        Angles [rad], shape (...). Negative where the grasp is force-closed without friction, and
-        remains so for tilts of the normals by as much (7 contacts and more). For two contacts up to
-        pi; for more, pi/2 where the grasp is force-closed at no friction. inf for one contact,
-        where no forces are in equilibrium.
+        Angles [rad], shape (...). 0 where the grasp is force-closed without friction. For two
+        contacts up to pi; for more, pi/2 where the grasp is force-closed at no friction. inf for
+        one contact, where no forces are in equilibrium.
 
     Raises:
         SettingError: A tolerance that is not above 0.
@@ -57,20 +50,23 @@ def critical_friction_angle(contacts: Contacts, *, tolerance: float = 1e-4) -> F
         >>> print(f"{np.degrees(grasp3d.critical_friction_angle(contacts)):.1f} degrees")
         16.7 degrees
     """
-    if not tolerance > 0.0:
-        raise SettingError(f"tolerance must be above 0; got {tolerance}")
+    check_tolerance(tolerance)
     points = contacts.points.reshape(-1, contacts.count, 3)
     normals = contacts.normals.reshape(points.shape)
     if contacts.count == 1:
         angles = np.full(len(points), math.inf)
     elif contacts.count == 2:
         angles = _of_pairs(points, normals)
-    elif contacts.count == 3:
-        angles = _of_triples(points, normals, tolerance)
     else:
-        angles = _bracketed(points, normals, tolerance)
+        _, angles = brackets_of_smooth(points, normals, tolerance)
     critical: Floats = shaped(angles, contacts.batch)
     return critical
+
+
+def check_tolerance(tolerance: float) -> None:
+    """Raise SettingError unless the width of a bracket is above 0."""
+    if not tolerance > 0.0:
+        raise SettingError(f"tolerance must be above 0; got {tolerance}")
 
 
 def _of_pairs(points: Floats, normals: Floats) -> Floats:
@@ -83,66 +79,72 @@ def _of_pairs(points: Floats, normals: Floats) -> Floats:
     return np.where((line == 0.0).all(axis=1), coincident, np.minimum(squeeze, expand))
 
 
-def _of_triples(points: Floats, normals: Floats, tolerance: float) -> Floats:
-    """Three contacts, in the plane through them; contacts on one line are bracketed."""
-    angles = np.empty(len(points))
-    # Scaled by powers of 2, which keeps the differences of nearby points exact.
-    _, _, size = centred(points)
-    scaled = np.ldexp(points, -np.frexp(size)[1])
-    critical_of_three(scaled, np.ascontiguousarray(normals), tolerance, make_plane(), angles)
-    on_line = np.flatnonzero(np.isnan(angles))
-    angles[on_line] = _bracketed(points[on_line], normals[on_line], tolerance)
-    return angles
+def brackets_of_smooth(points: Floats, normals: Floats, tolerance: float) -> tuple[Floats, Floats]:
+    """Brackets of the critical friction angles of three contacts and more, (low, high), (b,) each.
 
-
-def _bracketed(points: Floats, normals: Floats, tolerance: float) -> Floats:
-    """Upper ends of intervals that contain the critical angles of three contacts or more."""
-    points, _, _ = centred(points)
-    problem = WrenchProblem.of_contacts(Contacts(points, normals, friction=0.0), EpsilonOptions())
-    low, high = np.zeros(len(points)), np.full(len(points), RIGHT_ANGLE)
-    closed, _, _ = _closure_at(problem, points, normals, low)
-    frictionless = np.flatnonzero(closed)
-    negative = _negative_angles(points[frictionless], normals[frictionless], tolerance)
-    high[frictionless] = low[frictionless] = negative
-    active = np.flatnonzero(high - low > tolerance)
-    width = np.full(len(active), tolerance)
-    bracket = Bracket(points[active], normals[active], low[active], high[active], width)
-    problem.take(active).at_angles(np.full(len(active), FIRST)).narrow(bracket)
-    low[active], high[active] = bracket.low, bracket.high
-    while (active := np.flatnonzero(high - low > tolerance)).size:  # where closure has no proof
-        angles = 0.5 * (low[active] + high[active])
-        closed, lower, upper = _closure_at(
-            problem.take(active), points[active], normals[active], angles
+    Args:
+        points: Shape (b, n, 3).
+        normals: Inward unit normals, shape (b, n, 3).
+        tolerance: Width of the brackets [rad].
+    """
+    ends = np.empty((2, len(points)))
+    left = np.arange(len(points))
+    if points.shape[1] == 3:  # in the plane through them
+        # Scaled by powers of 2, which keeps the differences of nearby points exact.
+        _, _, size = centred(points)
+        scaled = np.ldexp(points, -np.frexp(size)[1])
+        critical_of_three(scaled, np.ascontiguousarray(normals), tolerance, make_plane(), ends[1])
+        ends[0] = np.maximum(ends[1] - tolerance, 0.0)
+        left = np.flatnonzero(np.isnan(ends[1]))  # on one line
+    if len(left):
+        ends[:, left] = angle_brackets(
+            points[left], normals[left], np.zeros(points[left].shape[:2]), tolerance=tolerance
         )
-        low[active] = np.where(closed, low[active], np.clip(lower, angles, high[active]))
-        high[active] = np.where(closed, np.clip(upper, low[active], angles), high[active])
-    return high
+    return ends[0], ends[1]
 
 
-def _negative_angles(points: Floats, normals: Floats, tolerance: float) -> Floats:
-    """Critical angles, 0 or negative, of grasps that are force-closed without friction."""
-    angles = np.zeros(len(points))
-    cells = make_cells(points.shape[1])
-    for g, axes in enumerate(wrench_axes(points, normals, np.zeros(points.shape[:2]), 1.0)):
-        basis = span(axes[:, :3].reshape(-1, 6))
-        in_span = np.zeros((len(axes), 3, 6))
-        in_span[..., : len(basis)] = axes[:, :3] @ basis.T
-        _, depth = frictionless_depth(in_span, len(basis), tolerance, MAX_CELLS, cells)
-        angles[g] = -math.asin(depth)
-    return angles
+def angle_brackets(
+    points: Floats,
+    normals: Floats,
+    wider: Floats,
+    *,
+    first: Floats | None = None,
+    displacement: Floats | None = None,
+    tolerance: Floats | float,
+) -> tuple[Floats, Floats]:
+    """Friction angles up to which grasps are surely open, and from which they are surely closed.
 
+    By bisection with closure tests: where one fails, its direction separates the grasp up to an
+    angle that may be larger than that of the test. Where closure is undecided at some angles, the
+    ends are farther apart than the tolerance.
 
-def _closure_at(
-    problem: WrenchProblem, points: Floats, normals: Floats, angles: Floats
-) -> tuple[Bools, Floats, Floats]:
-    """(closed, lower, upper): closure at given angles, and the bounds on beta* that follow."""
-    results = problem.at_angles(angles).solve(SIGN)
-    u = results.direction[:, None]
-    velocities = u[..., :3] + np.cross(u[..., 3:], points)  # (b, n, 3)
-    lower = angles_between(velocities, normals).min(axis=1) - RIGHT_ANGLE
-    tangential = np.hypot(results.forces[..., 1], results.forces[..., 2])
-    upper = np.arctan2(tangential, results.forces[..., 0]).max(axis=1)
-    # Exactly balanced forces are off by up to `slack` times the sine of the angle to the cone.
-    upper += 0.5 * math.pi * results.slack * (angles - upper)
-    lower = np.where(results.status == Status.UNDECIDED, angles, lower)
-    return results.closed, lower, np.where(np.isnan(upper), angles, upper)
+    Args:
+        points: Contact points, n >= 3, shape (b, n, 3).
+        normals: Inward unit normals, shape (b, n, 3).
+        wider: Angle by which the cone of each contact exceeds the friction angle [rad], shape
+            (b, n). No angle at which a cone would be negative or of 90 degrees is tested.
+        first: Angles that are tested first [rad], shape (b,); None: the middle ones.
+        displacement: Distance by which every contact may move, in any direction, and closed grasps
+            are still force-closed, shape (b,): a contact that is d away applies the torque of its
+            force there and up to d times the force more, so that its support function falls by at
+            most d |u_tau|, and the hull must contain a ball of d / rho, rho the torque scale.
+        tolerance: Width of the brackets [rad], shape (b,) or one for all; inf: only one angle is
+            tested.
+
+    Returns:
+        (low, high), from 0 to pi/2, shape (b,) each: pi/2 less the widest of `wider` where the
+        grasp is closed at no angle, 0 where it is open at none.
+    """
+    points, _, size = centred(points)
+    low = np.clip(-wider.min(axis=1), 0.0, RIGHT_ANGLE)
+    high = np.clip(RIGHT_ANGLE - wider.max(axis=1), low, RIGHT_ANGLE)
+    middle = 0.5 * (low + high)
+    first = middle if first is None else np.where((first > low) & (first < high), first, middle)
+    scale, radius = 1.0, np.zeros(len(points))
+    if displacement is not None:
+        scale, radius = TORQUE_SCALE, displacement / (TORQUE_SCALE * size[:, 0, 0])
+    width = np.full(len(points), tolerance, dtype=np.float64)
+    bracket = Bracket(low, high.copy(), first, width, np.ascontiguousarray(wider), radius)
+    WrenchProblem.at_any_angle(points, normals, scale).narrow(bracket)
+    # Closed just below the last angle that exists: at no angle.
+    return np.maximum(bracket.low, 0.0), np.minimum(bracket.high, high)

@@ -73,9 +73,7 @@ def epsilon(
         cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n). For
             hard fingers with circular cones, -a gives exactly the smallest epsilon over all tilts
             of the normals by up to a, and +a a bound on the largest. Where a exceeds the half-angle
-            of some cone the lower bound is 0; the status is UNDECIDED where the other contacts
-            alone are force-closed, or all are without friction. Where it exceeds those of all
-            contacts, fewer than 7, the minimum is 0.
+            of some cone the lower bound is 0 and the status UNDECIDED.
         phase: Polygons: angle of the first edge about the normal, from the first of
             `friction_cones.tangents` [rad].
         bounded: 'force': the length of a contact force is at most 1; 'normal': its normal
@@ -153,7 +151,7 @@ def epsilon_of_wrenches(wrenches: ArrayLike) -> Epsilon:
     flat = np.zeros((math.prod(batch), rows.shape[-2], 6))
     flat[..., PLANAR if rows.shape[-1] == 3 else slice(6)] = rows.reshape(-1, *rows.shape[-2:])
     return _solved(
-        WrenchProblem.of_rows(flat), (0.0, 0.0, math.inf, 0.0),
+        WrenchProblem.of_rows(flat), (0.0, 0.0, math.inf),
         batch=batch, forces_of=lambda weights: weights[..., 0], polygonal=True,
     )  # fmt: skip
 
@@ -167,14 +165,14 @@ def _solved(
     polygonal: bool,
 ) -> Epsilon:
     """Epsilon of a flat batch, in the batch's shape; see `certificate_of`."""
-    results = problem.solve(goal, with_forces=False)
+    results = problem.solve(goal)
     return Epsilon(
         lower=shaped(certified(results, polygonal=polygonal), batch),
         upper=shaped(results.upper, batch),
         rank=shaped(results.rank, batch),
         closed=shaped(results.closed, batch),
         status=shaped(results.status, batch),
-        certificate=certificate_of(problem, results, goal, batch=batch, forces_of=forces_of),
+        certificate=certificate_of(problem, results, batch=batch, forces_of=forces_of),
     )
 
 

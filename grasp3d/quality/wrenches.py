@@ -10,8 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from grasp3d._kernels.hull.wrenches import RANK_TOLERANCE, write_axes
 from grasp3d._kernels.hull.wrenches import span as span_kernel
+from grasp3d._kernels.hull.wrenches import write_axes
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import NEAR_X_AXIS, edge_angles
@@ -25,12 +25,12 @@ Bounded = Literal["force", "normal"]
 MAX_FRICTION = 1e6
 """Friction from which unit normal components are lost to rounding among the tangential ones."""
 
-Goal = tuple[float, float, float, float]
-"""When a hull need not be grown further: relative and absolute tolerance of the bounds, cutoff, and
-whether only the sign is needed; see `_kernels.hull.growing_hull.grow`."""
+Goal = tuple[float, float, float]
+"""When a hull need not be grown further: relative tolerance of the bounds, absolute one and cutoff
+relative to the largest wrench; see `_kernels.hull.growing_hull.grow`."""
 
-UNDECIDED_WITHIN = 1e4
-"""Width, in tolerances of 1e-12 of the wrenches, of an interval about 0 that is left undecided."""
+UNDECIDED_WITHIN = 1e-8
+"""Width, relative to the largest wrench, of an interval about 0 that is left undecided."""
 
 
 def check_torque_scale(torque_scale: float) -> None:
@@ -157,7 +157,7 @@ def span(rows: ArrayLike) -> Floats:
 
     Two hard fingers, or more on one line, cannot resist a torque about that line: their wrenches
     span five dimensions. With forces and torques each divided by the largest among the rows, a
-    wrench adds a dimension if more than 1e-10 of it lies outside the span of the others.
+    wrench adds a dimension if more than 1e-12 of it lies outside the span of the others.
 
     Args:
         rows: Wrenches (k, 6).
@@ -172,7 +172,7 @@ def span(rows: ArrayLike) -> Floats:
     if values.ndim != 2 or values.shape[1] != 6 or not np.isfinite(values).all():
         raise ContactError(f"wrenches must be finite and of shape (k, 6); got {values.shape}")
     basis = np.zeros((6, 6))
-    rank = span_kernel(values, RANK_TOLERANCE, np.zeros_like(values), basis)
+    rank = span_kernel(values, np.zeros_like(values), basis)
     return basis[:rank]
 
 
@@ -228,4 +228,4 @@ class EpsilonOptions:
     def goal(self) -> Goal:
         """How close the bounds must be, as `WrenchProblem.solve` takes it."""
         tolerances = (0.0, 0.0) if self.polygonal else (self.rtol, UNDECIDED_WITHIN)
-        return (*tolerances, math.inf, 0.0)
+        return (*tolerances, math.inf)

@@ -1,7 +1,6 @@
 """Labels of grasps of any numbers of contacts, whose normals are known to within different angles.
 
-A hand touches with as many links as it happens to, and these may have different sensors. Labels are
-exact: the contacts tilt independently.
+A hand touches with as many links as it happens to, and these may have different sensors.
 """
 
 import math
@@ -13,13 +12,13 @@ import numpy as np
 
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts
-from grasp3d.quality.closure import Status, force_closure
+from grasp3d.quality.closure import force_closure
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.ferrari_canny import epsilon_with
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import MAX_FINGERS
+from grasp3d.stability.classification import classify
 from grasp3d.stability.label import Label
-from grasp3d.stability.locations import angles_to_line, spare_of_pairs, surely_closed_from
 
 WIDEST = RIGHT_ANGLE - 1e-6
 """Widest cone that `contact_margins` tries [rad]."""
@@ -52,24 +51,6 @@ class ContactSets:
     def evaluated(self) -> Bools:
         """Whether a grasp has 2 to `MAX_FINGERS` contacts, shape (k,)."""
         return np.asarray((self.counts >= 2) & (self.counts <= MAX_FINGERS))
-
-    @cached_property
-    def _parts(self) -> dict[bytes, "ContactSets"]:
-        return {}
-
-    def of(self, chosen: Bools) -> "ContactSets":
-        """The same grasps with some of their contacts; of the same ones the same object.
-
-        Args:
-            chosen: Whether a contact stays, shape (c,).
-        """
-        if (known := self._parts.get(chosen.tobytes())) is not None:
-            return known
-        part = ContactSets(
-            size=self.size, row=self.row[chosen], points=self.points[chosen],
-            normals=self.normals[chosen],
-        )  # fmt: skip
-        return self._parts.setdefault(chosen.tobytes(), part)
 
     def groups(self) -> Iterator[tuple[Ints, Ints]]:
         """Grasps that are evaluated, by their number of contacts.
@@ -138,32 +119,13 @@ class SetLabels:
     critical_angle: Floats
     """At the perceived normals [rad], shape (k,); nan: fewer than two contacts or too many."""
     margin: Floats
-    """Angle by which the grasp is S [rad], shape (k,): S where it is above 0; -inf where too many
-    tilts exceed friction, nan as above."""
+    """Angle by which the grasp is S [rad], shape (k,): S where it is above 0; nan as above."""
 
     __repr__ = short_repr
 
-    def take(self, rows: Ints) -> "SetLabels":
-        """The labels of chosen grasps."""
-        return SetLabels(**{name: locked(values[rows]) for name, values in vars(self).items()})
-
-    def max_resolution(self, friction_angle: float) -> Floats:
-        """Resolution of all sensors alike below which grasps are S [rad], shape (k,); 0: none.
-
-        Args:
-            friction_angle: At the smallest friction, less all other errors of normals [rad].
-        """
-        angles = 2.0 * (friction_angle - self.critical_angle)
-        return locked(np.maximum(0.0, np.where(np.isnan(angles), 0.0, angles)))
-
 
 def label_sets(sets: ContactSets, tilt: Floats, friction_angles: tuple[float, float]) -> SetLabels:
-    """Label grasps whose links have different sensors.
-
-    S: force-closed whatever the true normals are, within `tilt` of the perceived ones; U: at none
-    of them. Where tilts exceed friction a contact does not count for S, unless all are known
-    equally well. Never U where a cone of beta + tilt reaches 90 degrees, of two contacts excepted:
-    such cones are not convex.
+    """Label grasps whose links have different sensors, as `classify` does.
 
     Args:
         sets: The contacts.
@@ -172,7 +134,7 @@ def label_sets(sets: ContactSets, tilt: Floats, friction_angles: tuple[float, fl
 
     Example:
         Three fingers around a disc, of which one knows its normal within 40 degrees, the others
-        within 1 degree; these alone hold the disc in 5 dimensions of wrenches, of 6:
+        within 1 degree:
 
         >>> import numpy as np
         >>> from grasp3d.stability.contact_sets import ContactSets, label_sets
@@ -185,22 +147,15 @@ def label_sets(sets: ContactSets, tilt: Floats, friction_angles: tuple[float, fl
         >>> label_sets(sets, np.array([0.02, 0.02, 0.7]), (beta, beta)).label.tolist()
         [1]
     """
-    least, largest = friction_angles
-    narrowest = least - tilt
-    differ = _reduced(np.fmax, sets, tilt) != _reduced(np.fmin, sets, tilt)
-    dropped = (narrowest <= 0.0) & differ[sets.row]
-    critical = _critical_angles_of(sets, ~dropped)
-    worst = _worst_angles(sets.of(~dropped), narrowest[~dropped], critical)
-    margin = _reduced(np.fmin, sets, np.where(dropped, math.nan, narrowest)) - worst
-    margin[np.isinf(worst)] = -math.inf
-    label = np.full(sets.size, Label.M, dtype=np.uint8)
-    label[(sets.counts < 2) | _never_closed(sets, largest + tilt)] = Label.U
-    label[margin > 0.0] = Label.S
-    return SetLabels(
-        label=locked(label),
-        critical_angle=sets.critical_angle,
-        margin=locked(margin),
-    )
+    least, largest = map(math.tan, friction_angles)
+    label = np.where(sets.counts < 2, Label.U, Label.M).astype(np.uint8)
+    margin = np.full(sets.size, math.nan)
+    for grasps, index in sets.groups():
+        found = classify(
+            sets.contacts(index, least), 2.0 * tilt[index], friction_interval=(least, largest)
+        )
+        label[grasps], margin[grasps] = found.label, found.margin
+    return SetLabels(label=locked(label), critical_angle=sets.critical_angle, margin=locked(margin))
 
 
 def contact_margins(sets: ContactSets, tilt: Floats, friction_angle: float) -> Floats:
@@ -251,78 +206,3 @@ def _closed(contacts: Contacts, cones: Floats, own: Bools, angles: Floats) -> Bo
     """Whether grasps (b, n) are force-closed with cones of angles (b,) where `own`, shape (b,)."""
     offsets = np.where(own, angles[:, None], cones)
     return np.asarray(force_closure(contacts, cone_offset=offsets).closed)
-
-
-def _reduced(ufunc: np.ufunc, sets: ContactSets, values: Floats) -> Floats:
-    """The largest or smallest value at the contacts of each grasp, nan: it has none, (k,)."""
-    result = np.full(sets.size, math.nan)
-    ufunc.at(result, sets.row, values)
-    return result
-
-
-def _critical_angles_of(sets: ContactSets, chosen: Bools) -> Floats:
-    """Critical angles of chosen contacts, inf where these do not span the wrenches of all, (k,)."""
-    angles = sets.critical_angle.copy()
-    fewer = np.bincount(sets.row[~chosen], minlength=sets.size) > 0
-    if fewer.any():
-        some = sets.of(chosen)
-        missing = np.isnan(some.critical_angle) | (some.rank < sets.rank)
-        known = fewer & sets.evaluated
-        angles[known] = np.where(missing, math.inf, some.critical_angle)[known]
-    return angles
-
-
-def _worst_angles(sets: ContactSets, narrowest: Floats, critical: Floats) -> Floats:
-    """Critical angles relative to the narrowest cone of each grasp, where cones differ, (k,)."""
-    worst = critical.copy()
-    for grasps, index in sets.groups():
-        known = np.asarray(np.ptp(narrowest[index], axis=1) > 0.0)
-        known = known & np.isfinite(critical[grasps])
-        if known.any():
-            rows, chosen = index[known], grasps[known]
-            cones = narrowest[rows]
-            least = cones.min(axis=1)
-            if rows.shape[1] == 2:
-                worst[chosen] = least - _spare(sets, rows, cones)
-                continue
-            worst[chosen] = surely_closed_from(
-                sets.contacts(rows), critical[chosen], cones - least[:, None], np.zeros((1, 1))
-            )
-    return worst
-
-
-def _spare(sets: ContactSets, index: Ints, cones: Floats) -> Floats:
-    """Angle by which the cones (b, 2) of two contacts contain the line between them, shape (b,)."""
-    angles, _ = angles_to_line(sets.contacts(index), {})
-    return spare_of_pairs(angles, angles, cones, np.zeros(len(index)))
-
-
-def _never_closed(sets: ContactSets, widest: Floats) -> Bools:
-    """Whether grasps are force-closed at no normals within the tilts, shape (k,).
-
-    Args:
-        sets: The contacts.
-        widest: Friction angles at the best tilts [rad], shape (c,).
-    """
-    never = np.zeros(sets.size, dtype=np.bool_)
-    for group, contacts in sets.groups():
-        # What is closed at the perceived normals is not U: no cone is narrower there.
-        narrowest = np.fmin.reduce(widest[contacts], axis=1, initial=RIGHT_ANGLE)
-        doubtful = np.flatnonzero(sets.critical_angle[group] >= narrowest)
-        grasps, index = group[doubtful], contacts[doubtful]
-        if not len(grasps):
-            continue
-        if index.shape[1] > 2:
-            never[grasps] = _open(sets, index, widest)
-        else:
-            never[grasps] = _spare(sets, index, widest[index]) <= 0.0
-    return never
-
-
-def _open(sets: ContactSets, index: Ints, widest: Floats) -> Bools:
-    """Whether grasps (b, n) are not closed with cones of the widest angles, shape (b,)."""
-    cones = widest[index]
-    convex = np.asarray((cones < RIGHT_ANGLE).all(axis=1))
-    offsets = np.where(convex[:, None], cones, 0.0)
-    closure = force_closure(sets.contacts(index, friction=0.0), cone_offset=offsets)
-    return np.asarray(convex & ~closure.closed & (closure.status != Status.UNDECIDED))

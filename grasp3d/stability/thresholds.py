@@ -11,7 +11,7 @@ The margin is what is left below the threshold of S; its budget says which uncer
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -35,16 +35,34 @@ def unstable_from(friction_angle: ArrayLike, tilt: ArrayLike, fingers: int) -> F
     return np.where((fingers > 2) & (widest >= math.pi / 2.0), math.inf, widest)
 
 
-def label_angles(worst: Floats, best: Floats, model: GraspModel) -> Bytes:
+class Thresholds(NamedTuple):
+    """Thresholds of grasps whose contacts differ, shape (b,) each."""
+
+    sure_angle: Floats
+    """Angle below which the critical angle over the worst normals must be for S [rad]."""
+    unstable_from: Floats
+    """Angle from which on that over the best normals makes a grasp U [rad]."""
+
+
+class HasThresholds(Protocol):
+    """A `GraspModel`, or `Thresholds`."""
+
+    @property
+    def sure_angle(self) -> Any: ...  # noqa: D102
+
+    @property
+    def unstable_from(self) -> Any: ...  # noqa: D102
+
+
+def label_angles(worst: Floats, best: Floats, model: HasThresholds) -> Bytes:
     """Label grasps by their critical friction angles.
 
     Args:
         worst: Critical angle over the worst normals [rad], any shape; inf for no grasp. Its upper
-            bound where contact locations are uncertain, see
-            `stability.locations`.
+            bound where contact locations are uncertain, see `stability.uncertain_angles`.
         best: Critical angle over the best normals [rad]; equal to `worst` except at creases, and
             where locations are uncertain.
-        model: Friction, sensor resolution and number of fingers.
+        model: Friction, sensor resolution and number of fingers; or the thresholds.
 
     Returns:
         Label codes, uint8, same shape.

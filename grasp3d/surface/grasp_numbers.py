@@ -18,19 +18,12 @@ from grasp3d.quality.tilting import EpsilonRange, uncertain_epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import GraspModel
 from grasp3d.stability.classification import classify
-from grasp3d.stability.enumeration import (
-    Tested,
-    check_combinations,
-    closure_at,
-    extreme_normals,
-    extremes,
-    rings_needed,
-)
+from grasp3d.stability.extremes import Extremes, check_combinations, extremes, rings_needed
 from grasp3d.stability.label import Label
-from grasp3d.stability.locations import line_turns, surely_closed_from
-from grasp3d.stability.normal_sets import WorstAndBest
+from grasp3d.stability.normal_sets import Creases, WorstAndBest
+from grasp3d.stability.uncertain_angles import line_turns
 from grasp3d.surface.contacts import GraspContacts, JawContacts
-from grasp3d.surface.critical_angles import AMBIGUOUS
+from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.load_result import LoadResult, load_result_of
 from grasp3d.system.context import report_progress
@@ -63,7 +56,7 @@ def hull_labels(grasps: GraspContacts, model: GraspModel) -> Bytes:
 
     Args:
         grasps: The grasps.
-        model: Friction, sensor resolution, edges and number of extreme normals.
+        model: Friction, sensor resolution and number of extreme normals.
 
     Returns:
         Label codes, shape (b,).
@@ -74,13 +67,10 @@ def hull_labels(grasps: GraspContacts, model: GraspModel) -> Bytes:
     if isinstance(grasps, JawContacts):
         return _labels_of_jaws(grasps, model)
     labels = np.full(grasps.size, Label.M, dtype=np.uint8)
-    options = EpsilonOptions(edges=model.edges)
     done = 0
-    for rows, (low, high), tested in _groups(grasps, model):
-        worst = closure_at(low, tested, options)
-        best = worst if high is low else closure_at(high, tested, options)
-        labels[rows[~best.closing]] = Label.U
-        labels[rows[~worst.failing]] = Label.S
+    for rows, worst, best in _enumerated(grasps, model, None):
+        labels[rows[best.unstable]] = Label.U
+        labels[rows[worst.stable]] = Label.S
         done += len(rows)
         report_progress(done / len(labels))
     return labels
@@ -118,22 +108,33 @@ def hull_epsilons(
         SettingError: A grasp has too many combinations.
     """
     epsilons, done = np.zeros((2, grasps.size)), 0
-    for rows, (low, high), tested in _groups(grasps, model):
-        worst = extremes(low, tested, options)
-        best = worst if high is low else extremes(high, tested, options)
+    for rows, worst, best in _enumerated(grasps, model, options):
         epsilons[:, rows] = worst.minimum, best.maximum
         done += len(rows)
         report_progress(done / grasps.size)
     return epsilons[0], epsilons[1]
 
 
-def _groups(
-    grasps: GraspContacts, model: GraspModel
-) -> Iterator[tuple[Ints, tuple[Contacts, Contacts], Tested]]:
-    """Chunks of grasps with equal numbers of normals at each contact.
+def _enumerated(
+    grasps: GraspContacts, model: GraspModel, options: EpsilonOptions | None
+) -> Iterator[tuple[Ints, Extremes, Extremes]]:
+    """Rows of grasps, and their extremes at the smallest and at the largest friction."""
+    count = model.extreme_normals
+    for rows, contacts, creases in _groups(grasps, model):
+        tilt = np.full((len(rows), grasps.count), model.tilt)
+        low, high = model.friction_interval
+        worst = best = extremes(
+            contacts.with_friction(low), tilt, count=count, creases=creases, options=options
+        )
+        if low != high:
+            best = extremes(
+                contacts.with_friction(high), tilt, count=count, creases=creases, options=options
+            )
+        yield rows, worst, best
 
-    Their rows, the contacts at the smallest and at the largest friction, and the tested normals.
-    """
+
+def _groups(grasps: GraspContacts, model: GraspModel) -> Iterator[tuple[Ints, Contacts, Creases]]:
+    """Rows of grasps with equal numbers of normals at each contact, the contacts, and creases."""
     normals = _normals(grasps)
     points = grasps.points - grasps.mesh.center_mass
     sizes = np.array([len(faces) for faces in normals], dtype=np.int64)
@@ -148,14 +149,7 @@ def _groups(
             ]
             nominal = np.stack([faces[:, 0] for faces in sets], axis=1)
             contacts = Contacts(points[rows], nominal, model.nominal_friction, model.torsion_radius)
-            creases = {i: faces for i, faces in enumerate(sets) if faces.shape[1] > 1}
-            tilt = np.full((len(rows), grasps.count), model.tilt)
-            count = model.extreme_normals
-            ends = contacts, contacts
-            low, high = model.friction_interval
-            if low != high:
-                ends = contacts.with_friction(low), contacts.with_friction(high)
-            yield rows, ends, extreme_normals(contacts, tilt, count=count, creases=creases)
+            yield rows, contacts, {i: set_ for i, set_ in enumerate(sets) if set_.shape[1] > 1}
 
 
 def _normals(grasps: GraspContacts) -> list[Floats]:
@@ -204,14 +198,7 @@ def angle_bounds_of(
         return locked(worst + turned[0]), locked(np.maximum(best - turned[1], 0.0))
     bounds = np.full((2, grasps.size), math.inf)
     rows = np.flatnonzero(np.isfinite(angles[0]))
-    on_crease = grasps.on_crease[rows].any(axis=1)
-    bounds[:, rows[on_crease]] = np.array(AMBIGUOUS)[:, None]
-    smooth = rows[~on_crease]
-    if len(smooth):
-        contacts = Contacts(grasps.points[smooth] - grasps.mesh.center, grasps.normals[smooth])
-        same, errors = np.zeros((1, grasps.count)), np.full((1, grasps.count), error)
-        bounds[0, smooth] = surely_closed_from(contacts, angles[0][smooth], same, errors)
-        bounds[1, smooth] = 0.0
+    bounds[:, rows] = critical_angles(grasps.take(rows), location_error=error)
     return locked(bounds[0]), locked(bounds[1])
 
 

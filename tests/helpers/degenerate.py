@@ -382,7 +382,7 @@ def random_grasps(kind: str, contacts: int, count: int, rng: np.random.Generator
     if not on_line.any():  # a few on a coarse grid: there many sums and differences are exact
         points = np.where(rng.random((count, 1, 1)) < 0.2, np.round(points * 8.0) / 8.0, points)
     if kind in ("close pair", "close three", "two close pairs", "two clusters"):
-        gap = 10.0 ** rng.uniform(-15.0, -2.0, size=(count, 1, 1))
+        gap = 10.0 ** rng.uniform(-11.5, -2.0, size=(count, 1, 1))
         for group in groups:
             points[:, group[1:]] += gap * unit(rng.normal(size=(count, len(group) - 1, 3)))
     # Normals: random, toward the middle, or opposed to an earlier one, so that many close.

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from grasp3d import Contacts, epsilon
+from grasp3d import Contacts, epsilon, force_closure
+from grasp3d.contact.friction_cones import turned
 from tests.helpers.random_grasps import random_grasps
 
 Floats = NDArray[np.float64]
@@ -53,6 +54,28 @@ def with_normals(contacts: Contacts, normals: Floats) -> Contacts:
         np.broadcast_to(contacts.torsion_radius, shape),
         contacts.groups,
     )
+
+
+def worst_normals(contacts: Contacts, tilt: Floats) -> Floats:
+    """Normals (b, n, 3) turned away from the motion that is hardest to resist."""
+    offset = -np.minimum(tilt, contacts.friction_angle)
+    u = epsilon(contacts, cone_offset=offset).certificate.direction[:, None]
+    velocity = u[..., :3] + np.cross(u[..., 3:], contacts.points)
+    return turned(contacts.normals, -velocity, tilt)
+
+
+def best_normals(contacts: Contacts, tilt: Floats) -> Floats:
+    """Normals (b, n, 3) turned toward forces in equilibrium, nan where there are none."""
+    if contacts.count == 2:
+        line = contacts.points[:, 1] - contacts.points[:, 0]
+        goals = np.stack([line, -line], axis=1)
+        off = angles(contacts.normals, goals)
+        wide = contacts.friction_angle + tilt
+        squeezing = (off - wide).max(axis=1) <= (math.pi - off - wide).max(axis=1)
+        goals = np.where(squeezing[:, None, None], goals, -goals)
+    else:
+        goals = force_closure(contacts, cone_offset=tilt).certificate.equilibrium[..., :3]
+    return turned(contacts.normals, goals, tilt)
 
 
 def all_combinations(contacts: Contacts, tested: Sequence[Floats]) -> Contacts:

@@ -19,8 +19,8 @@ seeds = st.integers(0, 100_000)
 dimensions = st.integers(1, 6)
 few = settings(max_examples=40, deadline=None)
 
-EXACT = (0.0, 0.0, math.inf, 0.0)
-SIGN = (0.0, 1e4, 0.0, 1.0)
+EXACT = (0.0, 0.0, math.inf)
+SIGN = (0.0, 0.0, 1e-8)
 
 
 class Grown:
@@ -114,7 +114,7 @@ def test_coplanar_wrenches_make_a_closed_polytope_too(name: str, edges: int) -> 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3, 4, 5, 6])
-@pytest.mark.parametrize("goal", [EXACT, (0.1, 0.0, math.inf, 0.0), (0.01, 0.0, math.inf, 0.0)])
+@pytest.mark.parametrize("goal", [EXACT, (0.1, 0.0, math.inf), (0.01, 0.0, math.inf)])
 def test_words_and_walks_find_the_same_neighbours(dimension: int, goal: Any) -> None:
     """Facets of the last vertex, which are not linked yet; also more than a word has bits."""
     rows = np.random.default_rng(3).normal(size=(60 * dimension, dimension))
@@ -197,10 +197,10 @@ def test_a_full_polytope_ends_the_growth_with_valid_bounds(facets: int) -> None:
 def test_growth_stops_at_the_requested_tolerance_and_at_the_cutoff() -> None:
     rows = np.random.default_rng(1).normal(size=(300, 6))
     expected, exact = oracles.epsilon_of_hull(rows), Grown(rows)
-    loose = Grown(rows, (0.3, 0.0, math.inf, 0.0))
+    loose = Grown(rows, (0.3, 0.0, math.inf))
     assert loose.lower <= expected <= loose.upper
     assert loose.upper - loose.lower <= 0.3 * loose.upper + 1e-12
-    cut = Grown(rows, (0.0, 0.0, 0.5 * expected, 0.0))
+    cut = Grown(rows, (0.0, 0.0, 0.5 * expected))
     assert 0.5 * expected <= cut.lower <= expected + 1e-12
     assert max(len(loose.points), len(cut.points)) < len(exact.points)
 

@@ -103,7 +103,7 @@ def test_a_contact_that_raises_the_rank_may_make_an_s_ambiguous() -> None:
     assert label_sets(two, tilt[:2], angles).label.tolist() == [Label.S]
     found = label_sets(three, tilt, angles)
     assert found.label.tolist() == [Label.M]
-    assert found.margin.tolist() == [-math.inf]
+    assert found.margin[0] < 0.0
     assert (two.rank.tolist(), three.rank.tolist()) == ([5], [6])
 
 
@@ -125,18 +125,6 @@ def test_few_and_many_contacts_have_no_numbers() -> None:
     assert found.label[[0, 1, 3]].tolist() == [Label.U, Label.U, Label.M]
     assert np.isnan(found.critical_angle).tolist() == [True, True, False, True]
     assert np.isnan(found.margin).tolist() == [True, True, False, True]
-    assert found.max_resolution(0.5)[[0, 1, 3]].tolist() == [0.0, 0.0, 0.0]
-
-
-def test_max_resolution_is_that_of_all_sensors_alike() -> None:
-    one = random_sets(100, 5)
-    found = label_sets(one.sets, one.tilt, one.angles)
-    limit = found.max_resolution(math.atan(one.friction))
-    assert (limit > 0.0).sum() > 10
-    for part, expected in ((0.98, True), (1.02, False)):
-        tilt = part * limit[one.sets.row] / 2.0
-        stable = label_sets(one.sets, tilt, one.angles).label == Label.S
-        assert (stable == expected)[limit > 0.02].all()
 
 
 @pytest.mark.slow

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import Contacts, Label, classify, critical_friction_angle, force_closure
-from grasp3d.errors import ContactError, SettingError
-from grasp3d.quality import Status
+from grasp3d.errors import SettingError
 from grasp3d.quality.wrenches import EpsilonOptions
 from tests.helpers import grasps, oracles
 from tests.helpers.grasps import with_options
@@ -19,10 +18,12 @@ from tests.helpers.tilts import (
     all_combinations,
     angle_to_set,
     angles,
+    best_normals,
     mixed,
     random_tilts,
     with_normals,
     within_sets,
+    worst_normals,
 )
 
 degrees = math.radians
@@ -59,23 +60,19 @@ def test_no_tilt_contradicts_an_s_or_a_u(fingers: int) -> None:
 @pytest.mark.parametrize("fingers", [2, 3, 4, 5])
 def test_every_m_has_an_open_and_a_force_closed_tilt(fingers: int) -> None:
     contacts, resolution = mixed(fingers, 150, 3)
-    found = classify(contacts, resolution)
-    ambiguous = found.label == Label.M
-    known = np.asarray(found.worst.status) != Status.UNDECIDED  # tilts exceed some friction
-    assert (known | (contacts.friction_angle < resolution / 2.0).any(axis=1)).all()
-    closed = force_closure(with_normals(contacts, found.worst_normals)).closed
-    assert not closed[ambiguous & known].any()
-    for normals in (found.worst_normals, found.best_normals):
-        known = np.isfinite(normals).all(axis=(1, 2))
-        assert (angles(contacts.normals, normals) <= resolution / 2.0 + 1e-9)[known].all()
-    known = np.isfinite(found.best_normals).all(axis=(1, 2))
-    below = (contacts.friction_angle + resolution / 2.0 < RIGHT).all(axis=1)
-    assert known[ambiguous & (below | (fingers == 2))].all()
-    assert not known[found.label == Label.U].any()
-    closing = np.where(known[:, None, None], found.best_normals, contacts.normals)
-    closed = force_closure(with_normals(contacts, closing)).closed
-    assert closed[ambiguous & known].all()
+    tilt = np.minimum(resolution / 2.0, 0.99 * contacts.friction_angle)  # else there is no S
+    ambiguous = classify(contacts, 2.0 * tilt).label == Label.M
     assert ambiguous.sum() > 20
+    worst = worst_normals(contacts, tilt)
+    assert (angles(contacts.normals, worst) <= tilt + 1e-9).all()
+    assert not force_closure(with_normals(contacts, worst)).closed[ambiguous].any()
+    best = best_normals(contacts, tilt)
+    known = np.isfinite(best).all(axis=(1, 2))
+    below = (contacts.friction_angle + tilt < RIGHT).all(axis=1)
+    assert known[ambiguous & (below | (fingers == 2))].all()
+    closing = np.where(known[:, None, None], best, contacts.normals)
+    assert (angles(contacts.normals, closing) <= tilt + 1e-9).all()
+    assert force_closure(with_normals(contacts, closing)).closed[ambiguous & known].all()
 
 
 @given(st.integers(2, 4), seeds)
@@ -161,61 +158,30 @@ def test_an_interval_of_friction_on_creases() -> None:
         assert found.label == label
 
 
-# Seven contacts and more
-
-
-@pytest.mark.slow
-def test_form_closure_withstands_tilts_that_exceed_friction() -> None:
-    """S although the sensor resolution exceeds twice the friction angle."""
-    friction, seen = 0.02, set()
-    rng = np.random.default_rng(0)
-    for seed in (0, 2, 5, 10):
-        contacts = grasps.changed(grasps.frictionless_grasp(seed), friction=friction)
-        critical = float(critical_friction_angle(contacts))
-        assert critical < -0.05
-        for fraction in (0.8, 1.2):
-            tilt = math.atan(friction) - fraction * critical
-            found = classify(contacts, 2.0 * tilt)
-            assert found.label == (Label.S if fraction < 1.0 else Label.M)
-            seen.add(int(found.label))
-            tilted = np.stack([random_tilts(contacts.normals, tilt, rng) for _ in range(100)])
-            if found.label == Label.S:
-                assert force_closure(with_normals(contacts, tilted)).closed.all()
-    assert seen == {1, 2}
-
-
-def test_form_closure_with_different_friction_at_each_contact_is_safe() -> None:
-    contacts = grasps.frictionless_grasp(2)
-    critical = float(critical_friction_angle(contacts))
-    assert critical < -0.05
-    rng = np.random.default_rng(1)
-    friction = rng.uniform(0.01, 0.1, size=contacts.count)
-    resolution = 2.0 * (np.arctan(friction) + rng.uniform(0.2, 0.9, contacts.count) * -critical)
-    rough = grasps.changed(contacts, friction=friction)
-    assert classify(rough, resolution).label == Label.S
-    tilted = np.stack([random_tilts(rough.normals, resolution / 2.0, rng) for _ in range(200)])
-    assert force_closure(with_normals(rough, tilted)).closed.all()
-    coarser = resolution + 2.0 * (resolution.argmax() == np.arange(contacts.count))
-    assert classify(rough, np.minimum(coarser, 3.0)).label == Label.M
+# Tilts that exceed friction
 
 
 @pytest.mark.parametrize("actuation", ["total", "per_finger"])
-def test_a_finger_whose_tilts_exceed_friction_does_not_prevent_an_s(actuation: Any) -> None:
+def test_a_finger_whose_tilts_exceed_friction_prevents_an_s(actuation: Any) -> None:
     """Three fingers that are S alone, and one whose tilts exceed its friction."""
     triangle = grasps.regular_on_ball("triangle", friction=0.8)
-    resolution = [0.4, 0.4, 0.4]
-    assert classify(triangle, resolution).label == Label.S
+    assert classify(triangle, 0.4).label == Label.S
     points, normals = np.vstack([triangle.points, [0, 0, 1]]), [*triangle.normals, [0, 0, -1]]
-    rng = np.random.default_rng(0)
-    for friction, alpha in ((0.1, 0.5), (0.1, 3.0)):
-        four = Contacts(points, normals, [0.8, 0.8, 0.8, friction])
-        found = classify(four, [*resolution, alpha], options=EpsilonOptions(actuation=actuation))
-        assert found.label == Label.S
-        tilts = np.array([*resolution, alpha]) / 2.0
-        tilted = np.stack([random_tilts(four.normals, tilts, rng) for _ in range(300)])
-        assert force_closure(with_normals(four, tilted)).closed.all()
-        two_exceeding = classify(four, [0.4, 0.4, 1.5, alpha])
-        assert two_exceeding.label == Label.M
+    four = Contacts(points, normals, [0.8, 0.8, 0.8, 0.1])
+    for alpha, label in ((0.19, Label.S), (0.5, Label.M), (3.0, Label.M)):
+        found = classify(four, [0.4, 0.4, 0.4, alpha], options=EpsilonOptions(actuation=actuation))
+        assert found.label == label
+        assert (found.epsilon_min > 0.0) == (label == Label.S)
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_form_closure_claims_no_s_from_twice_the_friction_angle_on(seed: int) -> None:
+    contacts = grasps.changed(grasps.frictionless_grasp(seed), friction=0.02)
+    assert critical_friction_angle(contacts) == 0.0
+    beta = math.atan(0.02)
+    assert classify(contacts, 1.9 * beta).label == Label.S
+    for alpha in (2.0 * beta, 2.1 * beta):
+        assert classify(contacts, alpha).label == Label.M
 
 
 def test_two_reliable_fingers_of_three_have_a_lower_rank() -> None:
@@ -225,10 +191,6 @@ def test_two_reliable_fingers_of_three_have_a_lower_rank() -> None:
     )
     found = classify(contacts, [0.1, 0.1, 0.5])
     assert found.label == Label.M
-    collinear = Contacts(
-        [[-1, 0, 0], [1, 0, 0], [0, 0, 0]], [[1, 0, 0], [-1, 0, 0], [0, -1, 0]], [0.5, 0.5, 0.1]
-    )
-    assert classify(collinear, [0.1, 0.1, 0.5]).label == Label.S
 
 
 @pytest.mark.parametrize("name", ["pair", "triangle", "tetrahedron", "octahedron"])
@@ -333,9 +295,6 @@ def test_torsion_does_not_affect_labels(fingers: int) -> None:
     soft = grasps.changed(contacts, torsion_radius=0.4)
     hard_found, soft_found = classify(contacts, resolution), classify(soft, resolution)
     np.testing.assert_array_equal(soft_found.label, hard_found.label)
-    for name in ("worst", "best"):
-        one, other = getattr(soft_found, name), getattr(hard_found, name)
-        np.testing.assert_array_equal(one.closed, other.closed)
     if fingers < 4:
         options: dict[str, Any] = {"method": "extremes", "extreme_normals": 4}
         hard = classify(contacts, resolution, **with_options(**options))
@@ -413,17 +372,13 @@ def test_no_normal_of_the_sets_contradicts_an_s_or_a_u(fingers: int, corners: in
     np.testing.assert_array_equal(sampled.label[decided], found.label[decided])
 
 
-def test_a_crease_of_two_equal_normals_is_smooth() -> None:
-    for fingers in (2, 3):
-        contacts, resolution = random_grasps(fingers, 60, 10)
-        faces = np.stack([contacts.normals[:, 0]] * 2, axis=1)
-        smooth = classify(contacts, resolution)
-        found = classify(contacts, resolution, creases={0: faces})
-        if fingers == 2:
-            np.testing.assert_array_equal(found.label, smooth.label)
-        decided = found.label != Label.M  # samples of three fingers are safe, not exact
-        np.testing.assert_array_equal(found.label[decided], smooth.label[decided])
-        assert (found.label != smooth.label).mean() < 0.05
+@pytest.mark.parametrize("fingers", [2, 3])
+def test_a_crease_of_two_equal_normals_is_smooth(fingers: int) -> None:
+    contacts, resolution = random_grasps(fingers, 60, 10)
+    faces = np.stack([contacts.normals[:, 0]] * 2, axis=1)
+    smooth = classify(contacts, resolution)
+    found = classify(contacts, resolution, creases={0: faces})
+    np.testing.assert_array_equal(found.label, smooth.label)
 
 
 EDGE = np.array([[-0.4554, 0.8075, 0.3750], [-0.9670, -0.0427, 0.2510]])
@@ -435,82 +390,60 @@ ON_EDGE = Contacts(
 )
 
 
-@pytest.mark.parametrize("method", ["exact", "extremes"])
-def test_face_normals_alone_miss_the_worst_normal_of_three_fingers(method: Any) -> None:
+def test_face_normals_alone_miss_the_worst_normal_of_three_fingers() -> None:
     """Those of the faces need 27.6 degrees of friction, the one midway between them 32."""
     for beta, label in ((29.8, Label.M), (31.5, Label.M), (33.0, Label.S)):
         contacts = grasps.at_angle(ON_EDGE, degrees(beta))
-        assert classify(contacts, 0.0, creases={0: EDGE}, method=method).label == label
+        assert classify(contacts, 0.0, creases={0: EDGE}, method="extremes").label == label
         faces_only = all_combinations(contacts, [EDGE, *contacts.normals[1:, None]])
         assert force_closure(faces_only).closed.all()
 
 
-def test_labels_on_an_edge_are_within_one_degree_of_exact() -> None:
-    """Sampling in steps of 5 degrees costs at most 1 degree of friction angle."""
-    fractions = np.linspace(0.0, 1.0, 400)[:, None]
-    arc = (1.0 - fractions) * EDGE[0] + fractions * EDGE[1]
-    tested = [arc / np.linalg.norm(arc, axis=1, keepdims=True), *ON_EDGE.normals[1:, None]]
-    critical = critical_friction_angle(all_combinations(ON_EDGE, tested))
-    for beta, label in (
-        (critical.max() + degrees(1.0), Label.S),
-        (critical.max() - degrees(1e-2), Label.M),
-        (critical.min() + degrees(1e-2), Label.M),
-        (critical.min() - degrees(1.0), Label.U),
-    ):
-        assert classify(grasps.at_angle(ON_EDGE, beta), 0.0, creases={0: EDGE}).label == label
+@pytest.mark.parametrize("half", [0.05, 0.2])
+def test_an_edge_of_three_fingers_narrows_and_widens_the_cone_about_its_middle(
+    half: float,
+) -> None:
+    faces = np.array([oracles.turned(ON_EDGE.normals[0], face, half) for face in EDGE])
+    for sign in (-1.0, 1.0):
+        low, high = half, degrees(89.0) - half
+        while high - low > 1e-6:
+            middle = 0.5 * (low + high)
+            cones = middle + np.array([sign * half, 0.0, 0.0])
+            closed = force_closure(grasps.changed(ON_EDGE, friction=np.tan(cones))).closed
+            low, high = (low, middle) if closed else (middle, high)
+        assert half < low < degrees(88.0) - half
+        below, above = (
+            classify(grasps.at_angle(ON_EDGE, beta), 0.0, creases={0: faces})
+            for beta in (low - 1e-3, high + 1e-3)
+        )
+        if sign < 0.0:
+            assert (below.label, above.label) == (Label.M, Label.S)
+            assert below.margin == pytest.approx(-1e-3, abs=2e-4)
+            assert above.margin == pytest.approx(1e-3, abs=2e-4)
+        else:
+            assert (below.label, above.label) == (Label.U, Label.M)
 
 
-SAMPLED = (-7.35, -2.45, 2.45, 7.35)
-
-
-def crease_between_samples(normal: np.ndarray, toward: np.ndarray) -> np.ndarray:
-    """A crease of 14.7 degrees about a normal that lies midway between two samples."""
-    turn = degrees(7.35)
-    return np.array([math.cos(turn) * normal + s * math.sin(turn) * toward for s in (-1.0, 1.0)])
-
-
-def test_a_normal_between_two_samples_prevents_a_u() -> None:
-    """Only with that normal the grasp is force-closed almost without friction."""
-    triangle = grasps.regular_on_ball("triangle", friction=0.005)
-    crease = crease_between_samples(triangle.normals[0], np.array([0.0, 0.0, 1.0]))
-    assert force_closure(triangle).closed
-    for turn in SAMPLED:
-        turned = oracles.turned(triangle.normals[0], np.array([0.0, 0, 1]), degrees(abs(turn)))
-        at = [turned * [1.0, 1.0, math.copysign(1.0, turn)], *triangle.normals[1:]]
-        assert not force_closure(grasps.changed(triangle, normals=at)).closed
-    assert classify(triangle, 0.0, creases={0: crease}).label == Label.M
-    assert classify(triangle, 0.0, creases={0: crease}, method="extremes").label == Label.M
-
-
-def test_a_normal_between_two_samples_prevents_an_s() -> None:
-    """Only with that normal, downward, the critical angle is 90 degrees."""
+def test_no_u_is_claimed_where_a_cone_of_an_edge_reaches_90_degrees() -> None:
     azimuths = np.arange(3) * 2.0 * math.pi / 3.0
     points = np.stack([np.cos(azimuths), np.sin(azimuths), np.ones(3)], axis=-1)
     down = np.tile([0.0, 0.0, -1.0], (3, 1))
-    inward = down - 0.2 * points * [1.0, 1.0, 0.0]
-    normals = np.vstack([down[:1], inward[1:]])
-    contacts = Contacts(points, normals, math.tan(degrees(89.5)))
-    crease = crease_between_samples(down[0], np.array([0.0, 1.0, 0.0]))
-    assert not force_closure(contacts).closed
-    for turn in SAMPLED:
-        sideways = [0.0, math.sin(degrees(turn)), -math.cos(degrees(turn))]
-        at = grasps.changed(contacts, normals=np.vstack([sideways, normals[1:]]))
-        assert force_closure(at).closed
-    assert classify(contacts, 0.0, creases={0: crease}).label == Label.M
-    # From beta + alpha/2 = 90 degrees on there is no U either.
+    turn = degrees(7.35)
+    crease = np.array([[0.0, s * math.sin(turn), -math.cos(turn)] for s in (-1.0, 1.0)])
     smooth = Contacts(points, down, math.tan(degrees(50.0)))
     assert classify(smooth, degrees(90.0), creases={0: crease}).label == Label.M
-    assert classify(smooth, degrees(10.0), creases={0: crease}).label == Label.U
+    assert classify(smooth, degrees(66.0), creases={0: crease}).label == Label.M
+    assert classify(smooth, degrees(64.0), creases={0: crease}).label == Label.U
 
 
-def test_too_many_creases_and_two_contacts_at_one_point_are_refused() -> None:
-    contacts = Contacts(np.eye(5, 3) + 0.1, -np.eye(5, 3) - 0.1)
-    everywhere = {i: [[1, 0, 0], [0, 1, 0]] for i in range(5)}
-    with pytest.raises(SettingError, match=r"19 x 19 x 19 x 19 x 19 normals.*method='extremes'"):
-        classify(contacts, 0.1, creases=everywhere)
-    coincident = Contacts([[1, 0, 0]] * 2, [[1, 0, 0], [-1, 0, 0]])
-    with pytest.raises(ContactError, match="grasp 0 of the batch has both contacts at one point"):
-        classify(coincident, 0.1, creases={0: [[1, 0, 0], [0, 1, 0]]})
+def test_two_contacts_at_one_point_on_a_crease() -> None:
+    """The cap of the crease counts on either side."""
+    faces = np.array([[math.cos(t), math.sin(t), 0.0] for t in (-0.2, 0.2)])
+    for beta, label in ((0.15, Label.M), (0.09, Label.M), (0.21, Label.S)):
+        coincident = grasps.at_angle(Contacts([[1.0, 0, 0]] * 2, [[1, 0, 0], [-1.0, 0, 0]]), beta)
+        assert classify(coincident, 0.1, creases={0: faces}).label == label
+    apart = Contacts([[1.0, 0, 0]] * 2, [[1, 0, 0], [0.0, -1, 0]])
+    assert classify(grasps.at_angle(apart, 0.6), 0.1, creases={0: faces}).label == Label.U
 
 
 # Rings
@@ -529,12 +462,7 @@ def test_a_normal_between_rim_and_centre_may_be_force_closed() -> None:
         plain = pair(degrees(10.0), friction=math.tan(degrees(5.7)))
         contacts = grasps.changed(plain, normals=plain.normals @ rotation.T)
         assert classify(contacts, degrees(40.0)).label == Label.M
-        rim_only = classify(contacts, degrees(40.0), method="extremes", rings=1)
-        assert rim_only.label == Label.U
-        assert rim_only.combinations == 9**2
-        with_rings = classify(contacts, degrees(40.0), method="extremes")
-        assert with_rings.label == Label.M
-        assert with_rings.combinations == 17**2
+        assert classify(contacts, degrees(40.0), method="extremes").label == Label.M
 
 
 # Extreme settings
@@ -562,7 +490,8 @@ def test_labels_exactly_at_twice_the_friction_angle(friction: float) -> None:
     method: Any
     for method, below in (("exact", 1.999), ("extremes", 1.99)):
         assert classify(aligned, 2.0 * beta, method=method).label == Label.M
-        assert classify(aligned, below * beta, method=method).label == Label.S
+        if method == "exact" or friction > 1e-4:  # what hulls leave undecided is M
+            assert classify(aligned, below * beta, method=method).label == Label.S
 
 
 def test_tiny_friction_needs_the_exact_method() -> None:

@@ -1,4 +1,4 @@
-"""Tests of sets of normals: samples cover them, and angles to them equal those of samples."""
+"""Tests of sets of normals: their corners, the angles to them, and the caps about them."""
 
 import math
 from typing import Any
@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import linprog
 
 from grasp3d import Contacts
 from grasp3d._kernels.surface.surface_contacts import largest_angle, smallest_angle
 from grasp3d.errors import ContactError
-from grasp3d.stability.normal_sets import STEP, face_normals, sampled_set
+from grasp3d.stability.normal_sets import NormalSets, face_normals
 from tests.helpers import oracles
 from tests.helpers.tilts import angle_to_set, angles, within_sets
 
@@ -54,41 +53,17 @@ def batch_of(*sets: np.ndarray) -> np.ndarray:
 
 @given(st.integers(2, 6), st.floats(0.02, 1.3), seeds)
 @few
-def test_every_normal_of_a_set_is_a_combination_of_samples(
+def test_a_cap_about_the_middle_contains_every_normal_of_a_set(
     corners: int, half_width: float, seed: int
 ) -> None:
-    """The sum of the weights is at most 1 / cos(STEP / 2), so that sampling is safe."""
-    faces = batch_of(random_set(corners, half_width, seed))
-    samples = sampled_set(faces)[0]
+    smooth = Contacts(np.zeros((1, 2, 3)), [[[0.0, 0, 1], [1, 2, 3]]])
+    faces = face_normals({1: random_set(corners, half_width, seed)}, smooth)
+    sets = NormalSets.of_contacts(smooth, faces)
+    assert sets.radii[0, 0] == 0.0
     rng = np.random.default_rng(seed)
-    for _ in range(8):
-        normal = within_sets(faces, rng)[0]
-        result = linprog(np.ones(len(samples)), A_eq=samples.T, b_eq=normal)
-        assert result.status == 0
-        assert result.fun <= 1.0 / math.cos(STEP / 2.0) + 1e-9
-
-
-@pytest.mark.slow
-@given(st.integers(2, 6), st.floats(0.02, 1.3), seeds)
-@few
-def test_samples_lie_in_the_set_and_include_its_corners(
-    corners: int, half_width: float, seed: int
-) -> None:
-    faces = batch_of(random_set(corners, half_width, seed))
-    samples = sampled_set(faces)[0]
-    np.testing.assert_allclose(np.linalg.norm(samples, axis=1), 1.0, rtol=1e-12)
-    assert max(angle_to_set(faces[0], sample) for sample in samples) <= 1e-7
-    assert angles(faces[0][:, None], samples).min(axis=1).max() <= 1e-7
-
-
-@given(st.lists(st.floats(0.02, 1.5), min_size=1, max_size=4), seeds)
-@few
-def test_samples_along_a_crease_are_at_even_steps(half_widths: list[float], seed: int) -> None:
-    faces = batch_of(*(random_set(2, width, seed) for width in half_widths))
-    samples = sampled_set(faces)
-    steps = angles(samples[:, 1:], samples[:, :-1])
-    assert steps.max() <= STEP + 1e-9
-    np.testing.assert_allclose(steps, np.broadcast_to(steps[:, :1], steps.shape), atol=1e-9)
+    inside = np.concatenate([within_sets(faces[1], rng) for _ in range(50)])
+    assert angles(sets.middles[0, 1], inside).max() <= sets.radii[0, 1] + 1e-9
+    assert sets.radii[0, 1] == pytest.approx(angles(sets.middles[0, 1], faces[1][0]).max())
 
 
 @given(st.integers(2, 5), st.floats(0.05, 1.2), seeds)
@@ -101,12 +76,10 @@ def test_angles_to_a_set_are_those_of_dense_samples(
     direction = rng.normal(size=3)
     direction /= np.linalg.norm(direction)
     smallest, largest = angles_to_set(faces, direction[None])
-    inside = np.concatenate([sampled_set(faces)[0], *(within_sets(faces, rng) for _ in range(99))])
+    inside = np.concatenate([faces[0], *(within_sets(faces, rng) for _ in range(999))])
     found = angles(inside, direction)
     assert smallest[0] <= found.min() + 1e-9
     assert largest[0] >= found.max() - 1e-9
-    assert smallest[0] == pytest.approx(found.min(), abs=STEP)
-    assert largest[0] == pytest.approx(found.max(), abs=STEP)
     assert smallest[0] == pytest.approx(angle_to_set(faces[0], direction), abs=1e-7)
     opposite = angle_to_set(faces[0], -direction)
     assert largest[0] == pytest.approx(math.pi - opposite, abs=1e-7)
@@ -143,27 +116,11 @@ def test_normals_inside_the_others_are_omitted_and_the_last_corner_is_repeated()
     assert {tuple(row) for row in flat} == {(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)}
 
 
-def test_a_set_with_a_repeated_corner_is_sampled_like_one_without() -> None:
-    inner = np.array([-1.0, -1.0, -1.0])
-    twice = sampled_set(batch_of(np.vstack([CUBE_CORNER, inner])))[0]
-    once = sampled_set(batch_of(CUBE_CORNER))[0]
-    for one, other in ((twice, once), (once, twice)):
-        assert angles(one[:, None], other).min(axis=1).max() <= STEP / 2.0
-    arc = batch_of(np.array([[1.0, 0, 0], [1, 1, 0], [0, 1, 0]]))
-    np.testing.assert_allclose(sampled_set(arc)[..., 2], 0.0, atol=1e-12)
-
-
 def test_a_set_of_two_equal_normals_is_smooth() -> None:
     faces = batch_of(np.array([[0.0, 0, 1], [0, 0, 2]]))
-    np.testing.assert_array_equal(sampled_set(faces), np.broadcast_to([0.0, 0, 1], (1, 2, 3)))
+    np.testing.assert_array_equal(faces, np.broadcast_to([0.0, 0, 1], (1, 2, 3)))
     smallest, largest = angles_to_set(faces, np.array([[1.0, 0.0, 0.0]]))
     assert smallest[0] == largest[0] == pytest.approx(math.pi / 2.0)
-
-
-def test_a_right_angle_has_nineteen_samples() -> None:
-    samples = sampled_set(np.array([[[1.0, 0, 0], [0, 1, 0]]]))[0]
-    azimuths = np.arctan2(samples[:, 1], samples[:, 0])
-    np.testing.assert_allclose(azimuths, np.radians(np.arange(0.0, 91.0, 5.0)), atol=1e-12)
 
 
 def test_the_corner_of_a_cube() -> None:
@@ -172,6 +129,8 @@ def test_the_corner_of_a_cube() -> None:
     smallest, largest = angles_to_set(faces, diagonal)
     assert smallest[0] == 0.0
     assert largest[0] == pytest.approx(math.acos(1.0 / math.sqrt(3.0)))
+    corner = NormalSets.of_contacts(PAIR.reshape((1,)), {0: faces})
+    assert corner.radii[0, 0] == pytest.approx(math.acos(1.0 / math.sqrt(3.0)))
     smallest, largest = angles_to_set(faces, -diagonal)
     assert largest[0] == pytest.approx(math.pi)
     assert smallest[0] == pytest.approx(math.pi - math.acos(1.0 / math.sqrt(3.0)))
@@ -188,8 +147,8 @@ def test_a_batch_may_have_one_set_for_all_or_one_for_each_grasp() -> None:
     found = angles(expected.reshape(6, 2, 1, 3), faces_of_each[:, None]).min(axis=2)
     assert found.max() <= 1e-12
     none = Contacts(np.zeros((0, 2, 3)), np.zeros((0, 2, 3)))
-    assert sampled_set(face_normals({1: CUBE_CORNER[:2]}, none)[1]).shape[0] == 0
-    assert sampled_set(face_normals({1: CUBE_CORNER}, none)[1]).shape[0] == 0
+    empty = NormalSets.of_contacts(none, face_normals({1: CUBE_CORNER}, none))
+    assert empty.radii.shape == (0, 2)
     assert face_normals({}, many) == {}
 
 

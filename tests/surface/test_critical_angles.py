@@ -1,6 +1,5 @@
 """Tests of critical angles over all normals that contacts on a surface may have."""
 
-import itertools
 import math
 from functools import cache
 
@@ -18,8 +17,7 @@ from grasp3d import (
 )
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.stability.normal_sets import NormalSamples, angle_bounds, sampled_sets
-from grasp3d.surface import critical_angles as module
+from grasp3d.quality.critical_angle import angle_brackets
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.critical_angles import critical_angles
 from tests.helpers import oracles, shapes
@@ -99,99 +97,78 @@ def test_two_contacts_bound_every_choice_of_normals() -> None:
 def test_smooth_contacts_have_one_critical_angle(count: int) -> None:
     contacts = random_grasps(count, 30, 2, creased=0)
     worst, best = critical_angles(contacts)
-    np.testing.assert_array_equal(worst, best)
+    decided = worst > 1e-3  # with so little friction closure is as small as rounding errors
+    np.testing.assert_array_equal(worst[decided], best[decided])
+    assert (best <= worst).all()
     expected = critical_friction_angle(Contacts(contacts.points, contacts.normals))
     assert worst == pytest.approx(expected, abs=TOLERANCE)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("count", "creased"), [(3, 1), (3, 2), (5, 1)])
-def test_angles_are_tight_bounds_for_every_choice_of_normals(count: int, creased: int) -> None:
-    contacts = random_grasps(count, 6, 10 * count + creased, creased)
+def test_no_choice_of_normals_is_beyond_the_angles(count: int, creased: int) -> None:
+    contacts = random_grasps(count, 12, 10 * count + creased, creased)
     worst, best = critical_angles(contacts)
     rng = np.random.default_rng(0)
     for g in range(contacts.size):
         sets = [set_of(contacts, g, i) for i in range(count)]
         normals = [
-            np.concatenate(
-                [faces, *(within_sets(faces[None], rng) for _ in range(300 // len(faces)))]
-            )
+            np.concatenate([faces, *(within_sets(faces[None], rng) for _ in range(60))])
             for faces in sets
         ]
-        tested = np.stack(
-            [rows[rng.integers(len(rows), size=20_000 if count == 3 else 400)] for rows in normals],
-            axis=1,
-        )  # (k, n, 3)
+        tested = np.stack([rows[rng.integers(len(rows), size=200)] for rows in normals], axis=1)
         angles = angle_at(contacts, g, tested)
         assert angles.max() <= worst[g] + TOLERANCE
         assert angles.min() >= best[g] - TOLERANCE
-        assert worst[g] - angles.max() < 0.06
-        assert angles.min() - best[g] < 0.1
+    assert (worst > best).any()
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_contacts_on_creases_have_the_caps_about_their_normals(count: int) -> None:
+    contacts = random_grasps(count, 40, count, creased=2)
+    worst, best = critical_angles(contacts)
+    tilt = np.asarray(contacts.tilts(GraspModel(sensor_resolution=0.0)))
+    assert (tilt[:, :2] > 0.5).all()
+    points, normals = contacts.points, contacts.normals
+    _, high = angle_brackets(points, normals, -tilt, tolerance=TOLERANCE)
+    low, _ = angle_brackets(points, normals, tilt, tolerance=TOLERANCE)
+    assert worst == pytest.approx(high, abs=TOLERANCE)
+    assert best == pytest.approx(low, abs=TOLERANCE)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [3, 4, 5])
-def test_the_search_among_samples_finds_the_extremes(count: int) -> None:
-    """Compared with the critical angles of all combinations."""
-    contacts = random_grasps(count, 5, count, creased=2)
-    step = math.radians(30.0)
-    samples = NormalSamples.of_sets(contacts.set_start, contacts.set_normals, count, step)
-    worst, best = angle_bounds(contacts.points, samples, tolerance=TOLERANCE)
-    sets, _ = sampled_sets(contacts.set_start, contacts.set_normals, step)
-    for g in range(contacts.size):
-        own = sets[g * count : (g + 1) * count]
-        assert samples.combinations[g] == math.prod(len(samples_) for samples_ in own)
-        angles = angle_at(contacts, g, np.array(list(itertools.product(*own))))
-        shrink = math.cos(samples.steps[g] / 2.0)
-        high = math.asin(min(1.0, math.sin(angles.max()) / shrink))
-        low = math.acos(min(1.0, math.cos(angles.min()) / shrink))
-        assert worst[g] == pytest.approx(high, abs=3.0 * TOLERANCE)
-        assert low - 0.03 <= best[g] <= low + TOLERANCE  # arccos is steep near 0
-        assert math.cos(best[g]) == pytest.approx(math.cos(low), abs=3.0 * TOLERANCE)
-
-
-@pytest.mark.slow
-def test_labels_are_those_of_classify_or_ambiguous() -> None:
+def test_labels_are_those_of_classify() -> None:
     contacts = random_grasps(3, 60, 4, creased=1)
     worst, best = critical_angles(contacts)
     plain = contacts.contacts(GraspModel())
-    seen, agreed, total = set(), 0, 0
+    seen = set()
     for g in range(contacts.size):
         grasp = Contacts(plain.points[g], plain.normals[g], 0.6)
         creases = {0: set_of(contacts, g, 0)}
         for friction, alpha in ((0.2, 0.1), (0.6, 0.4), (1.2, 0.2)):
             beta, tilt = math.atan(friction), alpha / 2.0
-            stable, unstable = worst[g] < beta - tilt, best[g] >= beta + tilt
+            if min(abs(worst[g] - beta + tilt), abs(best[g] - beta - tilt)) < 1e-3:
+                continue
+            label = Label.S if worst[g] < beta - tilt else Label.M
+            label = Label.U if best[g] >= beta + tilt else label
             rough = grasp.with_friction(friction)
-            exact = classify(rough, alpha, creases=creases).label
-            assert not stable or exact == Label.S
-            assert not unstable or exact == Label.U
-            label = Label.S if stable else Label.U if unstable else Label.M
-            agreed, total = agreed + int(label == exact), total + 1
+            assert classify(rough, alpha, creases=creases).label == label
             seen.add(label)
-            if g < 12:
+            if g < 12 and label != Label.M:
                 sampled = classify(
                     rough, alpha, creases=creases, method="extremes", extreme_normals=4
                 ).label
-                assert not stable or sampled == Label.S
-                assert not unstable or sampled == Label.U
+                assert sampled == label
     assert seen == {Label.S, Label.M, Label.U}
-    assert agreed / total > 0.95
 
 
-@pytest.mark.slow
-def test_coarser_steps_are_safe(monkeypatch: pytest.MonkeyPatch) -> None:
-    contacts = random_grasps(4, 12, 5, creased=2)
-    worst, best = critical_angles(contacts)
-    monkeypatch.setattr(module, "MAX_COMBINATIONS", 30)
-    coarse_worst, coarse_best = critical_angles(contacts)
-    assert (coarse_worst >= worst - TOLERANCE).all()
-    assert (coarse_best <= best + TOLERANCE).all()
-    assert (coarse_worst > worst + 1e-3).any()
-    monkeypatch.setattr(module, "MAX_COMBINATIONS", 1)
-    ambiguous = critical_angles(contacts)
-    assert (ambiguous[0] == math.pi / 2.0).all()
-    assert (ambiguous[1] == 0.0).all()
+def test_a_location_error_widens_the_angles() -> None:
+    for count in (2, 3, 4):
+        contacts = random_grasps(count, 30, 6, creased=1)
+        worst, best = critical_angles(contacts)
+        unsure = critical_angles(contacts, location_error=0.02)
+        assert (unsure[0] >= worst - TOLERANCE).all()
+        assert (unsure[1] <= best + TOLERANCE).all()
+        assert count == 2 or (unsure[1] == 0.0).all()
 
 
 def test_contacts_with_any_normal_are_ambiguous() -> None:
@@ -206,7 +183,7 @@ def test_contacts_with_any_normal_are_ambiguous() -> None:
     assert contacts.any_normal.sum() == 2
     worst, best = critical_angles(contacts)
     assert (worst == math.pi / 2.0).all()
-    assert (best == 0.0).all()
+    assert best == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])
@@ -230,25 +207,3 @@ def test_a_duplicated_contact_does_not_change_the_angle() -> None:
     duplicated = SurfaceContacts(mesh, vertex_surface_points(mesh, pairs[:, [0, 1, 1]]))
     three, _ = critical_angles(duplicated)
     assert three == pytest.approx(np.minimum(two, math.pi / 2.0), abs=2.0 * TOLERANCE)
-
-
-def test_negative_angles_of_smooth_contacts() -> None:
-    """Angles of form-closed grasps are negative if all contacts are smooth, else 0."""
-    mesh = load_mesh(shapes.lopsided(), max_edge=9.0)
-    rng = np.random.default_rng(3)
-    grasps = rng.integers(len(mesh.vertices), size=(3, 9))
-    worst, best = critical_angles(
-        SurfaceContacts(mesh, vertex_surface_points(mesh, grasps)), tolerance=0.02
-    )
-    assert (worst < 0.0).any()
-    np.testing.assert_array_equal(worst, best)
-    cube = load_mesh(shapes.box(), max_edge=0.3)
-    smooth = np.flatnonzero(cube.contact_normals.counts == 1)
-    edge = np.flatnonzero(cube.contact_normals.counts == 2)
-    many = np.column_stack([rng.choice(edge, 1), rng.choice(smooth, (1, 12))])
-    worst, best = critical_angles(
-        SurfaceContacts(cube, vertex_surface_points(cube, many)), tolerance=0.02
-    )
-    assert (worst >= 0.0).all()
-    assert (worst < 0.03).any()
-    assert (best <= worst).all()

@@ -21,7 +21,6 @@ from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, AT_ORIGIN, CONVERG
 from grasp3d._kernels.hull.polytope import SCRATCH_ROWS
 from grasp3d._kernels.hull.support_functions import SIX, WrenchSpace
 from grasp3d._kernels.hull.wrench_problem import erase_forces, load, project, write_direction
-from grasp3d._kernels.hull.wrenches import RANK_TOLERANCE
 from grasp3d._kernels.surface.vectors import add6, clear6, dot6
 
 THREE = (0, 0, 0)
@@ -101,7 +100,7 @@ def _reset(results, g):
 @merged
 def _load(form, axes, tangential, workspace):
     """Write the contacts' wrenches in balanced coordinates of their span; returns its rank."""
-    rank = load(form, axes, tangential, RANK_TOLERANCE, workspace)
+    rank = load(form, axes, tangential, workspace)
     project(form[0], axes, workspace, rank)
     return rank
 
@@ -206,7 +205,7 @@ def _grow_slice(space, task, size, rtol, workspace, polytope, scratch):
         space, task, scratch.goals, size, SHARPER * rtol, scratch.vectors, scratch.forces,
         scratch.best,
     )  # fmt: skip
-    goal = (rtol, 0.0, math.inf, 0.0)
+    goal = (rtol, 0.0, math.inf)
     status, lower, _, _, used = grow(
         forces, THREE, scratch.ones, None, AROUND_ORIGIN, goal, polytope
     )
@@ -247,7 +246,7 @@ def task_forces(
         The first grasp for which the polytope was too small, b if none; its bounds hold.
     """
     kind, spherical, torsion, group = form
-    goal = (rtol, 0.0, math.inf, 0.0)
+    goal = (rtol, 0.0, math.inf)
     for g in range(first, axes.shape[0]):
         _reset(results, g)
         rank = _load(form, axes[g], tangential[g], workspace)

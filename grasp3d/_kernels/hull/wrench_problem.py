@@ -1,4 +1,11 @@
-"""Batches of grasps: from the contacts' wrenches to epsilon, force closure and certificates."""
+"""Batches of grasps: from the contacts' wrenches to epsilon, force closure and critical angles.
+
+A grasp is *closed* where its hull contains a ball about the origin that rounding errors cannot have
+moved there: of `CLOSED` times the largest wrench. It is *open* where the hull has found a direction
+in which no wrench reaches farther than rounding errors do. What lies between is undecided.
+
+The critical friction angle is bracketed by the same tests: closed at one end, open at the other.
+"""
 
 import math
 from typing import NamedTuple
@@ -8,39 +15,29 @@ from numba.core import types
 from numba.extending import overload
 
 from grasp3d._kernels.array_types import Bools1, Bytes1, Floats1, Floats2, Floats3, Ints1
-from grasp3d._kernels.compiling import merged, scratch_kernel
-from grasp3d._kernels.hull.certificates import (
-    LARGEST_SLACK,
-    SMALL_SLACK,
-    STATIONARY,
-    UNPROVEN,
-    balance,
-    clear_slack,
-    separation,
-)
-from grasp3d._kernels.hull.critical_angle import narrow
+from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.hull.equilibrium import equilibrium
 from grasp3d._kernels.hull.growing_hull import (
     AROUND_ORIGIN,
-    CONVERGED,
     EXHAUSTED,
-    STALLED,
     UNDECIDED,
     grow,
 )
-from grasp3d._kernels.hull.support_functions import NO_TORSION, PER_FINGER, ROWS, TOTAL, WrenchSpace
+from grasp3d._kernels.hull.polytope import TOLERANCE
+from grasp3d._kernels.hull.support_functions import NO_TORSION, PER_FINGER, ROWS, WrenchSpace
 from grasp3d._kernels.hull.wrenches import span
-from grasp3d._kernels.surface.vectors import copy6
+from grasp3d._kernels.surface.vectors import copy6, dot6
 
-SIGN = (0.0, 1e4, 0.0, 1.0)
-"""Goal of a closure test; see `grow`."""
+CLOSED = 1e-8
+"""Radius of the ball about the origin that proves force closure, relative to the largest wrench."""
 
-CLEAR = 1e-8
-"""Epsilon relative to the largest wrench from which the hull itself proves force closure. Rounding
-errors of less than that may have moved the origin into it."""
+CLOSER = 1e-9
+"""Angle by which all friction cones of a closed grasp may be narrower: its forces change by less
+than `CLOSED` [rad]."""
 
-NEAR_DEGENERATE = 4
-"""Status, in the kernels only: not force-closed if contacts that are close together coincide."""
+SIGN = (0.0, 1e-12, CLOSED)
+"""Goal of a closure test: (rtol, atol, cutoff) as of `grow`, the latter two relative to the largest
+wrench."""
 
 OTHER_RANK = 5
 """Status, in the kernels only: the grasp has a rank from 1 to 5, below the least one wanted."""
@@ -77,8 +74,28 @@ class Results(NamedTuple):
     """Direction of `upper`, or a separating one: no wrench has a positive component (b, 6)."""
     forces: Floats3
     """Equilibrium forces, in the contacts' axes (b, n, 4); nan where there is none."""
-    slack: Floats1
-    """As returned by `balance`; 0 where the hull alone proves force closure (b,)."""
+
+
+class Bracket(NamedTuple):
+    """Intervals that contain the critical friction angles of grasps (b, ...), to be narrowed.
+
+    Empty arrays: none is, and each grasp is evaluated once, with the cones that it has.
+    """
+
+    low: Floats1
+    """Least angle that is tested; written, angle up to which the grasp is open, or less [rad]
+    (b,)."""
+    high: Floats1
+    """Angle from which it is closed [rad] (b,); written."""
+    first: Floats1
+    """Angle that is tested first [rad] (b,)."""
+    width: Floats1
+    """Width up to which the intervals are narrowed [rad] (b,)."""
+    wider: Floats2
+    """Half-angles of the cones less the friction angle [rad] (b, n)."""
+    radius: Floats1
+    """Radius of the ball that the hull of a closed grasp contains at least, in all six dimensions
+    where it is above 0 (b,)."""
 
 
 def make_workspace(kind: int, count: int) -> Workspace:
@@ -112,7 +129,7 @@ def _load_contacts(axes, tangential, torsion, workspace):
 
 
 @merged
-def load(form, wrenches, tangential, tolerance, workspace):
+def load(form, wrenches, tangential, workspace):
     """Write the wrenches of a grasp, as `epsilons` takes them, and their span; returns its rank."""
     kind, torsion = form[0], form[2]
     if kind == ROWS:
@@ -120,7 +137,7 @@ def load(form, wrenches, tangential, tolerance, workspace):
             copy6(wrenches[i, 0], workspace.rows[i])
     else:
         _load_contacts(wrenches, tangential, torsion, workspace)
-    return span(workspace.rows, tolerance, workspace.scratch, workspace.basis)
+    return span(workspace.rows, workspace.scratch, workspace.basis)
 
 
 @merged
@@ -224,99 +241,81 @@ def _reset_result(results, g):
     results.rank[g], results.status[g], results.closed[g] = 0, 0, False
     for k in range(6):
         results.direction[g, k] = 1.0 if k == 0 else 0.0
-    results.slack[g] = math.inf
     erase_forces(results, g)
 
 
 @merged
-def _is_convex(kind, cones):
-    """Whether all friction cones are narrower than 90 degrees."""
-    if kind == ROWS:
-        return True
-    least = math.inf
+def _narrowest(cones):
+    """(least normal, least tangential) component of a force on the rim of any cone."""
+    normal = tangential = math.inf
     for i in range(cones.shape[0]):
-        least = min(least, cones[i, 0])
-    return least > 0.0
+        normal, tangential = min(normal, cones[i, 0]), min(tangential, cones[i, 1])
+    return normal, tangential
 
 
 @merged
-def _examine_separation(form, wrenches, cones, rim, workspace, polytope, results, g):
-    """Set the result of a grasp without proof of force closure by whether its direction separates.
+def _set_cones(angle, wider, cones):
+    """Write cones of half-angles that are wider than a friction angle."""
+    for i in range(cones.shape[0]):
+        half = max(angle + wider[i], 0.0)
+        cones[i, 0], cones[i, 1] = math.cos(half), math.sin(half)
 
-    Where it does not, a grasp that is not force-closed becomes UNDECIDED.
+
+@part
+def _separated_up_to(axes, wider, rank, u):
+    """Friction angle up to which a direction separates a grasp of hard contacts [rad].
+
+    Up to that angle the contacts' velocities are at least 90 degrees from the cones. A contact that
+    does not move, up to rounding errors, does not matter.
     """
-    kind, _, torsion = form
-    proof = separation(
-        kind, torsion != NO_TORSION, wrenches, cones, rim, _largest_wrench(workspace),
-        results.direction[g], polytope.vectors,
-    )  # fmt: skip
-    if proof == UNPROVEN:
-        if not results.closed[g]:
-            results.status[g] = UNDECIDED
-        return
-    results.status[g] = NEAR_DEGENERATE if proof == STATIONARY else CONVERGED
-    results.closed[g] = False
-    results.lower[g] = results.upper[g] = 0.0
+    least, still = math.inf, 0.0
+    for k in range(rank):
+        still += TOLERANCE * abs(u[k])
+    for i in range(axes.shape[0]):
+        along, one, other = dot6(axes[i, 0], u), dot6(axes[i, 1], u), dot6(axes[i, 2], u)
+        across = math.sqrt(one * one + other * other)
+        if max(abs(along), across) > still:
+            least = min(least, math.atan2(across, along) - 0.5 * math.pi - wider[i])
+    return least
 
 
 @merged
-def _narrowed(bracket, cones, polytope, results, g):
-    """Narrow a grasp's interval by its closure; returns whether its cones are to be tried next.
-
-    The interval stays where closure has no proof.
-    """
-    closed = results.closed[g]
-    if not (results.slack[g] < LARGEST_SLACK if closed else results.status[g] == CONVERGED):
-        return False
-    angle = narrow(
-        bracket, g, math.atan2(cones[g, 0, 1], cones[g, 0, 0]), closed, results.forces[g],
-        results.slack[g], results.direction[g], polytope.vectors,
-    )  # fmt: skip
-    for i in range(cones.shape[1]):
-        cones[g, i, 0], cones[g, i, 1] = math.cos(angle), math.sin(angle)
-    return angle > 0.0
+def _normalise(forces):
+    """Scale forces so that their lengths sum to 1."""
+    total = 0.0
+    for i in range(forces.shape[0]):
+        total += math.sqrt(
+            forces[i, 0] * forces[i, 0] + forces[i, 1] * forces[i, 1] + forces[i, 2] * forces[i, 2]
+        )
+    for i in range(forces.shape[0]):
+        for j in range(forces.shape[1]):
+            forces[i, j] /= total
 
 
 @scratch_kernel(
-    "tuple[int, bool, int], Floats3, Floats1, Floats2, Floats2, float, Workspace, Floats2, Floats2"
-)
-def verify(form, wrenches, tangential, cones, rim, tolerance, workspace, scratch, forces):
-    """Correct forces of one grasp found by other means; returns the slack of `balance`."""
-    kind, spherical, torsion = form
-    rank = load(form, wrenches, tangential, tolerance, workspace)
-    total = ROWS if kind == ROWS else TOTAL
-    project(total, wrenches, workspace, rank)
-    space = WrenchSpace(total, spherical, torsion, workspace.axes, cones, rim, 1)
-    return balance(space, rank, workspace.extents, forces, scratch)
-
-
-@scratch_kernel(
-    "tuple[int, bool, int], Floats4, Floats2, Floats3, Floats2, float, "
-    "tuple[float, float, float, float], bool, int, int, "
-    "tuple[int, int, int, int, int, int] | Ints1, Bracket, Workspace, Polytope, Results"
+    "tuple[int, bool, int], Floats4, Floats2, Floats3, Floats2, tuple[float, float, float], bool, "
+    "int, int, tuple[int, int, int, int, int, int] | Ints1, Bracket, Workspace, Polytope, Results"
 )
 def epsilons(
-    form, wrenches, tangential, cones, rim, tolerance, goal, with_forces, first, least_rank, dims,
-    bracket, workspace, polytope, results,
+    form, wrenches, tangential, cones, rim, goal, with_forces, first, least_rank, dims, bracket,
+    workspace, polytope, results,
 ):  # fmt: skip
-    """Epsilon, force closure and certificates of many grasps.
+    """Epsilon, force closure and certificates of many grasps, or their critical angles.
 
     Args:
         form: (kind, spherical, torsion) of `WrenchSpace`.
         wrenches: Axes of contacts (b, n, 4, 6), or rows (b, n, 1, 6).
         tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
-        cones: As in `WrenchSpace` (b, n, 2).
+        cones: As in `WrenchSpace` (b, n, 2); with a negative tangential part, which tilts leave
+            that exceed friction, nothing is decided.
         rim: As in `WrenchSpace` (m, 2).
-        tolerance: As in `span`.
-        goal: As in `grow`; its cutoff is 0 or inf.
-        with_forces: Whether equilibrium forces are computed.
+        goal: As in `grow`, with atol and cutoff relative to the largest wrench.
+        with_forces: Whether equilibrium forces are computed; not for PER_FINGER.
         first: Index of the first grasp to compute.
         least_rank: 6, or 1: grasps of lower rank are left out.
         dims: `SIX` where that is 6, so that the lengths of loops are known; else the workspace's
             array, with which grasps of rank 6 take up to an eighth longer.
-        bracket: `Bracket`; with intervals the goal is SIGN, with forces, and the cones, all of
-            one angle, are written: a grasp is tried until its interval is narrow, or closure has
-            no proof.
+        bracket: `Bracket`; where it is not empty the goal is SIGN, and the cones are written.
         workspace: `Workspace`.
         polytope: `Polytope`.
         results: `Results`.
@@ -326,58 +325,71 @@ def epsilons(
         status OTHER_RANK; b if none.
     """
     kind, spherical, torsion = form
-    g = first
-    while g < wrenches.shape[0]:
+    rtol, atol, cutoff = goal
+    searching = bracket.low.shape[0] > 0
+    for g in range(first, wrenches.shape[0]):
         _reset_result(results, g)
-        rank = load(form, wrenches[g], tangential[g], tolerance, workspace)
+        rank = load(form, wrenches[g], tangential[g], workspace)
         results.rank[g] = rank
-        if rank == 0:
-            g += 1
+        normal, side = _narrowest(cones[g])
+        if rank == 0 or side < 0.0:
+            results.status[g] = 0 if rank == 0 else UNDECIDED
             continue
         if rank < least_rank:
             results.status[g] = OTHER_RANK
             return g
         project(kind, wrenches[g], workspace, rank)
         space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, 1)
-        status, lower, upper, vertices, used = _grow(
-            space, dims, rank, workspace.metric, goal, polytope
-        )
-        closed = used > 0 and lower > 0.0
-        # No plane could be computed: the sizes of the coordinates differ too much.
-        if math.isinf(lower) and goal[2] == math.inf:
-            status, lower, upper, closed = STALLED, 0.0, _largest_wrench(workspace), False
-        lower = min(lower, upper)
-        results.lower[g], results.upper[g] = max(0.0, lower), upper
-        results.status[g], results.closed[g] = status, closed
-        if status != STALLED or closed:
-            write_direction(rank, workspace, polytope.vectors[16], results.direction[g])
-        clear = lower > CLEAR * _largest_wrench(workspace)
-        if closed and clear:
-            results.slack[g] = 0.0
-        if closed and (with_forces or not clear) and _is_convex(kind, cones[g]):
-            if kind == PER_FINGER:  # the hull contains the origin where the sum does
-                space = WrenchSpace(TOTAL, spherical, torsion, workspace.axes, cones[g], rim, 1)
-                _, _, _, vertices, used = _grow(space, dims, rank, workspace.metric, SIGN, polytope)
-            slack = math.inf
-            if used > 0:
-                equilibrium(
-                    space, workspace.dims[:rank], polytope, vertices, used, results.forces[g]
+        size = _largest_wrench(workspace)
+        least = CLOSED * size
+        angle = begin = low = high = not_closed = not_open = 0.0
+        if searching:
+            angle, begin, high = bracket.first[g], bracket.low[g], bracket.high[g]
+            low = begin - bracket.width[g]  # so that the least angle is tested, if that decides
+            not_closed, not_open = low, high
+            if bracket.radius[g] > 0.0:
+                least = max(least, bracket.radius[g]) if rank == 6 else math.inf
+        while True:
+            if searching:
+                _set_cones(angle, bracket.wider[g], cones[g])
+            own_goal = rtol, atol * size, max(cutoff * size, least)
+            status, lower, upper, vertices, used = _grow(
+                space, dims, rank, workspace.metric, own_goal, polytope
+            )
+            is_open = used == 0
+            closed = not is_open and least < lower < math.inf
+            if not searching or (status == EXHAUSTED and not closed):
+                break
+            if closed:
+                high = max(angle - CLOSER, 0.0)
+                not_open = min(not_open, high)
+            elif is_open:
+                proven = _separated_up_to(
+                    workspace.axes, bracket.wider[g], rank, polytope.vectors[16]
                 )
-                extents, scratch = workspace.extents, polytope.vectors
-                if clear and spherical and kind == TOTAL:
-                    slack = clear_slack(space, rank, extents, lower, results.forces[g], scratch[0])
-                if not slack < SMALL_SLACK:
-                    slack = balance(space, rank, extents, results.forces[g], scratch)
-            results.slack[g] = slack
-            if not slack < LARGEST_SLACK:
-                erase_forces(results, g)
-        # The origin may be outside, or rounding may have moved it: either needs a proof.
-        proven = clear or results.slack[g] < LARGEST_SLACK
-        if not (closed and proven) and status != EXHAUSTED:
-            _examine_separation(form, wrenches[g], cones[g], rim, workspace, polytope, results, g)
-        if status == EXHAUSTED:
+                low = max(angle, min(proven, not_open))
+                not_closed = max(not_closed, low)
+            else:  # from here on closure and its opposite are looked for on either side
+                not_closed, not_open = max(not_closed, angle), min(not_open, angle)
+            if high - not_closed > bracket.width[g]:
+                angle = max(0.5 * (not_closed + high), begin)
+            elif not_open - low > bracket.width[g]:
+                angle = max(0.5 * (low + not_open), begin)
+            else:
+                break
+        results.closed[g] = closed
+        results.lower[g] = min(lower, upper) if closed else 0.0
+        results.upper[g] = upper if upper < math.inf else size
+        undecided = not closed and not is_open and status != EXHAUSTED
+        results.status[g] = UNDECIDED if undecided else status
+        if upper < math.inf or is_open:
+            write_direction(rank, workspace, polytope.vectors[16], results.direction[g])
+        if status == EXHAUSTED and not (searching and closed):
             return g
-        trying = bracket.high.shape[0] > 0 and rank == 6
-        if not (trying and _narrowed(bracket, cones, polytope, results, g)):
-            g += 1
+        if searching:
+            bracket.low[g], bracket.high[g] = low, high
+        # Cones of 90 degrees or more are not convex: sums of forces inside them may lie outside.
+        elif closed and with_forces and (kind == ROWS or normal > 0.0):
+            equilibrium(space, workspace.dims[:rank], polytope, vertices, used, results.forces[g])
+            _normalise(results.forces[g])
     return wrenches.shape[0]

@@ -51,9 +51,10 @@ def write_axes(points, normals, torsion_radius, scale, near_x_axis, axes):
         own[3, 5] = torsion_radius[i] * n2 / scale
 
 
-RANK_TOLERANCE = 1e-10
+RANK_TOLERANCE = 1e-12
 """Length of a wrench's part orthogonal to the span so far, with forces and torques each relative to
-their largest, below which it adds no dimension."""
+their largest, below which rounding explains it, as it explains heights of `polytope.TOLERANCE`.
+Contacts that are farther from one line, but less than force closure needs, are undecided."""
 
 NEGLIGIBLE = 1e-13
 """Size relative to the largest wrench below which all forces, or torques, are rounding errors."""
@@ -125,13 +126,12 @@ def _orthonormalise(scratch, basis, max_rank, tolerance):
     return max_rank
 
 
-@scratch_kernel("Floats2, float, Floats2, Floats2")
-def span(rows, tolerance, scratch, basis):
+@scratch_kernel("Floats2, Floats2, Floats2")
+def span(rows, scratch, basis):
     """Find the span of wrenches.
 
     Args:
         rows: Wrenches (n, 6).
-        tolerance: Usually RANK_TOLERANCE.
         scratch: Scratch (n, 6).
         basis: Written, an orthonormal basis of the span, a row per dimension, the direction in
             which the wrenches extend least last (6, 6); the unit vectors where they clearly span
@@ -146,7 +146,7 @@ def span(rows, tolerance, scratch, basis):
     rank = 6
     # The basis is then taken from the wrenches themselves, as epsilon is measured in their metric.
     if not full:
-        rank = _orthonormalise(scratch, basis, 6, tolerance)
+        rank = _orthonormalise(scratch, basis, 6, RANK_TOLERANCE)
         for i in range(rows.shape[0]):
             copy6(rows[i], scratch[i])
         rank = _orthonormalise(scratch, basis, rank, 0.0)

@@ -15,9 +15,9 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.settings import GraspModel, search_cone
-from grasp3d.stability.locations import line_turns
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
+from grasp3d.stability.uncertain_angles import line_turns
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.grasp_numbers import angle_bounds_of

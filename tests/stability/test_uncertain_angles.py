@@ -1,4 +1,4 @@
-"""Labels with uncertain contact locations and friction, and of contacts that differ."""
+"""Angles and labels with uncertain locations, normals and friction, and contacts that differ."""
 
 import math
 from itertools import pairwise
@@ -12,7 +12,8 @@ from scipy.spatial import ConvexHull
 from grasp3d import Contacts, Label, classify, force_closure
 from grasp3d.arrays import unit_rows
 from grasp3d.quality.wrenches import wrenches
-from grasp3d.stability.locations import angles_to_line, surely_closed_from
+from grasp3d.stability.normal_sets import NormalSets
+from grasp3d.stability.uncertain_angles import uncertain_angles
 from tests.helpers.tilts import angles, random_tilts
 
 Floats = NDArray[np.float64]
@@ -126,7 +127,7 @@ class TestTwoContacts:
         line = points[:, 1] - points[:, 0]
         opening = np.linalg.norm(line, axis=1)
         line = line / opening[:, None]
-        off, _ = angles_to_line(case.contacts, {})
+        off = angles(normals, np.stack([line, -line], axis=1))
         squeeze = off.max(axis=1) <= (math.pi - off).max(axis=1)
         which = np.where(squeeze[:, None], off, math.pi - off).argmax(axis=1)
         sign = np.where(squeeze, 1.0, -1.0) * np.where(which == 0, 1.0, -1.0)
@@ -298,12 +299,35 @@ class TestMoreContacts:
 
     def test_angles_do_not_depend_on_position_and_unit(self) -> None:
         contacts, location = self._random(40, 4, 23)
-        critical = np.zeros(40)
-        same = np.zeros((1, 1))
-        angles = surely_closed_from(contacts, critical, same, location)
-        moved = Contacts(50.0 * contacts.points + [3.0, -20.0, 1.0], contacts.normals)
-        assert surely_closed_from(moved, critical, same, 50.0 * location) == pytest.approx(angles)
-        assert (angles < 1.5).mean() > 0.3
+        sets = NormalSets.of_contacts(contacts, {})
+        worst, best = uncertain_angles(contacts.points, sets, location=location)
+        moved = 50.0 * contacts.points + [3.0, -20.0, 1.0]
+        again, _ = uncertain_angles(moved, sets, location=50.0 * location)
+        assert again == pytest.approx(worst, abs=2e-4)
+        assert (worst < 1.5).mean() > 0.3
+        assert (best == 0.0).all()
+
+    def test_a_crease_is_a_cap_of_the_cones(self) -> None:
+        """With a location error as well: cones that are narrower by half of the crease's angle."""
+        contacts, location = self._random(60, 4, 24)
+        across = unit_rows(np.cross(contacts.normals[:, 0], [0.3, 0.5, 0.8]))
+        turn, middle = 0.1, contacts.normals[:, 0]
+        faces = np.stack(
+            [math.cos(turn) * middle + s * math.sin(turn) * across for s in (1.0, -1.0)], axis=1
+        )
+        wider = np.zeros((60, 4))
+        wider[:, 0] = -turn
+        sets, smooth = (NormalSets.of_contacts(contacts, one) for one in ({0: faces}, {}))
+        worst, best = uncertain_angles(contacts.points, sets, location=location)
+        expected, _ = uncertain_angles(
+            contacts.points, smooth, location=location, wider=(wider, -wider)
+        )
+        assert worst == pytest.approx(expected, abs=2e-4)
+        worst, best = uncertain_angles(contacts.points, sets)
+        expected = uncertain_angles(contacts.points, smooth, wider=(wider, -wider))
+        assert worst == pytest.approx(expected[0], abs=2e-4)
+        assert best == pytest.approx(expected[1], abs=2e-4)
+        assert (worst - best > 0.01).mean() > 0.5
 
 
 def test_a_crease_at_the_point_of_the_other_contact_may_hold() -> None:
