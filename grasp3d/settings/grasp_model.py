@@ -41,9 +41,8 @@ class GraspModel(LengthSettings):
         extreme_normals: Method extremes: normals tested on the rim of each contact's cone of
             uncertainty, 3 to 360, besides the perceived one; more rings where the resolution
             exceeds four friction angles.
-        edges: Edges of polygonal friction cones for epsilon, and for the labels of method extremes,
-            3 to 360; none: circular cones. Exact labels and critical angles always come from
-            circular ones.
+        edges: Edges of polygonal friction cones for epsilon, 3 to 360; none: circular cones. Labels
+            and critical angles always come from circular ones.
         actuation: Which force epsilon limits to 1. total: the sum of all fingers' forces;
             per_finger: each finger's force.
         torsion_radius: Soft fingers: largest torsional moment about the normal per normal force, a

@@ -144,7 +144,7 @@ def test_labels_are_those_of_classify() -> None:
     for g in range(contacts.size):
         grasp = Contacts(plain.points[g], plain.normals[g], 0.6)
         creases = {0: set_of(contacts, g, 0)}
-        for friction, alpha in ((0.2, 0.1), (0.6, 0.4), (1.2, 0.2)):
+        for friction, alpha in ((0.2, 0.1), (0.6, 0.4), (1.2, 0.2), (3.0, 0.1)):
             beta, tilt = math.atan(friction), alpha / 2.0
             if min(abs(worst[g] - beta + tilt), abs(best[g] - beta - tilt)) < 1e-3:
                 continue
