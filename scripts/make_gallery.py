@@ -497,7 +497,6 @@ def grown(wrenches: Floats, vertices: int) -> tuple[Polytope, float, float]:
     axes[0, :2] = wrenches.T
     space = WrenchSpace(
         kind=ROWS, spherical=True, torsion=NO_TORSION, axes=axes, cones=np.ones((1, 2)),
-        rim=np.zeros((0, 2)),
     )  # fmt: skip
     metric = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     _, lower, upper, _, _ = grow(

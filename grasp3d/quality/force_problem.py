@@ -95,7 +95,7 @@ class ForceProblem:
         def evaluate(chunk: slice, workspace: Workspace) -> None:
             kernels.wrench_forces(
                 self._form, problem.wrenches_of(chunk), problem.tangential[chunk],
-                problem.cones[chunk], problem.rim, np.ascontiguousarray(wrenches[chunk]),
+                problem.cones[chunk], np.ascontiguousarray(wrenches[chunk]),
                 self.sizes[chunk], rtol, workspace, np.zeros((SCRATCH_ROWS, 8)),
                 part_of(results, chunk),
             )  # fmt: skip
@@ -129,7 +129,7 @@ class ForceProblem:
                 len(axes),
                 lambda first, polytope: kernels.task_forces(
                     self._form, axes, problem.tangential[chunk], problem.cones[chunk],
-                    problem.rim, terms.rows, terms.points, masses[chunk], size, self.sizes[chunk],
+                    terms.rows, terms.points, masses[chunk], size, self.sizes[chunk],
                     rtol, first, workspace, polytope, scratch, part,
                 ),
                 small=small,

@@ -4,7 +4,7 @@ import math
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,9 +16,15 @@ from grasp3d._kernels.hull.support_functions import LINEAR, NO_TORSION, PER_FING
 from grasp3d._kernels.hull.wrench_problem import SIGN, Bracket, Results, Workspace, make_workspace
 from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Floats, Ints
 from grasp3d.contact.contacts import Contacts, per_contact
-from grasp3d.contact.friction_cones import edge_angles
 from grasp3d.errors import SettingError
-from grasp3d.quality.wrenches import Bounded, EpsilonOptions, Goal, cone_parts, wrench_axes
+from grasp3d.quality.wrenches import (
+    Bounded,
+    EpsilonOptions,
+    Goal,
+    cone_parts,
+    edge_forces,
+    wrench_axes,
+)
 from grasp3d.system.context import thread_count
 
 CHUNK = 1024
@@ -70,8 +76,11 @@ class WrenchProblem:
     """Factor of the tangential axes in the span of the wrenches: 0 without friction (b, n)."""
     cones: Floats
     """Normal and tangential component of a force on the rim of the cones (b, n, 2)."""
-    rim: Floats = field(default_factory=lambda: np.zeros((0, 2)))
-    """Cosines and sines of the angles of the cones' edges (m, 2); empty: circular cones."""
+    edge_forces: Floats | None = None
+    """Of polygonal cones, whose wrenches are the rows: forces along the edges, as components along
+    the contacts' axes (b, n, m, 4)."""
+    group: int = 1
+    """As in `WrenchSpace`."""
     spherical: bool = True
     """Whether a force's length is bounded, rather than its normal component."""
     soft: bool = False
@@ -101,18 +110,27 @@ class WrenchProblem:
         bounded: Bounded = "force",
     ) -> "WrenchProblem":
         """Grasp wrench spaces of contacts; the arguments are those of `ferrari_canny.epsilon`."""
-        edges = options.edges
         offset = per_contact("cone_offset", cone_offset, contacts)
         if not math.isfinite(phase):
             raise SettingError(f"the phase of the edges must be finite; got {phase}")
         angles = np.clip(contacts.friction_angle + offset, -RIGHT_ANGLE, math.pi)
-        if edges is not None and not (angles < RIGHT_ANGLE).all():
+        if options.polygonal and not (angles < RIGHT_ANGLE).all():
             raise SettingError("polygonal friction cones must stay below 90 degrees")
-        rim_angles = edge_angles(edges, phase) if edges is not None else np.zeros(0)
         points = contacts.points.reshape(-1, contacts.count, 3)
         normals = contacts.normals.reshape(points.shape)
         torsion = contacts.torsion_radius.reshape(points.shape[:-1])
+
+        def axes_of(chunk: slice | Ints) -> Floats:
+            return wrench_axes(points[chunk], normals[chunk], torsion[chunk], options.torque_scale)
+
         cones = cone_parts(angles, bounded)
+        if options.edges is not None:
+            # Without a width the edges do not span what friction does.
+            none = (contacts.friction_angle == 0.0) & (offset >= 0.0)
+            sure = ((angles > 0.0) | none).all(axis=-1).reshape(-1)
+            parts = cones.reshape(*torsion.shape, 2)
+            forces = edge_forces(parts, torsion, options.edges, phase)
+            return cls._of_polygons(axes_of, forces, sure, options)
         tangential = cones[..., 1]
         if offset.any():
             nominal = cone_parts(contacts.friction_angle, bounded)
@@ -123,12 +141,36 @@ class WrenchProblem:
             soft=bool((contacts.torsion_radius > 0.0).any()),
             size=len(points),
             count=contacts.count,
-            wrenches_of=lambda chunk: wrench_axes(
-                points[chunk], normals[chunk], torsion[chunk], options.torque_scale
-            ),
+            wrenches_of=axes_of,
             tangential=np.ascontiguousarray(tangential.reshape(-1, contacts.count)),
             cones=cones.reshape(-1, contacts.count, 2),
-            rim=np.stack([np.cos(rim_angles), np.sin(rim_angles)], axis=-1),
+        )
+
+    @classmethod
+    def _of_polygons(
+        cls,
+        axes_of: Callable[[slice | Ints], Floats],
+        forces: Floats,
+        sure: Bools,
+        options: EpsilonOptions,
+    ) -> "WrenchProblem":
+        """Polygonal cones, by the wrenches of their edges; `sure` is whether each has a width."""
+        size, count, edges, _ = forces.shape
+
+        def rows_of(chunk: slice | Ints) -> Floats:
+            return (forces[chunk] @ axes_of(chunk)).reshape(-1, count * edges, 1, 6)
+
+        cones = np.ones((size, 1, 2))
+        cones[~sure, :, 1] = -1.0
+        return cls(
+            kind=ROWS,
+            size=size,
+            count=count * edges,
+            wrenches_of=rows_of,
+            tangential=np.ones((size, 1)),
+            cones=cones,
+            edge_forces=forces,
+            group=edges if options.actuation == "per_finger" else 1,
         )
 
     @classmethod
@@ -161,6 +203,7 @@ class WrenchProblem:
             wrenches_of=wrenches_of,
             tangential=self.tangential[grasps],
             cones=self.cones[grasps],
+            edge_forces=None if self.edge_forces is None else self.edge_forces[grasps],
         )
 
     def solve(self, goal: Goal, *, with_forces: bool = False) -> Results:
@@ -187,17 +230,19 @@ class WrenchProblem:
         return results
 
     @property
-    def _form(self) -> tuple[int, bool, int]:
-        """Kind, boundedness and limit surface, as `WrenchSpace` takes them."""
-        return self.kind, self.spherical, LINEAR if self.soft else NO_TORSION
+    def _form(self) -> tuple[int, bool, int, int]:
+        """Kind, boundedness, limit surface and group, as `WrenchSpace` takes them."""
+        return self.kind, self.spherical, LINEAR if self.soft else NO_TORSION, self.group
 
     def is_pairs(self, goal: Goal) -> bool:
         """Whether epsilon is that of two hard fingers with circular cones, within a tolerance."""
-        plain = self.kind != ROWS and not (len(self.rim) or self.soft)
+        plain = self.kind != ROWS and not self.soft
         return plain and self.count == 2 and goal[0] > 0.0 and goal[2] == math.inf
 
     def balanced_forces(self, closed: Bools) -> Floats:
         """Equilibrium forces of the grasps that were found to be closed, in the contacts' axes.
+
+        Their lengths, or the weights of given wrenches, add up to 1.
 
         Args:
             closed: Which grasps are closed, shape (b,).
@@ -207,11 +252,15 @@ class WrenchProblem:
         """
         forces = np.full((self.size, self.count, 4), math.nan)
         # The hull of all wrenches contains the origin where their sums do.
-        hull = replace(self, kind=TOTAL) if self.kind == PER_FINGER else self
+        hull = replace(self, kind=TOTAL if self.kind == PER_FINGER else self.kind, group=1)
         left = np.flatnonzero(closed)
         for rows in np.split(left, range(MOST_TAKEN, len(left), MOST_TAKEN)):
             forces[rows] = hull.take(rows).solve(SIGN, with_forces=True).forces
-        return forces
+        if self.edge_forces is not None:
+            weights = forces[..., 0].reshape(*self.edge_forces.shape[:2], 1, -1)
+            forces = (weights @ self.edge_forces)[:, :, 0]
+        lengths = np.linalg.norm(forces[..., :3], axis=-1)
+        return np.asarray(forces / lengths.sum(axis=1)[:, None, None])
 
     def solve_pairs(self, results: Results, goal: Goal) -> Bools:
         """Write the results of pairs; returns which are left to the growing hull (b,)."""
@@ -248,8 +297,7 @@ class WrenchProblem:
             written, wrenches = part_of(results, chunk), self.wrenches_of(chunk)
             intervals = NO_BRACKET if bracket is None else part_of(bracket, chunk)
             settings = (
-                self._form, wrenches, self.tangential[chunk], self.cones[chunk], self.rim, goal,
-                with_forces,
+                self._form, wrenches, self.tangential[chunk], self.cones[chunk], goal, with_forces,
             )  # fmt: skip
 
             def run(first: int, polytope: Polytope) -> int:
@@ -299,7 +347,8 @@ class WrenchProblem:
     def in_chunks(self, evaluate: Callable[[slice, Workspace], None]) -> None:
         """Evaluate chunks, in threads if there are several."""
         # A few grasps take less time than the start of a thread.
-        workers = min(thread_count(), 1 + self.size * self.count // THREAD_CONTACTS)
+        each = self.count if self.edge_forces is None else self.edge_forces.shape[1]
+        workers = min(thread_count(), 1 + self.size * each // THREAD_CONTACTS)
         part = self.size if workers == 1 else -(-self.size // (4 * workers))
         step = max(1, min(CHUNK, part))
         chunks = [slice(i, min(i + step, self.size)) for i in range(0, self.size, step)]

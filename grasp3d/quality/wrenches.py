@@ -132,24 +132,41 @@ def wrenches(
     Raises:
         SettingError: A setting outside its range.
     """
-    angles = edge_angles(edges, phase)
-    parts = cone_parts(contacts.friction_angle, bounded)[..., None, :]  # (..., n, 1, 2)
-    normal = np.broadcast_to(parts[..., 0], (*parts.shape[:-2], len(angles)))
-    components = np.stack(
-        [normal, parts[..., 1] * np.cos(angles), parts[..., 1] * np.sin(angles)], axis=-1
-    )  # (..., n, m, 3)
     check_torque_scale(torque_scale)
+    parts = cone_parts(contacts.friction_angle, bounded)
+    forces = edge_forces(parts, contacts.torsion_radius, edges, phase)  # (..., n, m, 4)
     axes = wrench_axes(
         contacts.points, contacts.normals, contacts.torsion_radius, torque_scale
     )  # (..., n, 4, 6)
-    rows = components @ axes[..., :3, :]  # (..., n, m, 6)
-    if (contacts.torsion_radius > 0.0).any():
-        unit, twist = axes[..., :1, :], axes[..., 3:4, :]
-        twisted = np.concatenate([unit + twist, unit - twist], axis=-2)
-        resists = contacts.torsion_radius[..., None] > 0.0
-        others = np.where(resists[..., None], twisted, rows[..., :1, :])
-        rows = np.concatenate([rows, others], axis=-2)
-    return rows.reshape(*rows.shape[:-3], -1, 6)
+    return (forces @ axes).reshape(*contacts.batch, -1, 6)
+
+
+def edge_forces(parts: Floats, torsion_radius: Floats, edges: int, phase: float) -> Floats:
+    """Forces along the edges of polygonal friction cones, as components along the contacts' axes.
+
+    Args:
+        parts: Normal and tangential components, as from `cone_parts`, shape (..., n, 2).
+        torsion_radius: [m], shape (..., n).
+        edges: Number of edges of each cone, at least 3.
+        phase: As in `wrenches`.
+
+    Returns:
+        Shape (..., n, m, 4); see `wrenches` on m.
+
+    Raises:
+        SettingError: Too few edges, or too many.
+    """
+    angles = edge_angles(edges, phase)
+    soft = bool((torsion_radius > 0.0).any())
+    forces = np.zeros((*torsion_radius.shape, edges + 2 * soft, 4))
+    forces[..., :edges, 0] = parts[..., :1]
+    forces[..., :edges, 1] = parts[..., 1:] * np.cos(angles)
+    forces[..., :edges, 2] = parts[..., 1:] * np.sin(angles)
+    if soft:
+        resists = (torsion_radius > 0.0)[..., None, None]
+        twists = np.array([[1.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, -1.0]])
+        forces[..., edges:, :] = np.where(resists, twists, forces[..., :1, :])
+    return forces
 
 
 def span(rows: ArrayLike) -> Floats:

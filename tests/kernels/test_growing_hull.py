@@ -31,7 +31,7 @@ class Grown:
         padded = np.pad(rows, ((0, 0), (0, 6 - self.dim)))
         space = WrenchSpace(
             kind=ROWS, spherical=True, torsion=NO_TORSION,
-            axes=np.ascontiguousarray(padded.T[None]), cones=np.ones((1, 2)), rim=np.zeros((0, 2)),
+            axes=np.ascontiguousarray(padded.T[None]), cones=np.ones((1, 2)),
         )  # fmt: skip
         self.rows = padded
         self.metric = np.ones(6)

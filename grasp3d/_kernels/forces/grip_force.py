@@ -101,7 +101,7 @@ def _reset(results, g):
 def _load(form, axes, tangential, workspace):
     """Write the contacts' wrenches in balanced coordinates of their span; returns its rank."""
     rank = load(form, axes, tangential, workspace)
-    project(form[0], axes, workspace, rank)
+    project(form[0], axes.shape[0], axes, workspace, rank)
     return rank
 
 
@@ -215,11 +215,11 @@ def _grow_slice(space, task, size, rtol, workspace, polytope, scratch):
 
 
 @scratch_kernel(
-    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, Floats2, Floats2, Floats2, Floats1, "
+    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, Floats2, Floats2, Floats1, "
     "float, Floats1, float, int, Workspace, Polytope, TaskScratch, ForceResults"
 )
 def task_forces(
-    form, axes, tangential, cones, rim, terms, points, masses, size, torque_scale, rtol, first,
+    form, axes, tangential, cones, terms, points, masses, size, torque_scale, rtol, first,
     workspace, polytope, scratch, results,
 ):  # fmt: skip
     """Bounds of the force that resists a whole task.
@@ -229,7 +229,6 @@ def task_forces(
         axes: Axes of contacts (b, n, 4, 6), torques divided by the torque scale.
         tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
         cones: As in `WrenchSpace` (b, n, 2).
-        rim: As in `WrenchSpace` (m, 2).
         terms: Terms of the task (t, TERM).
         points: Wrenches of the terms (p, 6).
         masses: Factors of the terms that are forces at the centre of mass (b,).
@@ -261,7 +260,7 @@ def task_forces(
             continue
         task = TaskInSpan(scratch.frame, rank, scratch.extents, own, points)
         _write_task(own, points, rank, scale, workspace, task)
-        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, group)
+        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], group)
         force = _force_in_all_directions(own) if rank == 6 else 0.0
         if force > 0.0:
             status, lower, upper = _grow_slice(
@@ -321,11 +320,11 @@ def _write_goal(wrench, rank, torque_scale, workspace, remainder, goal):
 
 
 @scratch_kernel(
-    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, Floats2, Floats2, Floats1, float, "
+    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, Floats2, Floats1, float, "
     "Workspace, Floats2, ForceResults"
 )
 def wrench_forces(
-    form, axes, tangential, cones, rim, wrenches, torque_scale, rtol, workspace, vectors, results
+    form, axes, tangential, cones, wrenches, torque_scale, rtol, workspace, vectors, results
 ):
     """The force that resists one wrench for each grasp, and the contact forces that do.
 
@@ -334,7 +333,6 @@ def wrench_forces(
         axes: As in `task_forces`.
         tangential: As in `task_forces`.
         cones: As in `task_forces`.
-        rim: As in `task_forces`.
         wrenches: Forces and torques in the contacts' units (b, 6).
         torque_scale: Of each grasp (b,).
         rtol: Largest gap between the bounds, relative to the upper one.
@@ -360,7 +358,7 @@ def wrench_forces(
                 for k in range(4):
                     results.forces[g, i, k] = 0.0
             continue
-        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, group)
+        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], group)
         if rank == 6:
             status, lower, upper = resist(space, SIX, goal, rtol, vectors, results.forces[g])
         else:

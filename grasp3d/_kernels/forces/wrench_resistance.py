@@ -222,6 +222,6 @@ def least_multiples(rows, goals, ranks, dims, rtol, vectors, empty, multiples):
             multiples[g] = 0.0
             continue
         spherical = True
-        space = WrenchSpace(ROWS, spherical, NO_TORSION, rows[g : g + 1], empty, empty, 1)
+        space = WrenchSpace(ROWS, spherical, NO_TORSION, rows[g : g + 1], empty, 1)
         status, _, upper = resist(space, dims[: ranks[g]], goals[g], rtol, vectors, empty)
         multiples[g] = upper if status == RESISTED else math.nan

@@ -44,7 +44,8 @@ def _normal_component(planes, f, x):
 def equilibrium(space, dims, polytope, vertices, used, forces):
     """Write balanced contact forces, all strictly inside their friction cones.
 
-    All vertices of the polytope and every contact's unit normal force sum up to a wrench. The facet
+    All vertices of the polytope and every contact's unit normal force, or every row, sum up to a
+    wrench. The facet
     that the ray along the opposite wrench intersects balances it, by a non-negative combination of
     the facet's vertices.
 
@@ -66,9 +67,12 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
     for i in range(count):
         for k in range(4):
             forces[i, k] = 0.0
+        forces[i, 0] = 1.0
         if space.kind != ROWS:
-            forces[i, 0] = 1.0
             add6(residual, -1.0, space.axes[i, 0])
+        else:
+            for k in range(dim):
+                residual[k] -= space.axes[0, k, i]
     # With weight 1 for every vertex, each contact's force is a sum of several vectors of its cone,
     # together with its normal: hence non-zero and strictly inside.
     for i in range(vertices):

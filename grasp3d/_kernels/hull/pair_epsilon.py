@@ -452,7 +452,7 @@ def _angles_of(d, normal, cone):
 @merged
 def _is_regular(form, angles):
     """Whether the families of directions of this module are all there are."""
-    kind, spherical, _ = form
+    kind, spherical, _, _ = form
     one, two = angles[0][0] + angles[0][1], angles[1][0] + angles[1][1]
     if kind == PER_FINGER:
         return max(one, two) < 0.5 * math.pi - CLEAR_ANGLE
@@ -517,7 +517,7 @@ def _largest_square(sides, angles, spherical, per_finger, factor, scratch):
 @part
 def _epsilon(form, frames, points, normals, cones, angles, rtol, scratch, direction):
     """(whether it was found, lower, upper) of one force-closed pair; writes its direction (6,)."""
-    kind, spherical, _ = form
+    kind, spherical, _, _ = form
     per_finger, best = kind == PER_FINGER, scratch.best
     best[9] = 0.0
     sides = (
@@ -537,7 +537,7 @@ def _epsilon(form, frames, points, normals, cones, angles, rtol, scratch, direct
 
 
 @scratch_kernel(
-    "tuple[int, bool, int], Floats4, Floats2, Floats3, float, PairScratch, Results, Bools1"
+    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, float, PairScratch, Results, Bools1"
 )
 def pair_epsilons(form, wrenches, tangential, cones, rtol, scratch, results, left):
     """Epsilon of pairs of hard fingers with circular cones, where it is clear whether they close.

@@ -3,8 +3,8 @@
 Wrenches and directions have six numbers, in coordinates of the grasp's span (zeros beyond its
 rank). A contact's unit forces along its normal and its two tangents, and its torsional moment, give
 four wrenches, its *axes*. Every wrench that the contact can apply is a linear combination of them,
-so the three or four inner products of the axes with a direction determine the supports of all edges
-of its cone, or that of its circular cone, without the edges' wrenches.
+so the three or four inner products of the axes with a direction determine the support of its
+circular cone. Polygonal cones are given as rows, the wrenches of their edges.
 """
 
 import math
@@ -31,8 +31,8 @@ NEWTON_STEPS, ROUNDING = 40, 4e-16
 """Most steps of Newton's method, and the error at which it ends."""
 
 ROWS, TOTAL, PER_FINGER = 0, 1, 2
-"""Kinds of grasp wrench spaces: the convex hull of given wrenches, that of all contacts' wrenches
-(total force bounded), or the Minkowski sum over the contacts (force per finger bounded)."""
+"""Kinds of grasp wrench spaces: given wrenches, the hull of all contacts' wrenches (total force
+bounded), or the Minkowski sum over the contacts (force per finger bounded)."""
 
 
 SIX = (0, 0, 0, 0, 0, 0)
@@ -52,23 +52,36 @@ class WrenchSpace(NamedTuple):
     """ROWS: the wrenches in columns (1, 6, n). Otherwise each contact's axes (n, 4, 6)."""
     cones: npt.NDArray[np.float64]
     """Normal and tangential part of a force on the rim of each contact's cone (n, 2)."""
-    rim: npt.NDArray[np.float64]
-    """Cosine and sine of the cone's edges about the normal (m, 2); m = 0: a circular cone."""
     group: int = 1
     """PER_FINGER: number of contacts, one after the other, that are points of one finger and share
-    the bound of its force."""
+    the bound of its force. ROWS: 1, the space is the hull of all; else it is the Minkowski sum of
+    the hulls of so many wrenches, one after the other, each with 0."""
 
 
 @merged
-def _farthest_row(rows, u):
-    """Support of given wrenches, and the index of the farthest one."""
-    best, row = -math.inf, 0
-    for j in range(rows.shape[1]):
+def _farthest_row(rows, start, stop, u):
+    """Support of some of given wrenches, and the index of the farthest one."""
+    best, row = -math.inf, start
+    for j in range(start, stop):
         height = (rows[0, j] * u[0] + rows[1, j] * u[1]) + (rows[2, j] * u[2] + rows[3, j] * u[3])
         height += rows[4, j] * u[4] + rows[5, j] * u[5]
         if height > best:
             best, row = height, j
     return best, row
+
+
+@merged
+def _farthest_sum(rows, group, u, point):
+    """Support of the sum of hulls of groups of wrenches, which is written to `point`."""
+    total = 0.0
+    clear6(point)
+    for start in range(0, rows.shape[1], group):
+        height, row = _farthest_row(rows, start, start + group, u)
+        if height > 0.0:
+            total += height
+            for k in range(6):
+                point[k] += rows[k, row]
+    return total
 
 
 @merged
@@ -120,35 +133,21 @@ def _farthest_force(space, i, u):
     z0, z1, z2 = dot6(axes[0], u), dot6(axes[1], u), dot6(axes[2], u)
     normal, tangential = space.cones[i, 0], space.cones[i, 1]
     # z0, z1, z2: components of g (see `support`) along the normal and the two tangents.
-    count = space.rim.shape[0]
     identifier = -1
-    if count > 0:
-        best = -math.inf
-        for j in range(count):
-            value = space.rim[j, 0] * z1 + space.rim[j, 1] * z2
-            if value > best:
-                best, identifier = value, j
-        height = normal * z0 + tangential * best
-        f0, f1, f2 = (
-            normal,
-            tangential * space.rim[identifier, 0],
-            tangential * space.rim[identifier, 1],
-        )
-    elif space.torsion == ELLIPTIC and dot6(axes[3], axes[3]) > 0.0:
+    if space.torsion == ELLIPTIC and dot6(axes[3], axes[3]) > 0.0:
         return _farthest_elliptic(
             space.spherical, tangential / normal, z0, z1, z2, dot6(axes[3], u)
         )
+    # Inside the cone the farthest unit force is parallel to g, otherwise it is on the rim.
+    tangent = math.sqrt(z1 * z1 + z2 * z2)
+    if space.spherical and tangent * normal <= z0 * tangential and (z0 > 0.0 or tangent > 0.0):
+        height = math.sqrt(z0 * z0 + tangent * tangent)
+        scale = 1.0 / max(height, TINY)
+        f0, f1, f2 = scale * z0, scale * z1, scale * z2
     else:
-        # Inside the cone the farthest unit force is parallel to g, otherwise it is on the rim.
-        tangent = math.sqrt(z1 * z1 + z2 * z2)
-        if space.spherical and tangent * normal <= z0 * tangential and (z0 > 0.0 or tangent > 0.0):
-            height = math.sqrt(z0 * z0 + tangent * tangent)
-            scale = 1.0 / max(height, TINY)
-            f0, f1, f2 = scale * z0, scale * z1, scale * z2
-        else:
-            height = normal * z0 + tangential * tangent
-            scale = tangential / max(tangent, TINY)
-            f0, f1, f2 = normal, scale * z1, scale * z2
+        height = normal * z0 + tangential * tangent
+        scale = tangential / max(tangent, TINY)
+        f0, f1, f2 = normal, scale * z1, scale * z2
     f3 = 0.0
     # Torsion is coupled to a pure normal force: a segment of wrenches beside the cone.
     if space.torsion == LINEAR:
@@ -156,7 +155,7 @@ def _farthest_force(space, i, u):
         if z0 + abs(z3) > height and dot6(axes[3], axes[3]) > 0.0:  # else it is a hard finger
             height = z0 + abs(z3)
             f0, f1, f2, f3 = 1.0, 0.0, 0.0, math.copysign(1.0, z3)
-            identifier = count if z3 >= 0.0 else count + 1
+            identifier = 0 if z3 >= 0.0 else 1
     return height, identifier, f0, f1, f2, f3
 
 
@@ -180,8 +179,8 @@ def farthest(space, u, point, force):
     """Farthest wrench of a grasp wrench space in a direction.
 
     With g = u_f + (u_tau x p) / rho at a contact and phi the angle between g and its normal, the
-    circular cone reaches |g| cos(max(0, phi - beta)), a polygon the farthest of its edges, and
-    torsion the pure normal force with the moment that it allows.
+    circular cone reaches |g| cos(max(0, phi - beta)), and torsion the pure normal force with the
+    moment that it allows.
 
     Args:
         space: `WrenchSpace`.
@@ -197,10 +196,13 @@ def farthest(space, u, point, force):
     """
     axes = space.axes
     if space.kind == ROWS:
-        height, identifier = _farthest_row(axes[0], u)
-        for k in range(6):
-            point[k] = axes[0, k, identifier]
+        rows = axes[0]
         force[0], force[1], force[2], force[3] = 1.0, 0.0, 0.0, 0.0
+        if space.group > 1:
+            return _farthest_sum(rows, space.group, u, point), -1, -1
+        height, identifier = _farthest_row(rows, 0, rows.shape[1], u)
+        for k in range(6):
+            point[k] = rows[k, identifier]
         return height, identifier, identifier
     if space.kind == PER_FINGER:
         total = 0.0
@@ -226,9 +228,9 @@ def farthest(space, u, point, force):
         point[k] = (force[0] * axes[owner, 0, k] + force[1] * axes[owner, 1, k]) + (
             force[2] * axes[owner, 2, k] + force[3] * axes[owner, 3, k]
         )
-    # Edges and torsion of a contact have numbers of their own.
+    # Either sense of a contact's torsion has a number of its own.
     if identifier >= 0:
-        identifier += owner * (space.rim.shape[0] + 2)
+        identifier += 2 * owner
     return best, identifier, owner
 
 

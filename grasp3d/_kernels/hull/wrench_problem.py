@@ -152,8 +152,16 @@ def _coordinate(basis, is_unit_basis, k, wrench):
 
 
 @merged
-def project(kind, source, workspace, rank):
-    """Write the wrenches in coordinates of their span, each coordinate scaled to at most 1."""
+def project(kind, fingers, source, workspace, rank):
+    """Write the wrenches in coordinates of their span, each coordinate scaled to at most 1.
+
+    Args:
+        kind: As in `WrenchSpace`.
+        fingers: Number of wrenches that are added up: 1 where the space is one hull.
+        source: As `wrenches` of `epsilons`.
+        workspace: `Workspace`; written.
+        rank: Their rank.
+    """
     basis, extents, metric = workspace.basis, workspace.extents, workspace.metric
     count = source.shape[0]
     is_unit_basis = True
@@ -166,8 +174,7 @@ def project(kind, source, workspace, rank):
                 extents[k], abs(_coordinate(basis, is_unit_basis, k, workspace.rows[i]))
             )
     for k in range(6):
-        if kind == PER_FINGER:  # a sum of `count` wrenches
-            extents[k] *= count
+        extents[k] *= fingers
         metric[k] = 1.0 / extents[k] if extents[k] > 0.0 else 0.0
     for i in range(count):
         for j in range(source.shape[1]):
@@ -279,38 +286,24 @@ def _separated_up_to(axes, wider, rank, u):
     return least
 
 
-@merged
-def _normalise(forces):
-    """Scale forces so that their lengths sum to 1."""
-    total = 0.0
-    for i in range(forces.shape[0]):
-        total += math.sqrt(
-            forces[i, 0] * forces[i, 0] + forces[i, 1] * forces[i, 1] + forces[i, 2] * forces[i, 2]
-        )
-    for i in range(forces.shape[0]):
-        for j in range(forces.shape[1]):
-            forces[i, j] /= total
-
-
 @scratch_kernel(
-    "tuple[int, bool, int], Floats4, Floats2, Floats3, Floats2, tuple[float, float, float], bool, "
-    "int, int, tuple[int, int, int, int, int, int] | Ints1, Bracket, Workspace, Polytope, Results"
+    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, tuple[float, float, float], bool, int, "
+    "int, tuple[int, int, int, int, int, int] | Ints1, Bracket, Workspace, Polytope, Results"
 )
 def epsilons(
-    form, wrenches, tangential, cones, rim, goal, with_forces, first, least_rank, dims, bracket,
+    form, wrenches, tangential, cones, goal, with_forces, first, least_rank, dims, bracket,
     workspace, polytope, results,
 ):  # fmt: skip
     """Epsilon, force closure and certificates of many grasps, or their critical angles.
 
     Args:
-        form: (kind, spherical, torsion) of `WrenchSpace`.
+        form: (kind, spherical, torsion, group) of `WrenchSpace`.
         wrenches: Axes of contacts (b, n, 4, 6), or rows (b, n, 1, 6).
         tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
         cones: As in `WrenchSpace` (b, n, 2); with a negative tangential part, which tilts leave
             that exceed friction, nothing is decided.
-        rim: As in `WrenchSpace` (m, 2).
         goal: As in `grow`, with atol and cutoff relative to the largest wrench.
-        with_forces: Whether equilibrium forces are computed; not for PER_FINGER.
+        with_forces: Whether equilibrium forces are computed; only of a hull, no sum.
         first: Index of the first grasp to compute.
         least_rank: 6, or 1: grasps of lower rank are left out.
         dims: `SIX` where that is 6, so that the lengths of loops are known; else the workspace's
@@ -324,7 +317,10 @@ def epsilons(
         The first grasp for which the polytope was too small, whose bounds hold, or that has the
         status OTHER_RANK; b if none.
     """
-    kind, spherical, torsion = form
+    kind, spherical, torsion, group = form
+    fingers = 1
+    if kind == PER_FINGER or (kind == ROWS and group > 1):
+        fingers = wrenches.shape[1] // group
     rtol, atol, cutoff = goal
     searching = bracket.low.shape[0] > 0
     for g in range(first, wrenches.shape[0]):
@@ -338,8 +334,8 @@ def epsilons(
         if rank < least_rank:
             results.status[g] = OTHER_RANK
             return g
-        project(kind, wrenches[g], workspace, rank)
-        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, 1)
+        project(kind, fingers, wrenches[g], workspace, rank)
+        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], group)
         size = _largest_wrench(workspace)
         least = CLOSED * size
         angle = begin = low = high = not_closed = not_open = 0.0
@@ -391,5 +387,4 @@ def epsilons(
         # Cones of 90 degrees or more are not convex: sums of forces inside them may lie outside.
         elif closed and with_forces and (kind == ROWS or normal > 0.0):
             equilibrium(space, workspace.dims[:rank], polytope, vertices, used, results.forces[g])
-            _normalise(results.forces[g])
     return wrenches.shape[0]

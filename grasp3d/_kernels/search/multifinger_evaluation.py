@@ -69,8 +69,6 @@ class HullScratch(NamedTuple):
     """As in `WrenchSpace` (n, 4, 6)."""
     cones: Floats2
     """As in `WrenchSpace` (n, 2)."""
-    rim: Floats2
-    """As in `WrenchSpace`: circular (0, 2)."""
     metric: Floats1
     """As in `grow` (6,)."""
     polytope: Polytope
@@ -93,7 +91,6 @@ def make_hull_scratch(contacts: int) -> HullScratch:
         direction_use=np.zeros(2, dtype=np.int64),
         axes=np.zeros((contacts, 4, 6)),
         cones=np.zeros((contacts, 2)),
-        rim=np.zeros((0, 2)),
         metric=np.ones(6),
         polytope=make_polytope(MAX_FACETS),
     )
@@ -232,7 +229,7 @@ def _hull_force_closed(candidate, hull, n, angle):
     for i in range(n):
         cones[i, 0], cones[i, 1] = normal, tangential
     spherical = True
-    space = WrenchSpace(TOTAL, spherical, NO_TORSION, axes[:n], cones[:n], hull.rim, 1)
+    space = WrenchSpace(TOTAL, spherical, NO_TORSION, axes[:n], cones[:n], 1)
     _, lower, _, _, facets = grow(space, SIX, hull.metric, None, AROUND_ORIGIN, SIGN, polytope)
     if facets > 0 and lower > ROUNDING:
         return True
