@@ -39,9 +39,6 @@ THREAD_CONTACTS = 512
 MAX_FACETS = (1 << 18) + 8
 """Largest capacity of a polytope; a hull with more facets is not grown further."""
 
-MOST_TAKEN = 1 << 16
-"""Grasps whose wrenches are written at once where forces in equilibrium are computed."""
-
 NOTHING = np.zeros(0)
 NO_BRACKET = Bracket(NOTHING, NOTHING, NOTHING, NOTHING, np.zeros((0, 1)), NOTHING)
 """No intervals of critical angles: closure is tested at the given cones."""
@@ -190,17 +187,10 @@ class WrenchProblem:
 
     def take(self, grasps: Ints) -> "WrenchProblem":
         """The problem of chosen grasps (g,), in their order."""
-        wrenches = self.wrenches_of(grasps)
-        return self.with_wrenches(grasps, lambda chunk: np.ascontiguousarray(wrenches[chunk]))
-
-    def with_wrenches(
-        self, grasps: Ints, wrenches_of: Callable[[slice | Ints], Floats]
-    ) -> "WrenchProblem":
-        """The problem of chosen grasps (g,), any of them more than once, with other wrenches."""
         return replace(
             self,
             size=len(grasps),
-            wrenches_of=wrenches_of,
+            wrenches_of=lambda chunk: self.wrenches_of(grasps[chunk]),
             tangential=self.tangential[grasps],
             cones=self.cones[grasps],
             edge_forces=None if self.edge_forces is None else self.edge_forces[grasps],
@@ -253,9 +243,8 @@ class WrenchProblem:
         forces = np.full((self.size, self.count, 4), math.nan)
         # The hull of all wrenches contains the origin where their sums do.
         hull = replace(self, kind=TOTAL if self.kind == PER_FINGER else self.kind, group=1)
-        left = np.flatnonzero(closed)
-        for rows in np.split(left, range(MOST_TAKEN, len(left), MOST_TAKEN)):
-            forces[rows] = hull.take(rows).solve(SIGN, with_forces=True).forces
+        rows = np.flatnonzero(closed)
+        forces[rows] = hull.take(rows).solve(SIGN, with_forces=True).forces
         if self.edge_forces is not None:
             weights = forces[..., 0].reshape(*self.edge_forces.shape[:2], 1, -1)
             forces = (weights @ self.edge_forces)[:, :, 0]

@@ -11,7 +11,7 @@ best locations as well, and the distribution is that at one location error.
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -183,10 +183,6 @@ class SampledAngles(AngleDistribution):
 
     __repr__ = short_repr
 
-    def __reduce__(self) -> tuple[type["SampledAngles"], tuple[object, ...]]:
-        """Pickle the arguments alone, without the cached cumulative distributions."""
-        return SampledAngles, tuple(getattr(self, field.name) for field in fields(self))
-
     def worst_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`."""
         return _below(*self._worst_steps, angles)
@@ -194,14 +190,6 @@ class SampledAngles(AngleDistribution):
     def best_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`."""
         return _below(*self._best_steps, angles)
-
-    def worst_quantile(self, fraction: float) -> float:
-        """See `AngleDistribution`; the fraction is reached just above one of the angles."""
-        check_range("a fraction", fraction, 0.0, 1.0)
-        angles, fractions = self._worst_steps
-        step = int(np.searchsorted(fractions, fraction - FRACTION_ROUNDING))
-        last = float(angles[step - 1]) if step else -math.inf
-        return _first_angle(lambda angle: angle > last)
 
     @cached_property
     def _worst_steps(self) -> tuple[Floats, Floats]:
@@ -245,8 +233,3 @@ class SphereAngles(AngleDistribution):
     def best_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`: the same, as a sphere has no creases."""
         return self.worst_below(angles)
-
-    def worst_quantile(self, fraction: float) -> float:
-        """See `AngleDistribution`: the inverse of `worst_below`."""
-        check_range("a fraction", fraction, 0.0, 1.0)
-        return math.asin(math.sqrt(fraction))

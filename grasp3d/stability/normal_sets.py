@@ -43,16 +43,10 @@ class NormalSets(NamedTuple):
     @classmethod
     def of_contacts(cls, contacts: Contacts, creases: Creases) -> "NormalSets":
         """The normals of a flat batch of contacts, of which some are on creases."""
-        shape = contacts.points.shape
-        if not creases:
-            count = shape[0] * shape[1]
-            ones, flat = np.ones(count, dtype=np.int64), contacts.normals.reshape(-1, 3)
-            none = np.zeros(shape[:2])
-            return cls(np.arange(count + 1), ones, flat, contacts.normals, none)
         rows = [creases.get(i, contacts.normals[:, i, None]) for i in range(contacts.count)]
         # The last corner of a set may be repeated.
         counts = [(set_ == set_[:, -1:]).all(axis=2).argmax(axis=1) + 1 for set_ in rows]
-        sizes = np.tile([set_.shape[1] for set_ in rows], shape[0])
+        sizes = np.tile([set_.shape[1] for set_ in rows], len(contacts.points))
         middles = np.stack([unit_rows(set_.sum(axis=1)) for set_ in rows], axis=1)
         return cls.about(
             np.concatenate([[0], np.cumsum(sizes)]),
