@@ -1,13 +1,12 @@
 """Point contacts between fingers and an object."""
 
-import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Floats, Ints, locked, short_repr
+from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Floats, Ints, locked, short_repr
 from grasp3d.contact.friction_cones import edge_angles, tangents
 from grasp3d.errors import ContactError, GraspError, SettingError
 
@@ -16,12 +15,6 @@ PAD_POINTS = 8
 
 LARGEST = 1e100
 """Largest coordinate; the squares of larger ones could overflow."""
-
-NEARLY = 1e-5
-"""Distance relative to the grasp's size from which contacts are clearly apart, or off a line."""
-
-ROUNDED = 16.0 * np.finfo(np.float64).eps
-"""Distance from a line, relative to the grasp's size, that rounding of the coordinates explains."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -322,31 +315,6 @@ def centred(points: Floats) -> tuple[Floats, Floats, Floats]:
     size = np.linalg.norm(offsets, axis=-1, keepdims=True).max(axis=-2, keepdims=True, initial=0.0)
     size = np.where(size > 0.0, size, 1.0)
     return offsets / size, mean, size
-
-
-def not_nearly_degenerate(points: Floats) -> Bools:
-    """Whether contacts that are close together coincide, and those near a line are on it.
-
-    Then the grasp is as degenerate as it looks. Otherwise its wrenches depend on distances so small
-    that what holds for them need not hold for coinciding contacts. Distances of contacts that are
-    close together are exact, however small; that of contacts far apart from a line is not.
-
-    Args:
-        points: Contact points, shape (b, n, 3).
-
-    Returns:
-        Shape (b,).
-    """
-    apart = points[:, :, None] - points[:, None]  # (b, n, n, 3)
-    distance = np.linalg.norm(apart, axis=-1)
-    size = distance.max(axis=(1, 2))
-    clear: Bools = ~((distance > 0.0) & (distance < NEARLY * size[:, None, None])).any(axis=(1, 2))
-    for i, j, k in itertools.combinations(range(points.shape[1]), 3):
-        # Twice the area of the triangle, over its longest side: its height.
-        area = np.linalg.norm(np.cross(apart[:, i, j], apart[:, i, k]), axis=-1)
-        longest = np.max([distance[:, i, j], distance[:, i, k], distance[:, j, k]], axis=0)
-        clear &= (area <= ROUNDED * size * longest) | (area >= NEARLY * size * longest)
-    return clear
 
 
 def evenly_pressed_radius(half_extents: Floats, area: Floats) -> Floats:

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import Contacts, classify, epsilon, force_closure
-from grasp3d.contact.contacts import not_nearly_degenerate
 from grasp3d.quality import Status, critical_friction_angle
 from tests.helpers.degenerate import (
     KINDS,
@@ -161,17 +160,3 @@ def test_contacts_hardly_apart_are_not_taken_for_coinciding_ones() -> None:
         contacts = Contacts(points, normals, friction=0.9)
         label = classify(contacts, 0.01).label
         assert label != (2 if angle[0] > contacts.friction_angle[0] else 0)
-
-
-def test_contacts_not_nearly_degenerate_coincide_exactly_or_not_at_all() -> None:
-    line = np.array([[0.1, 0.2, 0.3]]) * np.array([[1.0], [2.0], [-5.0]])
-    cases = {
-        "apart": ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], True),
-        "pair": ([[0, 0, 0], [0, 0, 0], [0, 1, 0]], True),
-        "close pair": ([[0, 0, 0], [1e-12, 0, 0], [0, 1, 0]], False),
-        "on a line": (line, True),
-        "nearly on a line": ([[0, 0, 0], [1, 1e-9, 0], [2, 0, 0]], False),
-        "one point": ([[3, 3, 3]] * 3, True),
-    }
-    for name, (points, expected) in cases.items():
-        assert not_nearly_degenerate(np.array([points], dtype=float))[0] == expected, name
