@@ -61,30 +61,6 @@ class Certificate:
         return Certificate, (self.direction, partial(np.asarray, self.equilibrium))
 
 
-def certificate_of(
-    problem: WrenchProblem,
-    results: Results,
-    *,
-    batch: tuple[int, ...],
-    forces_of: Callable[[Floats], Floats],
-) -> Certificate:
-    """Certificates of a batch: directions, and balanced forces.
-
-    Args:
-        problem: The wrench spaces.
-        results: Their results, of which directions and closure are kept.
-        batch: Shape of the batch.
-        forces_of: Converts components along the contacts' axes.
-    """
-    closed = results.closed
-
-    def balance() -> Floats:
-        forces: Floats = shaped(forces_of(problem.balanced_forces(closed)), batch)
-        return forces
-
-    return Certificate(shaped(results.direction, batch), balance)
-
-
 def forces_of_components(contacts: Contacts, components: Floats) -> Floats:
     """Forces along x, y, z and moments from components along the contacts' axes.
 
@@ -115,6 +91,34 @@ class ForceClosure:
     certificate: Certificate
 
     __repr__ = short_repr
+
+
+def closure_fields(
+    problem: WrenchProblem,
+    results: Results,
+    batch: tuple[int, ...],
+    forces_of: Callable[[Floats], Floats],
+) -> dict[str, Any]:
+    """Fields of `ForceClosure`.
+
+    Args:
+        problem: The wrench spaces of a flat batch.
+        results: Their results.
+        batch: Shape of the batch.
+        forces_of: Converts balanced forces along the contacts' axes.
+    """
+    closed = results.closed
+
+    def balance() -> Floats:
+        forces: Floats = shaped(forces_of(problem.balanced_forces(closed)), batch)
+        return forces
+
+    return {
+        "closed": shaped(closed, batch),
+        "rank": shaped(results.rank, batch),
+        "status": shaped(results.status, batch),
+        "certificate": Certificate(shaped(results.direction, batch), balance),
+    }
 
 
 def force_closure(
@@ -163,12 +167,5 @@ def force_closure(
     u[:, 3:] /= size.reshape(-1, 1)
     u[:, :3] -= np.cross(u[:, 3:], mean.reshape(-1, 3))
     u /= np.linalg.norm(u, axis=1, keepdims=True)
-    batch = contacts.batch
-    return ForceClosure(
-        closed=shaped(results.closed, batch),
-        rank=shaped(results.rank, batch),
-        status=shaped(results.status, batch),
-        certificate=certificate_of(
-            problem, results, batch=batch, forces_of=partial(forces_of_components, contacts)
-        ),
-    )
+    forces_of = partial(forces_of_components, contacts)
+    return ForceClosure(**closure_fields(problem, results, contacts.batch, forces_of))

@@ -7,11 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from grasp3d._kernels.hull.wrench_problem import Results
-from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, shaped, short_repr
+from grasp3d.arrays import ArrayLike, Floats, shaped, short_repr
 from grasp3d.contact.contacts import LARGEST, Contacts, finite_numbers
 from grasp3d.errors import ContactError
-from grasp3d.quality.closure import Certificate, Status, certificate_of, forces_of_components
+from grasp3d.quality.closure import ForceClosure, Status, closure_fields, forces_of_components
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import Bounded, EpsilonOptions, Goal
 from grasp3d.settings.grasp_model import Actuation
@@ -21,7 +20,7 @@ PLANAR = [0, 1, 5]
 
 
 @dataclass(frozen=True, eq=False)
-class Epsilon:
+class Epsilon(ForceClosure):
     """Radius of the largest ball about the origin in the grasp wrench space.
 
     Ferrari & Canny 1992. Computed in the span of the grasp's wrenches: values of different rank
@@ -32,14 +31,6 @@ class Epsilon:
     """Certified lower bound, shape (...); 0 where the grasp is not force-closed."""
     upper: Floats
     """Certified upper bound, shape (...); for polygonal cones that have converged, `lower`."""
-    rank: Ints
-    """Dimension of the span of the wrenches, shape (...): 5 for hard fingers on a line, else mostly
-    6."""
-    closed: Bools
-    """Whether the grasp is force-closed, shape (...)."""
-    status: Bytes
-    """`Status` codes, shape (...)."""
-    certificate: Certificate
 
     __repr__ = short_repr
 
@@ -115,11 +106,8 @@ def epsilon_with(
     problem = WrenchProblem.of_contacts(
         contacts, options, cone_offset=cone_offset, phase=phase, bounded=bounded
     )
-    return _solved(
-        problem, options.goal,
-        batch=contacts.batch, forces_of=partial(forces_of_components, contacts),
-        polygonal=options.polygonal,
-    )  # fmt: skip
+    forces_of = partial(forces_of_components, contacts)
+    return _solved(problem, options.goal, contacts.batch, forces_of, polygonal=options.polygonal)
 
 
 def epsilon_of_wrenches(wrenches: ArrayLike) -> Epsilon:
@@ -150,33 +138,24 @@ def epsilon_of_wrenches(wrenches: ArrayLike) -> Epsilon:
     batch = rows.shape[:-2]
     flat = np.zeros((math.prod(batch), rows.shape[-2], 6))
     flat[..., PLANAR if rows.shape[-1] == 3 else slice(6)] = rows.reshape(-1, *rows.shape[-2:])
-    return _solved(
-        WrenchProblem.of_rows(flat), (0.0, 0.0, math.inf),
-        batch=batch, forces_of=lambda weights: weights[..., 0], polygonal=True,
-    )  # fmt: skip
+    problem = WrenchProblem.of_rows(flat)
+    return _solved(problem, (0.0, 0.0, math.inf), batch, lambda w: w[..., 0], polygonal=True)
 
 
 def _solved(
     problem: WrenchProblem,
     goal: Goal,
-    *,
     batch: tuple[int, ...],
     forces_of: Callable[[Floats], Floats],
+    *,
     polygonal: bool,
 ) -> Epsilon:
-    """Epsilon of a flat batch, in the batch's shape; see `certificate_of`."""
+    """Epsilon of a flat batch, in the batch's shape; see `closure_fields`."""
     results = problem.solve(goal)
-    return Epsilon(
-        lower=shaped(certified(results, polygonal=polygonal), batch),
-        upper=shaped(results.upper, batch),
-        rank=shaped(results.rank, batch),
-        closed=shaped(results.closed, batch),
-        status=shaped(results.status, batch),
-        certificate=certificate_of(problem, results, batch=batch, forces_of=forces_of),
-    )
-
-
-def certified(results: Results, *, polygonal: bool) -> Floats:
-    """Lower bounds (b,); for polygonal cones that have converged they are the upper bounds."""
+    # Where polygons have converged both bounds are the same, up to rounding.
     exact = polygonal & (results.status == Status.CONVERGED)
-    return np.where(exact, results.upper, results.lower)
+    return Epsilon(
+        lower=shaped(np.where(exact, results.upper, results.lower), batch),
+        upper=shaped(results.upper, batch),
+        **closure_fields(problem, results, batch, forces_of),
+    )
