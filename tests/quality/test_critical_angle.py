@@ -266,8 +266,8 @@ def test_a_cage_of_many_contacts() -> None:
 def test_grasps_that_barely_close_without_friction_are_fast() -> None:
     """All contacts matter, and each excludes few directions by itself."""
     with np.load(shapes.shared("reference", "slow_contacts.npz")) as file:
-        count = sum(name.startswith("points_") for name in file.files)
-        slow = [Contacts(file[f"points_{k}"], file[f"normals_{k}"], 0.0) for k in range(count)]
+        numbers = [name.removeprefix("points_") for name in file.files if "points_" in name]
+        slow = [Contacts(file[f"points_{k}"], file[f"normals_{k}"], 0.0) for k in numbers]
     critical_friction_angle(slow[0])
     for contacts in slow:
         start = time.process_time()

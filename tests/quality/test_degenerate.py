@@ -132,7 +132,7 @@ def test_the_oracles_agree_and_exact_degeneracy_costs_no_accuracy(case: tuple[st
     angle, proven = critical_angles(grasps.points, grasps.normals, grasps.on_line)
     assert proven.all()
     found = np.asarray(critical_friction_angle(Contacts(grasps.points, grasps.normals)))
-    assert found == pytest.approx(angle, abs=2e-4)
+    assert found == pytest.approx(np.maximum(angle, 0.0), abs=2e-4)
     low, high = critical_angle_by_programs(
         grasps.points[0], grasps.normals[0], on_line=bool(grasps.on_line[0]), edges=32
     )

@@ -6,6 +6,9 @@ from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.hull.support_functions import ROWS
 from grasp3d._kernels.surface.vectors import add6, clear6
 
+PASSES = 3
+"""How often the residual is balanced: later times what ties and rounding left of it."""
+
 TIE = 1e-9
 """Relative rounding error in deciding which facet a ray intersects, and of its weights."""
 
@@ -41,13 +44,51 @@ def _normal_component(planes, f, x):
 
 
 @part
+def _balance_residual(dim, polytope, used, residual, matrix, x, forces):
+    """Add what balances a wrench, the residual, to forces: the vertices of one facet."""
+    points, planes, corners = polytope.points, polytope.planes, polytope.corners
+    # The polytope contains the origin, so the ray along the residual leaves it through a facet.
+    distances, nearest = polytope.heights, math.inf
+    for f in range(used):
+        component = _normal_component(planes, f, residual)
+        distances[f] = planes[6, f] / component if component > 0.0 else math.inf
+    for f in range(used):
+        nearest = min(nearest, distances[f]) if distances[f] >= 0.0 else nearest
+    nearest *= 1.0 + TIE
+    best, chosen, weights = -math.inf, -1, polytope.vectors[13]
+    for f in range(used):
+        if not distances[f] <= nearest:
+            continue
+        # Coplanar facets are hit at the same distance: the ray intersects the one whose vertices
+        # combine to it with non-negative weights.
+        for k in range(dim):
+            for c in range(dim):
+                matrix[k, c] = points[corners[f, c], k]
+            matrix[k, 6] = residual[k]
+        solve(matrix, x, dim)
+        most, least = 0.0, 0.0
+        for c in range(dim):
+            most, least = max(most, x[c]), min(least, x[c])
+        if least > best * most:
+            best, chosen = least / most, f
+            for c in range(dim):
+                weights[c] = max(x[c], 0.0)
+        if best >= -TIE:
+            break
+    for c in range(dim if chosen >= 0 else 0):
+        vertex = corners[chosen, c]
+        for k in range(4):
+            forces[polytope.owners[vertex], k] += weights[c] * polytope.vertex_forces[vertex, k]
+        add6(residual, -weights[c], points[vertex])
+
+
+@part
 def equilibrium(space, dims, polytope, vertices, used, forces):
     """Write balanced contact forces, all strictly inside their friction cones.
 
     All vertices of the polytope and every contact's unit normal force, or every row, sum up to a
-    wrench. The facet
-    that the ray along the opposite wrench intersects balances it, by a non-negative combination of
-    the facet's vertices.
+    wrench. The facet that the ray along the opposite wrench intersects balances it, by a
+    non-negative combination of the facet's vertices.
 
     Args:
         space: `WrenchSpace`, not PER_FINGER.
@@ -59,8 +100,7 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
             (n, 4).
     """
     dim = len(dims)
-    points, planes = polytope.points, polytope.planes
-    corners, vectors = polytope.corners, polytope.vectors
+    points, vectors = polytope.points, polytope.vectors
     residual, matrix, x = vectors[15], vectors[0:6], vectors[14]
     count = forces.shape[0]
     clear6(residual)
@@ -79,33 +119,5 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
         for k in range(4):
             forces[polytope.owners[i], k] += polytope.vertex_forces[i, k]
         add6(residual, -1.0, points[i])
-    # The polytope contains the origin, so the ray along the residual leaves it through a facet.
-    distances, nearest = polytope.heights, math.inf
-    for f in range(used):
-        component = _normal_component(planes, f, residual)
-        distances[f] = planes[6, f] / component if component > 0.0 else math.inf
-    for f in range(used):
-        nearest = min(nearest, distances[f]) if distances[f] >= 0.0 else nearest
-    nearest *= 1.0 + TIE
-    for f in range(used):
-        if not distances[f] <= nearest:
-            continue
-        # Coplanar facets are hit at the same distance: the ray intersects the one whose vertices
-        # combine to it with non-negative weights.
-        for k in range(dim):
-            for c in range(dim):
-                matrix[k, c] = points[corners[f, c], k]
-            matrix[k, 6] = residual[k]
-        solve(matrix, x, dim)
-        most, least = 0.0, 0.0
-        for c in range(dim):
-            most, least = max(most, x[c]), min(least, x[c])
-        if least < -TIE * most:
-            continue
-        for c in range(dim):
-            vertex = corners[f, c]
-            weight = max(x[c], 0.0)
-            for k in range(4):
-                forces[polytope.owners[vertex], k] += weight * polytope.vertex_forces[vertex, k]
-            add6(residual, -weight, points[vertex])
-        break
+    for _ in range(PASSES):
+        _balance_residual(dim, polytope, used, residual, matrix, x, forces)

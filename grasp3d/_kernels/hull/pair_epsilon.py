@@ -36,6 +36,7 @@ from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.hull.cap_maximum import Arrow, largest_on_cap, value_at
 from grasp3d._kernels.hull.growing_hull import CONVERGED
 from grasp3d._kernels.hull.support_functions import PER_FINGER
+from grasp3d._kernels.hull.wrench_problem import CLOSED
 from grasp3d._kernels.surface.vectors import angle_between, combined, cross, dot
 
 ON_LINE = 1e-12
@@ -113,6 +114,12 @@ def is_long(points, length):
     """Whether the contacts are so far apart that the line through them is well determined."""
     farthest = max(dot(points[0], points[0]), dot(points[1], points[1]))
     return length * length > CLEAR_LENGTH * CLEAR_LENGTH * farthest
+
+
+@merged
+def _largest_wrench(points):
+    """Length of the largest wrench of unit forces at two points, or more."""
+    return math.sqrt(1.0 + max(dot(points[0], points[0]), dot(points[1], points[1])))
 
 
 @merged
@@ -582,7 +589,8 @@ def pair_epsilons(form, wrenches, tangential, cones, rtol, scratch, results, lef
             decided = inside < -CLEAR_ANGLE and _separated(
                 frames, points, normals, cones[g], form[1], results.direction[g]
             )
-        if not decided:
+        # The tolerances of hulls decide where force closure is as small as rounding errors.
+        if not decided or (closed and lower <= CLOSED * _largest_wrench(points)):
             continue
         left[g] = False
         results.lower[g], results.upper[g] = min(lower, upper), upper
