@@ -577,7 +577,7 @@ DEGENERATE = {
 for _name in grasps.REGULAR_SHAPES:
     _contacts = grasps.regular_on_ball(_name)
     DEGENERATE[_name] = _contacts
-    for _friction in (0.0, 1e-12, 1e-6, 1e3, 1e9):
+    for _friction in (0.0, 1e-12, 1e-6, 1e3, 1e7):
         DEGENERATE[f"{_name}, friction {_friction:g}"] = grasps.changed(
             _contacts, friction=_friction
         )
