@@ -43,6 +43,10 @@ class NormalSets(NamedTuple):
     @classmethod
     def of_contacts(cls, contacts: Contacts, creases: Creases) -> "NormalSets":
         """The normals of a flat batch of contacts, of which some are on creases."""
+        if not creases:
+            start, none = np.arange(contacts.friction.size + 1), np.zeros(contacts.friction.shape)
+            normals = contacts.normals.reshape(-1, 3)
+            return cls(start, np.ones_like(start[1:]), normals, contacts.normals, none)
         rows = [creases.get(i, contacts.normals[:, i, None]) for i in range(contacts.count)]
         # The last corner of a set may be repeated.
         counts = [(set_ == set_[:, -1:]).all(axis=2).argmax(axis=1) + 1 for set_ in rows]
