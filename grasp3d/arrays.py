@@ -4,7 +4,7 @@ import math
 import textwrap
 import zipfile
 import zlib
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from tokenize import TokenError
 from typing import TYPE_CHECKING, Any
 
@@ -96,6 +96,23 @@ def first_at_position(vertices: Floats) -> Ints:
     keys = rows.view(np.dtype((np.void, rows.dtype.itemsize * 3))).ravel()
     _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
     return np.asarray(first[inverse], dtype=np.int64)
+
+
+def chosen_rows(which: Bools, one: Any, other: Any) -> Any:
+    """Rows of one value where `which`, else those of another one of the same type.
+
+    Args:
+        which: Rows of `one`, shape (b,).
+        one: An array (b, ...), or a dataclass of such values, whose other fields the result has.
+        other: The same.
+    """
+    if isinstance(one, np.ndarray):
+        return locked(np.where(which.reshape(-1, *[1] * (one.ndim - 1)), one, other))
+    if not (hasattr(one, "__dataclass_fields__") and isinstance(other, type(one))):
+        return one
+    names = [field.name for field in fields(one) if field.init]
+    pairs = {name: (getattr(one, name), getattr(other, name)) for name in names}
+    return replace(one, **{name: chosen_rows(which, *both) for name, both in pairs.items()})
 
 
 def short_repr(instance: Any) -> str:

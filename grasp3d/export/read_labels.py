@@ -153,12 +153,10 @@ def _floats(stored: Stored, name: str) -> Floats:
 
 
 def _partner_points(stored: Stored) -> SurfacePoints:
-    """The opposing contacts as surface points, (V, 2, n - 1)."""
-    faces, weights = (
-        np.stack([stored.field(f"{head}partner_{name}") for head in ("", "best_")], axis=1)
-        for name in ("faces", "weights")
+    """The opposing contacts as surface points, (V, n - 1)."""
+    return SurfacePoints(
+        locked(stored.field("partner_faces")), locked(stored.field("partner_weights"))
     )
-    return SurfacePoints(locked(faces), locked(weights))
 
 
 def _reach(stored: Stored, settings: FileSettings) -> dict[str, Any]:

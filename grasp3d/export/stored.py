@@ -360,7 +360,7 @@ def _check_surface(stored: Stored) -> None:
         stored.reject("it contains no faces")
     rows = {
         **dict.fromkeys(("faces", "canonical"), len(vertices)),
-        **dict.fromkeys(("partner_faces", "best_partner_faces"), len(faces)),
+        "partner_faces": len(faces),
         "corners": len(stored.values.get("corner_normals", ())),
     }
     for name, limit in rows.items():
@@ -401,11 +401,10 @@ def _check_found(stored: Stored) -> None:
     has_grasp = stored.field("reason") == Reason.FOUND
     matches = np.isfinite(stored.field("critical_angle_best")) == has_grasp
     matches &= np.isinf(stored.field("critical_angle")) | has_grasp
-    for head in ("", "best_"):
-        faces, weights = (stored.field(f"{head}partner_{name}") for name in ("faces", "weights"))
-        matches &= ((faces >= 0) == has_grasp[:, None]).all(axis=1)
-        whole = np.abs(weights.sum(axis=2) - 1.0) < ROUNDING
-        matches &= whole.all(axis=1) | ~has_grasp
+    faces, weights = stored.field("partner_faces"), stored.field("partner_weights")
+    matches &= ((faces >= 0) == has_grasp[:, None]).all(axis=1)
+    whole = np.abs(weights.sum(axis=2) - 1.0) < ROUNDING
+    matches &= whole.all(axis=1) | ~has_grasp
     if not matches.all():
         row = int(np.flatnonzero(~matches)[0])
         stored.reject(f"the reason of vertex {row} does not match its angles and contacts")

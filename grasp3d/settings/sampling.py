@@ -43,8 +43,8 @@ class Sampling(LengthSettings):
             the reach of the robot's hand.
         grip: Two fingers. squeeze: they are outside, pushing toward each other; expand: inside a
             ring or a mug, pushing apart; both: whichever is better.
-        rays: Two fingers: directions tested from every vertex before the search is refined, 8 to
-            65536. Fingers that squeeze need few: branch and bound searches the whole surface.
+        rays: Two fingers that expand: directions tested from every vertex before the search is
+            refined, 8 to 65536. For fingers that squeeze the whole surface is searched.
         candidates: Three fingers and more: candidate points for every other finger before the
             search is refined, spread evenly over the surface within reach of a vertex, 8 to 4096.
             If candidate points are vertices, all of them are tested where there are at most four

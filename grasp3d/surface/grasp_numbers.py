@@ -169,21 +169,13 @@ BOUND_RTOL = 3e-2
 """The same for the largest epsilon, itself only a bound; saves most time for symmetric grasps."""
 
 
-def angle_bounds_of(
-    grasps: GraspContacts,
-    angles: WorstAndBest,
-    model: GraspModel,
-    *,
-    best_points: Floats | None = None,
-) -> WorstAndBest:
+def angle_bounds_of(grasps: GraspContacts, angles: WorstAndBest, model: GraspModel) -> WorstAndBest:
     """Bounds of the critical angles of grasps on a surface, over all true contact points.
 
     Args:
         grasps: The grasps, shape (b, n).
         angles: Their critical angles over the worst and the best normals [rad], shape (b,) each.
         model: What is known about the contacts.
-        best_points: Contacts of the grasps over the best normals (b, n, 3); None: those of
-            `grasps`.
 
     Returns:
         (worst, best) [rad], shape (b,) each; inf where there is no grasp.
@@ -193,9 +185,8 @@ def angle_bounds_of(
     error = model.location_error
     if grasps.count == 2:
         worst, best = angles
-        points = grasps.points if best_points is None else best_points
-        turned = line_turns(grasps.points, 2.0 * error), line_turns(points, 2.0 * error)
-        return locked(worst + turned[0]), locked(np.maximum(best - turned[1], 0.0))
+        turned = line_turns(grasps.points, 2.0 * error)
+        return locked(worst + turned), locked(np.maximum(best - turned, 0.0))
     bounds = np.full((2, grasps.size), math.inf)
     rows = np.flatnonzero(np.isfinite(angles[0]))
     bounds[:, rows] = critical_angles(grasps.take(rows), location_error=error)

@@ -42,7 +42,6 @@ from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.load_result import LoadResult
 from grasp3d.surface.rows import rows_of
-from grasp3d.system.context import unreported
 from grasp3d.system.versions import package_version
 
 NO_POSES = (
@@ -80,26 +79,6 @@ class Deferred(cached_property[T]):
         return values[name]
 
 
-@dataclass(frozen=True, eq=False)
-class BestNormalGrasps:
-    """Grasps that are best over the best normals, where others are over the worst: at creases."""
-
-    rows: Ints
-    """Rows of the table in ascending order, shape (c,)."""
-    contacts: GraspContacts
-    """Their contacts, shape (c, n)."""
-
-    __repr__ = short_repr
-
-    def of_rows(self, rows: Ints) -> "BestNormalGrasps | None":
-        """Those of chosen rows of the table, shape (d,); None: none."""
-        indices = np.flatnonzero(np.isin(rows, self.rows))
-        if not len(indices):
-            return None
-        numbers = np.searchsorted(self.rows, rows[indices])
-        return BestNormalGrasps(locked(indices), self.contacts.take(numbers))
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GraspTable(LabelledGrasps):
     """Grasps on an object, one in each of b rows: contacts, label, epsilon, forces.
@@ -129,10 +108,7 @@ class GraspTable(LabelledGrasps):
     inf where all contacts are at one point.
     """
     critical_angle_best: Floats
-    """The same over the best normals, shape (b,); different only for contacts on creases, and where
-    another grasp is best over the best normals."""
-    best_normals: BestNormalGrasps | None = None
-    """Grasps that are best over the best normals where they differ from `contacts`; None: none."""
+    """The same over the best normals, shape (b,); different only for contacts on creases."""
     points: Floats | None = None
     """Positions of the contacts as a search has found them, in the mesh's frame, shape
     (b, n, 3); None: `contacts.points`, from which they differ by rounding."""
@@ -181,63 +157,37 @@ class GraspTable(LabelledGrasps):
         `model.sure_angle`, U iff the best is at least `model.unstable_from`. Two
         contacts: every S is exact, every U correct; more: every S is correct, nothing is U.
         """
-        angles, other = (self.critical_angle, self.critical_angle_best), self.best_normals
-        if not self.size:
-            return angles
-        points = None
-        if other is not None:
-            points = self.contacts.points.copy()
-            points[other.rows] = other.contacts.points
-        return angle_bounds_of(self.contacts, angles, self.model, best_points=points)
+        angles = self.critical_angle, self.critical_angle_best
+        return angle_bounds_of(self.contacts, angles, self.model) if self.size else angles
 
     @Deferred
     def label(self) -> Bytes:
-        """`Label` codes by `model.method`: 0 U, 1 M, 2 S.
-
-        With method extremes a grasp gets the better label of that over the worst and that over the
-        best normals, where they differ.
-        """
+        """`Label` codes by `model.method`: 0 U, 1 M, 2 S."""
         if self.model.method == "exact":
             worst, best = self.critical_angle_bounds
             return locked(label_angles(worst, best, self.model))
         codes = np.full(self.size, Label.U, dtype=np.uint8)
         rows = np.flatnonzero(np.isfinite(self.critical_angle))
         codes[rows] = hull_labels(self.contacts.take(rows), self.model)
-        if (other := self.best_normals) is not None:  # a few, at creases
-            with unreported():
-                best = hull_labels(other.contacts, self.model)
-            codes[other.rows] = np.maximum(codes[other.rows], best)
         return locked(codes)
 
     @Deferred
     def epsilon_range(self) -> EpsilonRange:
-        """`epsilon`, `epsilon_min` and `epsilon_max`; computed when first read.
-
-        Of the grasps over the worst normals.
-        """
+        """`epsilon`, `epsilon_min` and `epsilon_max`; computed when first read."""
         return surface_epsilons(self.contacts, self.model)
 
     @Deferred
     def load_result(self) -> LoadResult | None:
         """Grip force and payload of the grasps under the load; None: there is no load.
 
-        Of the grasps over the worst normals; where another grasp is better over the best normals,
-        the least force is the smaller one of the two, as for labels. Computed when first read.
+        Computed when first read.
         """
-        case, model, other = self.load_case, self.model, self.best_normals
+        case = self.load_case
         if case is None:
             return None
-        load_result = surface_load_result(self.contacts, model, case)
+        load_result = surface_load_result(self.contacts, self.model, case)
         outside = np.isinf(self.critical_angle_best)  # of the region
-        load_result = load_result.replaced(outside, LoadResult.failed(case, self.size))
-        if other is None:
-            return load_result
-        with unreported():
-            better = surface_load_result(other.contacts, model, case)
-        least = better.at_rows(other.rows, self.size).grip_force_least
-        return replace(
-            load_result, grip_force_least=locked(np.fmin(load_result.grip_force_least, least))
-        )
+        return load_result.replaced(outside, LoadResult.failed(case, self.size))
 
     @cached_property
     def rank(self) -> Ints:
@@ -332,11 +282,8 @@ class GraspTable(LabelledGrasps):
             for name in ("critical_angle", "critical_angle_best", "points", "grip", "moved")
             if (values := getattr(self, name)) is not None
         }
-        other = None if self.best_normals is None else self.best_normals.of_rows(rows)
         reach = None if self.reach is None else self.reach.take(rows)
-        table = replace(
-            self, contacts=self.contacts.take(rows), best_normals=other, reach=reach, **arrays
-        )
+        table = replace(self, contacts=self.contacts.take(rows), reach=reach, **arrays)
         for name in COMPUTED.intersection(vars(self)):
             vars(table)[name] = rows_of(vars(self)[name], rows)
         return table
@@ -347,9 +294,7 @@ class GraspTable(LabelledGrasps):
         Epsilon, which is that of the contacts, stays.
         """
         worst, best = critical_angles(self.contacts)
-        table = replace(
-            self, critical_angle=worst, critical_angle_best=best, best_normals=None, points=None
-        )
+        table = replace(self, critical_angle=worst, critical_angle_best=best, points=None)
         if (epsilon := self.computed("epsilon_range")) is not None:
             vars(table)["epsilon_range"] = epsilon
         return table

@@ -175,8 +175,7 @@ class LabelledGrasps:
         """Upper bound on epsilon over all tilts.
 
         With method extremes it is the largest over the combinations of extreme normals, and is
-        attained. It is 0 at a few creases labelled M, whose label comes from another grasp, which
-        is better over the best normals.
+        attained.
         """
         return self.epsilon_range.maximum
 

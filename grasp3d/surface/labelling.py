@@ -1,11 +1,11 @@
 """Labelling of a surface: the search for the best grasp through every vertex."""
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bools, Bytes, locked
+from grasp3d.arrays import ArrayLike, Bytes
 from grasp3d.hand.hand_files import GivenHand, given_hand
 from grasp3d.hand.jaws import IN_METRES
 from grasp3d.hand.reach import Reach
@@ -34,58 +34,8 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import DENSITY, LoadCase, input_warnings
 from grasp3d.surface.sampling.antipodal import best_pairs
 from grasp3d.surface.sampling.multifinger import search
-from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at, grasps_differ
-from grasp3d.system.context import refuse_warnings, report_progress, unreported, within
-
-
-def merged(
-    one: SurfaceLabels, other: SurfaceLabels, *, worst: Bools, best: Bools, reason: Bytes
-) -> SurfaceLabels:
-    """Labels with the grasps of another search where masks are set.
-
-    Args:
-        one: The grasps.
-        other: Grasps on the same mesh, whose model, settings and search the result has.
-        worst: Vertices whose grasp over the worst normals is from `other` (V,).
-        best: Vertices whose grasp over the best normals is from `other` (V,).
-        reason: `Reason` codes of the result (V,).
-    """
-    from_other = np.stack([worst, best], axis=1)  # (V, 2): both grasps of a vertex
-    points, others = one.partner_points, other.partner_points
-    return SurfaceLabels.of_vertices(
-        other.mesh,
-        other.model,
-        angles=(
-            np.where(worst, other.critical_angle, one.critical_angle),
-            np.where(best, other.critical_angle_best, one.critical_angle_best),
-        ),
-        partners=np.where(worst[:, None, None], other.partners, one.partners),
-        partner_points=SurfacePoints(
-            np.where(from_other[..., None], others.faces, points.faces),
-            np.where(from_other[..., None, None], others.weights, points.weights),
-        ),
-        grip=np.where(worst, other.grip, one.grip),
-        reason=reason,
-        reach=_chosen_reach(worst, other.reach, one.reach),
-        sampling=other.sampling,
-        mode=other.mode,
-        search=other.search,
-        scene=other.scene,
-        load=other.load,
-    )
-
-
-def _chosen_reach(which: Bools, other: Reach | None, one: Reach | None) -> Reach | None:
-    """Rows of the other poses where `which`, else of the first ones."""
-    if other is None or one is None:
-        return other
-    rows = {}
-    for field in fields(Reach):
-        first, second = getattr(other, field.name), getattr(one, field.name)
-        rows[field.name] = locked(
-            np.where(which.reshape(-1, *[1] * (first.ndim - 1)), first, second)
-        )
-    return replace(other, **rows)
+from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at
+from grasp3d.system.context import refuse_warnings, report_progress, within
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,14 +264,9 @@ def label_pairs(
         scene: The gripper that must reach each grasp; None: ideal points.
     """
     cone = search_cone(model, sampling)
-    limited = sampling if scene is None else scene.within_stroke(mesh, sampling)
-    jaws = None if scene is None or scene.jaws is None else scene
-    pairs = best_pairs(mesh, limited, cone, scene=jaws)
-    points = SurfacePoints(
-        pairs.partner_points.faces[..., None], pairs.partner_points.weights[..., None, :]
-    )
-    reasons, reach = pairs.reason, pairs.reach
-    if scene is not None and jaws is None:
+    pairs = best_pairs(mesh, sampling, cone, scene=scene)
+    points, reasons, reach = pairs.partner_points, pairs.reason, pairs.reach
+    if scene is not None and reach is None:
         reasons, reach = _reach_of(mesh, points, reasons, scene, grip=pairs.grip)
     lost = reasons != pairs.reason
     return SurfaceLabels.of_vertices(
@@ -357,19 +302,14 @@ def label_multifinger(
     cone, count = search_cone(model, sampling), len(mesh.vertices)
     with within(0.0, BEFORE_ANGLES):
         result = search(mesh, model.fingers, sampling, cone)
-    points = _both_grasps(result.partner_points)
-    reasons, reach = result.reason, None
+    points, reasons, reach = result.partner_points, result.reason, None
     if scene is not None:
         reasons, reach = _reach_of(mesh, points, reasons, scene)
     vertices = np.unique(mesh.canonical[(reasons == Reason.FOUND) & mesh.on_surface])
-    grasps = grasps_at(mesh, points, vertices, 0)
+    grasps = grasps_at(mesh, points, vertices)
     angles = np.full((2, count), math.inf)
     with within(BEFORE_ANGLES, 1.0):
         angles[:, vertices] = critical_angles(grasps)
-    differing = vertices[grasps_differ(points, vertices)]
-    with unreported():
-        _, best = critical_angles(grasps_at(mesh, points, differing, 1))
-    angles[1, differing] = np.minimum(angles[1, differing], best)
     partners = np.full((count, model.fingers - 1, 3), math.nan)
     partners[vertices] = grasps.points[:, 1:]
     report_progress(1.0)
@@ -394,19 +334,9 @@ def _reach_of(
 ) -> tuple[Bytes, Reach]:
     """The reasons, and how the hand reaches each vertex's grasp."""
     tried = np.flatnonzero((reasons == Reason.FOUND) & mesh.on_surface)
-    contacts = grasps_at(mesh, points, tried, 0)
+    contacts = grasps_at(mesh, points, tried)
     signs = np.broadcast_to(grip, len(reasons))[tried]
     reach = scene.reach(mesh, contacts.points, contacts.normals, grip=signs)
     reasons = reasons.copy()
     reasons[tried[~reach.reached]] = Reason.NOT_REACHED
     return reasons, reach.among(len(mesh.vertices), tried)
-
-
-def _both_grasps(points: SurfacePoints) -> SurfacePoints:
-    """Surface points (V, 2, n - 1); a vertex with one of the two grasps gets it as both."""
-    missing = (points.faces < 0).any(axis=2)  # (V, 2)
-    source = np.where(missing, [[1, 0]], [[0, 1]])[..., None]
-    return SurfacePoints(
-        np.take_along_axis(points.faces, source, axis=1),
-        np.take_along_axis(points.weights, source[..., None], axis=1),
-    )

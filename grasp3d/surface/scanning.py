@@ -80,9 +80,7 @@ def scan_surface(mesh: MeshSource, model: GivenModel = None, *, fixed: ArrayLike
         own_model,
         angles=(angles[0], angles[1]),
         partners=np.tile(on_surface, (count, 1, 1)),
-        partner_points=SurfacePoints(
-            np.tile(faces, (count, 2, 1)), np.tile(weights, (count, 2, 1, 1))
-        ),
+        partner_points=SurfacePoints(np.tile(faces, (count, 1)), np.tile(weights, (count, 1, 1))),
         grip=grip,
         reason=np.where(np.isinf(angles[0, mesh.canonical]), Reason.SAME_POINT, Reason.FOUND),
         sampling=None,
@@ -125,11 +123,9 @@ def _scan_multifinger(fixed: SurfaceContacts, positions: Floats) -> Floats:
     vertices = used_indices(mesh.faces)
     distances = np.linalg.norm(mesh.normalized[vertices, None] - positions, axis=2).min(axis=1)
     vertices = vertices[distances > SAME_POINT]
-    others = np.broadcast_to(
-        fixed.surface_points.faces[:, None], (len(mesh.vertices), 2, len(positions))
-    )
-    weights = np.broadcast_to(fixed.surface_points.weights[:, None], (*others.shape, 3))
-    grasps = grasps_at(mesh, SurfacePoints(others, weights), vertices, 0)
+    others = np.broadcast_to(fixed.surface_points.faces, (len(mesh.vertices), len(positions)))
+    weights = np.broadcast_to(fixed.surface_points.weights, (*others.shape, 3))
+    grasps = grasps_at(mesh, SurfacePoints(others, weights), vertices)
     angles = np.full((2, len(mesh.vertices)), math.inf)
     angles[:, vertices] = critical_angles(grasps)
     return angles

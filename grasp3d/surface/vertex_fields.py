@@ -75,16 +75,6 @@ def _free_angles(labels: VertexGrasps) -> Array | None:
     return None if free is None or not free.shape[1] else packed_bits(free)
 
 
-def _partner(name: str, number: int) -> Callable[[VertexGrasps], Array | None]:
-    """Opposing contacts as surface points, of the best grasps over the worst or best normals."""
-
-    def values(labels: VertexGrasps) -> Array | None:
-        points = labels.partner_points
-        return None if points is None else np.asarray(getattr(points, name)[:, number])
-
-    return values
-
-
 INDEX = Allowed(0)
 
 ANGLE_BOUNDS = (
@@ -107,22 +97,13 @@ POSES = (
 )
 
 
-def _partner_points(number: int, head: str) -> tuple[Field, Field]:
-    """The surface points of the other contacts of one of a vertex's two grasps."""
-    each = f"{head}partner_{{}}_weight"
-    return (
-        Field(f"{head}partner_faces", "", ("n-1",), Allowed(-1), of=_partner("faces", number),
-              kind="i8", each=f"{head}partner_{{}}_face"),
-        Field(f"{head}partner_weights", "", ("n-1", 3), KNOWN_OR_NAN, each=each,
-              of=_partner("weights", number),
-              columns=tuple(f"{each}_{corner}" for corner in (1, 2, 3))),
-    )  # fmt: skip
-
-
 RESTORING = (
     Field("canonical", "", (), INDEX, of=attrgetter("mesh.canonical"), kind="i8"),
-    *_partner_points(0, ""),
-    *_partner_points(1, "best_"),
+    Field("partner_faces", "", ("n-1",), Allowed(-1), of=of_part("partner_points", "faces"),
+          kind="i8", each="partner_{}_face"),
+    Field("partner_weights", "", ("n-1", 3), KNOWN_OR_NAN, of=of_part("partner_points", "weights"),
+          each="partner_{}_weight",
+          columns=tuple(f"partner_{{}}_weight_{corner}" for corner in (1, 2, 3))),
     Field("lateral", "", (3,), KNOWN_OR_NAN, of=_pose(1), when="gripper"),
     replace(DEPTH, name="held_opening", ply="", of=of_part("reach", "opening")),
     Field("reach_state", kind="u1", of=of_part("reach", "state"), when="gripper",

@@ -23,7 +23,7 @@ from grasp3d.settings import GraspModel, Sampling
 from grasp3d.stability.label import Label, Mode
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.contacts import SurfaceContacts, with_vertices
-from grasp3d.surface.grasp_table import COMPUTED, BestNormalGrasps, GraspTable
+from grasp3d.surface.grasp_table import COMPUTED, GraspTable
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.load_result import LoadResult
@@ -78,8 +78,7 @@ class IndexedGrasps(LabelledGrasps):
     def critical_angle_best(self) -> Floats:
         """The same over the best normals, shape (k,).
 
-        Different at creases, and where locations are uncertain: there it is that of the best
-        aligned grasp, which may have less margin than that of `critical_angle`.
+        Different at creases only.
         """
         return self._gathered(self.grasps.critical_angle_best, self.no_angle)
 
@@ -173,10 +172,10 @@ class SearchReport:
     """Largest critical friction angle that was searched for [rad]; for two fingers the half-angle
     of the cones about the inward normals that were searched."""
     rays: int = 0
-    """Number of rays traced, for two fingers."""
+    """Number of rays traced, for two fingers that expand."""
     evaluated: int = 0
     """Number of candidate grasps evaluated, for three fingers and more; for two fingers that
-    squeeze, faces on which the best contact was computed, 0 where the search is by rays."""
+    squeeze, faces on which the best contact was computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,8 +186,7 @@ class VertexGrasps(IndexedGrasps):
     """
 
     grasps: GraspTable
-    """The best grasps over the worst normals, a row for each position that has a grasp; and
-    the grasps that are better over the best normals."""
+    """The best grasps, a row for each position that has one."""
     row: Ints
     """Row of each vertex's grasp in that table, -1: none, shape (V,)."""
     reason: Bytes
@@ -246,11 +244,10 @@ class VertexGrasps(IndexedGrasps):
         row = np.full(count, NO_ROW, dtype=np.int64)
         row[vertices] = np.arange(len(vertices))
         table = GraspTable(
-            contacts=grasps_at(mesh, partner_points, vertices, 0),
+            contacts=grasps_at(mesh, partner_points, vertices),
             model=model,
             critical_angle=locked(angles[0][vertices]),
             critical_angle_best=locked(angles[1][vertices]),
-            best_normals=_best_normals(mesh, partner_points, vertices),
             points=locked(
                 np.concatenate([mesh.vertices[vertices, None], partners[vertices]], axis=1)
             ),
@@ -313,18 +310,11 @@ class VertexGrasps(IndexedGrasps):
 
     @cached_property
     def partner_points(self) -> SurfacePoints:
-        """Opposing contacts as surface points, shape (V, 2, n - 1); face -1: no grasp.
-
-        Of the best grasp over the worst normals, which are `partners`, and of the best grasp over
-        the best normals.
-        """
-        points, other = self.grasps.contacts.surface_points, self.grasps.best_normals
-        faces = np.repeat(points.faces[:, None, 1:], 2, axis=1)
-        weights = np.repeat(points.weights[:, None, 1:], 2, axis=1)
-        if other is not None:
-            faces[other.rows, 1] = other.contacts.surface_points.faces[:, 1:]
-            weights[other.rows, 1] = other.contacts.surface_points.weights[:, 1:]
-        return SurfacePoints(self._gathered(faces, -1), self._gathered(weights, 0.0))
+        """Opposing contacts as surface points, shape (V, n - 1); face -1: no grasp."""
+        points = self.grasps.contacts.surface_points
+        return SurfacePoints(
+            self._gathered(points.faces[:, 1:], -1), self._gathered(points.weights[:, 1:], 0.0)
+        )
 
     @cached_property
     def opening(self) -> Floats:
@@ -362,38 +352,16 @@ class VertexGrasps(IndexedGrasps):
         return None if self.reach is None else self.reach.approach_margin
 
 
-def grasps_at(
-    mesh: ObjectMesh, partner_points: SurfacePoints, vertices: Ints, number: int
-) -> SurfaceContacts:
+def grasps_at(mesh: ObjectMesh, partner_points: SurfacePoints, vertices: Ints) -> SurfaceContacts:
     """The grasps of chosen vertices as contacts on the surface.
 
     Args:
         mesh: The surface.
-        partner_points: Opposing contacts of every vertex's two grasps, shape (V, 2, n - 1).
-        vertices: Chosen vertices, shape (b,), which have both grasps.
-        number: 0: the best grasp over the worst normals; 1: over the best normals.
+        partner_points: Opposing contacts of every vertex's grasp, shape (V, n - 1).
+        vertices: Chosen vertices, shape (b,), which have a grasp.
 
     Returns:
         The grasps (b, n), the contacts at the vertices first.
     """
-    points = SurfacePoints(
-        partner_points.faces[vertices, number], partner_points.weights[vertices, number]
-    )
+    points = SurfacePoints(partner_points.faces[vertices], partner_points.weights[vertices])
     return SurfaceContacts(mesh, with_vertices(mesh, vertices, points))
-
-
-def grasps_differ(partner_points: SurfacePoints, vertices: Ints) -> Bools:
-    """Whether the best grasps over the best and over the worst normals differ, shape (b,)."""
-    faces, weights = partner_points.faces[vertices], partner_points.weights[vertices]
-    same = (faces[:, 0] == faces[:, 1]) & (weights[:, 0] == weights[:, 1]).all(axis=-1)
-    return np.asarray(~same.all(axis=-1))
-
-
-def _best_normals(
-    mesh: ObjectMesh, partner_points: SurfacePoints, vertices: Ints
-) -> BestNormalGrasps | None:
-    """The grasps of vertices over the best normals, where they differ; None: nowhere."""
-    rows = np.flatnonzero(grasps_differ(partner_points, vertices))
-    if not len(rows):
-        return None
-    return BestNormalGrasps(locked(rows), grasps_at(mesh, partner_points, vertices[rows], 1))

@@ -5,23 +5,23 @@ import math
 import numpy as np
 
 from grasp3d._kernels.search.antipodal_candidates import PairLimits
-from grasp3d._kernels.search.face_contacts import OwnNormals, PairDomain, read_face, read_own
+from grasp3d._kernels.search.face_contacts import PairDomain, read_face
 from grasp3d._kernels.surface.face_tree import face_tree
 from grasp3d.arrays import Floats
 from grasp3d.mesh import ObjectMesh
 
 
-def domain_of(mesh: ObjectMesh, largest: float = math.inf) -> PairDomain:
-    """The whole surface, with a largest opening."""
+def domain_of(mesh: ObjectMesh, largest: float = math.inf, smallest: float = 1e-6) -> PairDomain:
+    """The whole surface, with limits of openings."""
     surface = mesh.contact_surface
-    centres, limits = mesh.normal_centres, PairLimits(1e-6, largest)
+    centres, limits = mesh.normal_centres, PairLimits(smallest, largest)
     return PairDomain(surface, mesh.contact_normals, centres, face_tree(surface), limits)
 
 
-def own_normals(mesh: ObjectMesh, vertex: int, *, worst: bool) -> OwnNormals:
-    """The normals of a vertex."""
-    rows = np.empty((mesh.contact_normals.counts.max(), 12))
-    return OwnNormals(rows, read_own(vertex, mesh.contact_normals, rows), worst)
+def own_normals(mesh: ObjectMesh, vertex: int) -> Floats:
+    """The normals of a vertex (k, 3)."""
+    sets = mesh.contact_normals
+    return sets.normals[sets.start[vertex] :][: sets.counts[vertex]]
 
 
 def read(mesh: ObjectMesh, face: int, vertex: int) -> tuple[Floats, Floats]:

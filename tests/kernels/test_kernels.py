@@ -123,15 +123,14 @@ def test_coincident_contacts_have_no_angle() -> None:
 
 
 def initial_directions(sets: ContactNormals, centre: Floats, radius: float, cone: float) -> Floats:
-    """Closing directions of the first 500 rays of one vertex that squeezes."""
+    """Closing directions of the first 500 rays of one vertex."""
     nowhere = np.zeros((1, 3))
     tangent = np.cross(centre, [0.6, 0.8, 0.1])[None]
     tangent /= np.linalg.norm(tangent)
     around = np.zeros(2, dtype=np.int64), np.zeros(0, dtype=np.int64)
     origins = Origins(nowhere, sets, centre[None], tangent, np.array([radius]), around, cone)
-    rays = seed_rays(np.array([0]), 500, (0, 500), 1, origins, no_pairs(1, 3, 1.0))
+    rays = seed_rays(np.array([0]), 500, (0, 500), origins, no_pairs(1, 3, 1.0))
     assert set(rays.owner) == {0}
-    assert set(rays.signs) == {1}
     return np.array(rays.closing)
 
 

@@ -26,7 +26,7 @@ from grasp3d.contact.friction_cones import tilted_normals
 from grasp3d.errors import SettingError
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.surface.grasp_numbers import hull_labels
-from grasp3d.surface.vertex_grasps import grasps_at
+from grasp3d.surface.vertex_grasps import Reason, grasps_at
 from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.tilts import all_combinations
@@ -244,21 +244,15 @@ def test_a_vertex_that_may_have_any_normal_is_not_stable() -> None:
     assert set(scan.label) == {U, M}
 
 
-def test_the_better_label_of_two_grasps_is_used() -> None:
-    """At creases the best grasps over the best and the worst normals may differ."""
+def test_labels_at_creases_are_those_of_the_grasps() -> None:
     labels = labelled("coarse box")
     mesh = labels.mesh
-    vertices = np.unique(mesh.canonical)
-    found = [
-        hull_labels(grasps_at(mesh, labels.partner_points, vertices, number), labels.model)
-        for number in (0, 1)
-    ]
-    np.testing.assert_array_equal(labels.label[vertices], np.maximum(*found))
-    for number, positions in enumerate(
-        labels.partner_points.positions(mesh)[:, :, 0].swapaxes(0, 1)
-    ):
-        distances = np.linalg.norm(positions - labels.partners[:, 0], axis=1)
-        assert number == 1 or distances.max() <= 1e-6
+    vertices = np.unique(mesh.canonical[labels.reason == Reason.FOUND])
+    grasps = grasps_at(mesh, labels.partner_points, vertices)
+    assert grasps.on_crease.any()
+    np.testing.assert_array_equal(labels.label[vertices], hull_labels(grasps, labels.model))
+    distances = np.linalg.norm(grasps.points[:, 1] - labels.partners[vertices, 0], axis=1)
+    assert distances.max() <= 1e-6
 
 
 @pytest.mark.slow

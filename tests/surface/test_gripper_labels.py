@@ -142,7 +142,7 @@ def test_every_grasp_of_a_vertex_is_reached(hand: ParallelGripper) -> None:
     found = np.flatnonzero(labels.reason == Reason.FOUND)
     assert (reach.reached == (labels.reason == Reason.FOUND)).all()
     assert len(found) > 50
-    contacts = grasps_at(mesh, labels.partner_points, found, 0)
+    contacts = grasps_at(mesh, labels.partner_points, found)
     again = reach_grasps(mesh, contacts.points, contacts.normals, hand, table=labels.scene.table)
     assert again.reached.all()
     np.testing.assert_allclose(again.poses, reach.poses[found], atol=1e-9)
@@ -159,13 +159,13 @@ def test_searching_on_makes_no_grasp_worse(monkeypatch: pytest.MonkeyPatch) -> N
     """It finds much better ones near contacts that are not reached, and keeps what was found."""
     mesh = load_mesh(shapes.LIBRARY / "knob.ply", unit="m")
     model = GraspModel(friction=0.5, sensor_resolution=math.radians(22.6))
-    before, search_on = [], reachable.ReachSearch._search_on  # noqa: SLF001
+    before, search_on = [], reachable.SqueezingReach._search_on  # noqa: SLF001
 
     def recorded(self, ideal, missing, reached, neighbours):  # noqa: ANN001, ANN202
         before.append(reached.worst.copy())
         search_on(self, ideal, missing, reached, neighbours)
 
-    monkeypatch.setattr(reachable.ReachSearch, "_search_on", recorded)
+    monkeypatch.setattr(reachable.SqueezingReach, "_search_on", recorded)
     labels, again = (
         running(threads=threads)(label_surface)(mesh, model, hand=ParallelGripper.preset("franka"))
         for threads in (1, 3)
@@ -203,7 +203,7 @@ def test_what_a_larger_gripper_reaches_a_smaller_one_reaches(name: str) -> None:
         finger_width=0.01, pad_width=0.01,
     )  # fmt: skip
     found = np.flatnonzero(large.reason == Reason.FOUND)
-    contacts = grasps_at(large.mesh, large.partner_points, found, 0)
+    contacts = grasps_at(large.mesh, large.partner_points, found)
     reach = reach_grasps(
         large.mesh, contacts.points, contacts.normals, small, table=large.scene.table
     )

@@ -109,8 +109,8 @@ def test_every_grasp_has_the_angle_of_its_label(shape: str, fingers: int) -> Non
     grasps = SurfaceContacts(
         mesh,
         type(others)(
-            np.concatenate([first.faces[:, None], others.faces[smooth, 0]], axis=1),
-            np.concatenate([first.weights[:, None], others.weights[smooth, 0]], axis=1),
+            np.concatenate([first.faces[:, None], others.faces[smooth]], axis=1),
+            np.concatenate([first.weights[:, None], others.weights[smooth]], axis=1),
         ),
     )
     assert not grasps.on_crease.any()

@@ -116,7 +116,7 @@ def test_scans_consider_all_normals_at_creases() -> None:
     mesh = box()
     scan = scan_surface(mesh, fixed=[[0.5, 0.2, 0.3], [-0.5, 0.7, 0.1]])  # the second on an edge
     found = np.flatnonzero(scan.reason == Reason.FOUND)
-    grasps = grasps_at(mesh, scan.partner_points, found, 0)
+    grasps = grasps_at(mesh, scan.partner_points, found)
     assert grasps.on_crease[:, 2].all()
     worst, best = critical_angles(grasps)
     np.testing.assert_array_equal(scan.critical_angle[found], worst)
@@ -219,13 +219,13 @@ def test_two_fingers_keep_their_threshold_beyond_90_degrees() -> None:
 
 
 def grasps_with_partners(mesh: ObjectMesh, others: Any) -> MultifingerGrasps:
-    """Result of a search with given opposing vertices: two grasps per vertex, -1: no grasp."""
+    """Result of a search with given opposing vertices, -1: no grasp."""
     from grasp3d.surface.contacts import vertex_surface_points
 
-    numbers = np.asarray(others)  # (V, 2, n - 1)
+    numbers = np.asarray(others)  # (V, n - 1)
     points = vertex_surface_points(mesh, np.maximum(numbers, 0))
     faces = np.where(numbers >= 0, points.faces, -1)
-    reason = np.where((numbers >= 0).any(axis=(1, 2)), Reason.FOUND, Reason.NO_PARTNER)
+    reason = np.where((numbers >= 0).all(axis=1), Reason.FOUND, Reason.NO_PARTNER)
     return MultifingerGrasps(
         partner_points=SurfacePoints(faces, points.weights),
         reason=reason.astype(np.uint8),
@@ -240,8 +240,8 @@ def test_labels_evaluate_the_grasps_that_were_found(monkeypatch: pytest.MonkeyPa
     count, rng = len(mesh.vertices), np.random.default_rng(0)
     used = np.unique(mesh.faces)
     smooth = used[mesh.contact_normals.counts[used] == 1]
-    others = rng.choice(smooth, (count, 2, 2))
-    others[3], others[4, 0], others[5, 1] = -1, -1, -1
+    others = rng.choice(smooth, (count, 2))
+    others[3] = -1
     found = grasps_with_partners(mesh, others[mesh.canonical])
     arguments: list[Any] = []
 
@@ -255,21 +255,15 @@ def test_labels_evaluate_the_grasps_that_were_found(monkeypatch: pytest.MonkeyPa
     assert arguments[1] == 3
     assert arguments[3] == pytest.approx(model.friction_angle + model.tilt)
     with_grasp = used[used != 3]
-    worst, best = critical_angles(grasps_at(mesh, labels.partner_points, with_grasp, 0))
+    worst, best = critical_angles(grasps_at(mesh, labels.partner_points, with_grasp))
     np.testing.assert_array_equal(labels.critical_angle[with_grasp], worst)
-    _, other = critical_angles(grasps_at(mesh, labels.partner_points, with_grasp, 1))
-    np.testing.assert_array_equal(labels.critical_angle_best[with_grasp], np.minimum(best, other))
-    assert (other < best).any()
+    np.testing.assert_array_equal(labels.critical_angle_best[with_grasp], best)
+    assert (best < worst).any()
     assert labels.label[3] == U
     assert labels.reason[3] == Reason.NO_PARTNER
     assert math.isinf(labels.critical_angle[3])
     assert np.isnan(labels.partners[3]).all()
-    # A vertex with only one of the two grasps has it as both.
-    for v, number in ((4, 1), (5, 0)):
-        assert (
-            labels.partner_points.faces[v, 0].tolist() == labels.partner_points.faces[v, 1].tolist()
-        )
-        assert labels.partners[v] == pytest.approx(mesh.vertices[others[v, number]])
+    assert labels.partners[4] == pytest.approx(mesh.vertices[others[4]])
     duplicates = np.arange(len(vertices), len(vertices) + 2)
     np.testing.assert_array_equal(labels.critical_angle[duplicates], labels.critical_angle[:2])
     np.testing.assert_array_equal(labels.partners[duplicates], labels.partners[:2])

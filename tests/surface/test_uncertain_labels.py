@@ -69,7 +69,7 @@ def test_labels_are_those_of_the_same_grasps_as_contacts(labels: SurfaceLabels) 
     """Smooth contacts: `classify` with the same errors."""
     found = labels.relabel(friction=(0.4, 0.6), location_error=0.05)
     vertices = np.flatnonzero(found.reason == Reason.FOUND)
-    grasps = grasps_at(found.mesh, found.partner_points, vertices, 0)
+    grasps = grasps_at(found.mesh, found.partner_points, vertices)
     smooth = np.asarray(~grasps.on_crease.any(axis=1))
     assert smooth.sum() > 50
     chosen = grasps.take(smooth)
@@ -191,7 +191,7 @@ def test_three_fingers_are_safe() -> None:
     assert (unsure.margin < known.margin)[np.isfinite(known.margin)].all()
     vertices = np.flatnonzero(unsure.label == Label.S)[:20]
     rng = np.random.default_rng(0)
-    contacts = grasps_at(mesh, unsure.partner_points, vertices, 0).contacts(unsure.model)
+    contacts = grasps_at(mesh, unsure.partner_points, vertices).contacts(unsure.model)
     shift = rng.normal(size=contacts.points.shape)
     shift *= 0.02 * mesh.size / np.linalg.norm(shift, axis=2, keepdims=True)
     moved = Contacts(contacts.points + shift, contacts.normals, contacts.friction)

@@ -2,9 +2,9 @@
 
 Two fingers are force-closed where the line between the contacts lies inside both friction cones
 (Nguyen 1988), so the critical friction angle of a pair is the larger of the two angles between the
-line and the normals. Each vertex keeps its best grasp and a small sorted cache of the best closing
-directions that differ clearly; the search is refined around all of them, since the best direction
-of a coarse sample need not lead to the best grasp.
+line and the normals. Each vertex keeps its best grasp, over the worst normals of the contacts, and
+a small sorted cache of the best closing directions that differ clearly; a search by rays is refined
+around all of them, since the best direction of a coarse sample need not lead to the best grasp.
 """
 
 import math
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.array_types import Bytes1, Floats1, Floats2, Floats3, Int8s1, Int8s2, Ints2
+from grasp3d._kernels.array_types import Bytes1, Floats1, Floats2, Floats3, Ints1
 from grasp3d._kernels.compiling import merged
 from grasp3d._kernels.surface.surface_contacts import (
     largest_angle,
@@ -24,6 +24,9 @@ from grasp3d._kernels.surface.vectors import copy, difference, dot, norm, scaled
 
 TIE = 1e-7
 """Angle by which a candidate must be better, so that rounding errors do not decide ties [rad]."""
+
+SMALLEST_OPENING = 1e-6
+"""Smallest opening, in object sizes, that 32-bit rays can resolve."""
 
 FOUND, NO_PARTNER, OPENING = 0, 1, 2
 """Reason codes: a grasp was found; no second contact was; all openings were outside the limits."""
@@ -39,79 +42,69 @@ class PairLimits(NamedTuple):
 
 
 class BestPairs(NamedTuple):
-    """The best antipodal grasps found so far, a row per vertex; written in place."""
+    """The best antipodal grasps found so far, a row per vertex; written in place.
+
+    All are external, or all internal: fingers squeeze, or expand.
+    """
 
     worst: Floats1
     """Critical angle over the worst normals [rad]."""
     best: Floats1
-    """Smallest critical angle over the best normals, possibly of another grasp [rad]."""
+    """Critical angle of the same grasp over the best normals [rad]."""
     closing: Floats2
-    """Closing direction of the grasp of `worst` (V, 3)."""
-    closing_best: Floats2
-    """Closing direction of the grasp of `best` (V, 3)."""
+    """Closing direction (V, 3)."""
     partner: Floats2
-    """Second contact of the grasp of `worst` (V, 3)."""
+    """Second contact (V, 3)."""
     partner_normal: Floats2
-    """Inward unit normal at the second contact (V, 3)."""
-    faces: Ints2
-    """Face of the second contact, of the grasp of `worst` and of that of `best` (V, 2); -1 none."""
-    weights: Floats3
-    """Their barycentric coordinates (V, 2, 3)."""
-    signs: Int8s1
-    """+1 squeeze, -1 expand, of the grasp of `worst`."""
-    signs_best: Int8s1
-    """The same for the grasp of `best`."""
+    """Inward unit normal there (V, 3)."""
+    faces: Ints1
+    """Face of the second contact, -1 none (V,)."""
+    weights: Floats2
+    """Its barycentric coordinates (V, 3)."""
     reason: Bytes1
     """FOUND, NO_PARTNER or OPENING."""
     starts: Floats3
     """Cache of the best closing directions that differ clearly, sorted by angle (V, k, 3)."""
     start_angles: Floats2
     """Their critical angles over the worst normals [rad] (V, k)."""
-    start_signs: Int8s2
-    """+1 squeeze, -1 expand (V, k)."""
     distinct_cosine: float
     """Cosine of the angle from which two closing directions count as different."""
 
 
-def no_pairs(count: int, starts: int, distinct_cosine: float) -> BestPairs:
+def no_pairs(count: int, starts: int = 1, distinct_cosine: float = 1.0) -> BestPairs:
     """Grasps of a number of vertices before any was found, with so many cached directions."""
     return BestPairs(
         worst=np.full(count, math.inf),
         best=np.full(count, math.inf),
         closing=np.zeros((count, 3)),
-        closing_best=np.zeros((count, 3)),
         partner=np.full((count, 3), math.nan),
         partner_normal=np.full((count, 3), math.nan),
-        faces=np.full((count, 2), -1, dtype=np.int64),
-        weights=np.zeros((count, 2, 3)),
-        signs=np.zeros(count, dtype=np.int8),
-        signs_best=np.zeros(count, dtype=np.int8),
+        faces=np.full(count, -1, dtype=np.int64),
+        weights=np.zeros((count, 3)),
         reason=np.full(count, NO_PARTNER, dtype=np.uint8),
         starts=np.zeros((count, starts, 3)),
         start_angles=np.full((count, starts), math.inf),
-        start_signs=np.zeros((count, starts), dtype=np.int8),
         distinct_cosine=distinct_cosine,
     )
 
 
 @merged
-def _keep_start(v, sign, direction, angle, grasps):
+def _keep_start(v, direction, angle, grasps):
     """Insert a closing direction into a vertex's sorted cache of clearly different ones."""
-    directions, angles, signs = grasps.starts[v], grasps.start_angles[v], grasps.start_signs[v]
+    directions, angles = grasps.starts[v], grasps.start_angles[v]
     row = angles.shape[0] - 1
     for k in range(angles.shape[0]):  # replace a similar direction, and only by a better one
-        similar = dot(direction, directions[k]) > grasps.distinct_cosine
-        if angles[k] < math.inf and signs[k] == sign and similar:
+        if angles[k] < math.inf and dot(direction, directions[k]) > grasps.distinct_cosine:
             row = k
             break
     if angle >= angles[row] - TIE:
         return
     # Insertion sort: worse entries move down, the last one, or the similar one, is dropped.
     while row > 0 and angle < angles[row - 1] - TIE:
-        angles[row], signs[row] = angles[row - 1], signs[row - 1]
+        angles[row] = angles[row - 1]
         copy(directions[row - 1], directions[row])
         row -= 1
-    angles[row], signs[row] = angle, sign
+    angles[row] = angle
     copy(direction, directions[row])
 
 
@@ -121,12 +114,12 @@ def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasp
     start, counts, normals = sets.start, sets.counts, sets.normals
     direction = scaled(sign / opening, difference(partner, surface.points[v]))
     x, y, z = direction
-    low = smallest_angle(normals, start[v], counts[v], x, y, z)
-    if low > grasps.start_angles[v, -1]:
-        return  # a lower bound of both angles, and worse than the whole cache
-    high = low
+    high = largest_angle(normals, start[v], counts[v], x, y, z)
+    if high > grasps.start_angles[v, -1]:
+        return  # worse than the whole cache
+    low = high
     if counts[v] != 1:
-        high = largest_angle(normals, start[v], counts[v], x, y, z)
+        low = smallest_angle(normals, start[v], counts[v], x, y, z)
     count, vertex = write_normals(face, weights, surface, sets, scratch)
     # The angles at the second contact, against the opposite direction; a vertex has its own set.
     if vertex >= 0:
@@ -137,20 +130,15 @@ def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasp
     else:
         low = max(low, smallest_angle(scratch, 0, count, -x, -y, -z))
         high = max(high, largest_angle(scratch, 0, count, -x, -y, -z))
-    # `high` decides the grasp of `worst` and the cache, `low` that of `best`: they may differ.
     if high < grasps.start_angles[v, -1]:
-        _keep_start(v, sign, direction, high, grasps)
+        _keep_start(v, direction, high, grasps)
     if high < grasps.worst[v] - TIE:
-        grasps.worst[v], grasps.reason[v] = high, FOUND
-        grasps.signs[v], grasps.faces[v, 0] = sign, face
+        grasps.worst[v], grasps.best[v], grasps.reason[v] = high, low, FOUND
+        grasps.faces[v] = face
         copy(direction, grasps.closing[v])
         copy(partner, grasps.partner[v])
         copy(scratch[0], grasps.partner_normal[v])
-        copy(weights, grasps.weights[v, 0])
-    if low < grasps.best[v] - TIE:
-        grasps.best[v], grasps.signs_best[v], grasps.faces[v, 1] = low, sign, face
-        copy(direction, grasps.closing_best[v])
-        copy(weights, grasps.weights[v, 1])
+        copy(weights, grasps.weights[v])
 
 
 @merged

@@ -36,6 +36,9 @@ class Plane(NamedTuple):
     """Contacts relative to their centroid, scaled to a longest side of 1 (3, 2)."""
     normals: Floats2
     """Their normals projected to the plane (3, 2)."""
+    radii: Floats1
+    """Angle by which each friction cone is narrower [rad] (3,): up to which its normal may differ
+    from the true one."""
     edges: Floats2
     """Wrenches (force, moment) of the two edges of each planar cone (6, 3)."""
     separating: Floats1
@@ -57,6 +60,7 @@ def make_plane(normals: int = 1) -> Plane:
         frame=np.zeros((3, 3)),
         positions=np.zeros((3, 2)),
         normals=np.zeros((3, 2)),
+        radii=np.zeros(3),
         edges=np.zeros((6, 3)),
         separating=np.zeros(3),
         arcs=np.zeros((3, 2)),
@@ -100,8 +104,9 @@ def set_contact_plane(points, plane):
 
 
 @merged
-def set_normal(normal, i, plane):
+def set_normal(normal, radius, i, plane):
     """Project a contact's normal to the plane; returns the sine of its elevation."""
+    plane.radii[i] = radius
     for k in range(2):
         plane.normals[i, k] = dot(plane.frame[k], normal)
     return abs(dot(plane.frame[2], normal))
@@ -115,7 +120,7 @@ def _set_edge(row, i, x, y, plane):
 
 
 @merged
-def set_cone(i, cosine, plane):
+def _set_cone(i, cosine, plane):
     """Write the edges of a contact's planar cone; returns whether its cone intersects the plane.
 
     A friction cone of half-angle beta about a normal whose projection has length l meets the plane
@@ -161,15 +166,37 @@ def cones_force_closed(plane):
 
 
 @merged
-def _proven_sine(plane):
-    """Sine of a lower bound of the critical angle: the direction `separating` proves it."""
-    u, least = plane.separating, 1.0
+def set_cones(angle, plane):
+    """Write the edges of all cones at a friction angle; returns whether all intersect the plane."""
+    cosine = math.cos(angle)
+    for i in range(3):
+        radius = plane.radii[i]
+        own = math.cos(angle - radius) if radius > 0.0 else cosine
+        if angle < radius or not _set_cone(i, own, plane):
+            return False
+    return True
+
+
+@merged
+def arc_sine(sine):
+    """Angle of a sine that rounding errors may have moved out of its range [rad]."""
+    return math.asin(min(max(sine, -1.0), 1.0))
+
+
+@merged
+def _proven_angle(plane):
+    """A lower bound of the critical angle [rad]: the direction `separating` proves it."""
+    u, least, angle = plane.separating, 1.0, math.pi
     for i in range(3):
         gx, gy = u[0] - u[2] * plane.positions[i, 1], u[1] + u[2] * plane.positions[i, 0]
         work = math.sqrt(gx * gx + gy * gy)
         if work > 0.0:
-            least = min(least, -(gx * plane.normals[i, 0] + gy * plane.normals[i, 1]) / work)
-    return least
+            sine = -(gx * plane.normals[i, 0] + gy * plane.normals[i, 1]) / work
+            if plane.radii[i] > 0.0:
+                angle = min(angle, arc_sine(sine) + plane.radii[i])
+            else:
+                least = min(least, sine)
+    return min(angle, arc_sine(least))
 
 
 @part
@@ -178,19 +205,19 @@ def critical_of_normals(plane, low, high, tolerance):
 
     Args:
         plane: `Plane` of the contacts.
-        low: Lower bound [rad]: the largest elevation of a normal over the plane.
+        low: Lower bound [rad]: the largest sum of the elevation of a normal over the plane and its
+            radius.
         high: Upper bound, at most pi / 2 [rad]; returned where nothing lower is force-closed.
         tolerance: Width of the bracket [rad] whose upper end is returned.
     """
     while high - low > tolerance:
         middle = 0.5 * (low + high)
-        cosine = math.cos(middle)
-        if set_cone(0, cosine, plane) and set_cone(1, cosine, plane) and set_cone(2, cosine, plane):
+        if set_cones(middle, plane):
             if cones_force_closed(plane):
                 high = middle
                 continue
             # The separating direction proves a lower bound, often above the middle.
-            low = max(low, min(math.asin(min(max(_proven_sine(plane), -1.0), 1.0)), high))
+            low = max(low, min(_proven_angle(plane), high))
         low = max(low, middle)
     return high
 
@@ -344,6 +371,6 @@ def critical_of_three(points, normals, tolerance, plane, angles):
             continue
         sine = 0.0
         for i in range(3):
-            sine = max(sine, set_normal(normals[g, i], i, plane))
+            sine = max(sine, set_normal(normals[g, i], 0.0, i, plane))
         low = math.asin(min(sine, 1.0))
         angles[g] = critical_of_normals(plane, low, 0.5 * math.pi, tolerance)

@@ -6,9 +6,6 @@ Angles are compared by their cosines, which saves most of the time: the larger c
 import math
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
 from grasp3d._kernels.array_types import FixedFloats2
 from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.search.antipodal_candidates import PairLimits
@@ -35,9 +32,6 @@ INSIDE = 2e-9
 STEPS = (0.4, 0.25, 0.15, 0.1, 0.05)
 """Steps of barycentric coordinates by which a contact is moved over its face."""
 
-TOTAL = sum(STEPS)
-"""Farthest that they move it."""
-
 NONE = -2.0
 """In place of a cosine: no grasp."""
 
@@ -53,76 +47,12 @@ class PairDomain(NamedTuple):
     limits: PairLimits
 
 
-class OwnNormals(NamedTuple):
-    """The normals of a vertex, and which of them counts."""
-
-    rows: npt.NDArray[np.float64]
-    """As `read_own` writes them (k, 12)."""
-    size: int
-    """Their number."""
-    worst: bool
-    """Whether the worst one counts, or the best one."""
-
-
-@merged
-def write_side(own, i, after):
-    """Write the side of a polygon from one of its normals to another, as in `read_own`."""
-    axis = cross(own[i], own[after])
-    axis = divided(axis, max(norm(axis), 1e-300))
-    from_one, to_other = cross(axis, own[i]), cross(own[after], axis)
-    for k in range(3):
-        own[i, 3 + k], own[i, 6 + k], own[i, 9 + k] = axis[k], from_one[k], to_other[k]
-
-
-@part
-def read_own(v, sets, own):
-    """Write the normals of a vertex and the sides of their polygon, a row each; returns the number.
-
-    A row has a normal a, the axis w of the great circle to the next one, b, and w x a and b x w,
-    from which a direction is between the two.
-    """
-    start, count = sets.start[v], sets.counts[v]
-    for i in range(count):
-        copy(sets.normals[start + i], own[i])
-    for i in range(count):
-        write_side(own, i, (i + 1) % count)
-    return count
-
-
-@part
-def _cosine_to_nearest(own, count, line):
-    """Length of a vector times the cosine of its smallest angle to a polygon of normals."""
-    if count == 0:
-        return norm(line)
-    square, greatest, inside = dot(line, line), -math.inf, True
-    for i in range(1 if count == 2 else count):
-        height = dot(triple(own[i], 3), line)
-        if count > 2 and height >= 0.0:  # inside a polygon all its sides are passed on the left
-            continue
-        inside = False
-        if dot(triple(own[i], 6), line) >= 0.0 and dot(triple(own[i], 9), line) >= 0.0:
-            greatest = max(greatest, math.sqrt(max(square - height * height, 0.0)))
-        else:
-            greatest = max(greatest, dot(own[i], line), dot(own[(i + 1) % count], line))
-    return math.sqrt(square) if inside else greatest
-
-
-@merged
-def best_cosine(own, count, line):
-    """Cosine of the angle between a vector and the vertex's best normal."""
-    if count == 1:
-        return dot(own[0], line) / norm(line)
-    return _cosine_to_nearest(own, count, line) / norm(line)
-
-
 @merged
 def own_cosine(own, line):
-    """Cosine of the angle between a vector and the normal of `OwnNormals` that counts."""
-    if not own.worst:
-        return best_cosine(own.rows, own.size, line)
+    """Cosine of the angle between a vector and the vertex's worst normal; inf: it has none."""
     least = math.inf
-    for i in range(own.size):
-        least = min(least, dot(own.rows[i], line))
+    for i in range(own.shape[0]):
+        least = min(least, dot(own[i], line))
     return least / norm(line)
 
 
@@ -213,38 +143,20 @@ def cosine_at(weights, lines, normals, own, limits):
 
 
 @part
-def turning_speed(weights, lines, normals, cos_spread):
-    """Upper bound of the change of the angle per unit of barycentric coordinates [rad]."""
-    edge = longest_difference(lines)
-    nearest = norm(weighted_sum(weights, lines[0], lines[1], lines[2])) - TOTAL * edge
-    if nearest <= 0.0 or cos_spread <= 0.0:
-        return math.inf
-    return edge / nearest + longest_difference(normals) / cos_spread
-
-
-@part
-def move_on_face(weights, cosine, turning, limit, lines, normals, own, limits):
+def move_on_face(weights, cosine, lines, normals, own, limits):
     """Move a contact over its face in ever smaller steps while the angle falls; returns its cosine.
 
     Each step is the best of the six from one corner toward another, whatever the corners' order.
-    It ends where the remaining steps cannot reach the limit.
 
     Args:
         weights: Barycentric coordinates of the contact (3,); written.
         cosine: Cosine of its critical angle.
-        turning: Upper bound of the change of that angle by a step of 1 [rad].
-        limit: Angle to be improved [rad].
         lines: Lines from the vertex to the corners (3, 3).
         normals: Normals at the corners (3, 3).
-        own: `OwnNormals`.
+        own: Normals of the vertex (k, 3).
         limits: `PairLimits`.
     """
-    remaining = TOTAL
     for step in STEPS:
-        within = limit + remaining * turning
-        if within < math.pi and cosine <= math.cos(within):
-            return cosine
-        remaining -= step
         best_giving, best_taking, best_moved = 0, 0, 0.0
         for k in range(6):
             giving, taking = k % 3, (k + 1 + k // 3) % 3

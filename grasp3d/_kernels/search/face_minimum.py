@@ -14,7 +14,8 @@ of the point's barycentric coordinates.
 import math
 
 from grasp3d._kernels.compiling import merged, part
-from grasp3d._kernels.search.face_contacts import INSIDE
+from grasp3d._kernels.search.antipodal_candidates import SMALLEST_OPENING, PairLimits
+from grasp3d._kernels.search.face_contacts import INSIDE, longest_difference
 from grasp3d._kernels.surface.polygons import centroid, cut, stays_inside
 from grasp3d._kernels.surface.vectors import (
     combined,
@@ -29,49 +30,23 @@ from grasp3d._kernels.surface.vectors import (
 
 
 @part
-def _nearest_normal(own, count, line, nearest):
-    """Write the normal of a polygon that is nearest to a unit vector; returns their cosine."""
-    greatest, inside = -2.0, True
-    for i in range(1 if count == 2 else count):
-        axis = triple(own[i], 3)
-        height = dot(axis, line)
-        if count > 2 and height >= 0.0:  # inside a polygon all its sides are passed on the left
-            continue
-        inside = False
-        if dot(triple(own[i], 6), line) >= 0.0 and dot(triple(own[i], 9), line) >= 0.0:
-            cosine = math.sqrt(max(1.0 - height * height, 1e-300))
-            if cosine > greatest:
-                greatest = cosine
-                copy(divided(combined(1.0, line, -height, axis), cosine), nearest)
-            continue
-        for j in (i, (i + 1) % count):
-            cosine = dot(own[j], line)
-            if cosine > greatest:
-                greatest = cosine
-                copy(own[j], nearest)
-    return 1.0 if inside else greatest
-
-
-@part
-def decisive_normal(own, line, nearest):
-    """Write the vertex's normal that decides about a unit vector; returns their cosine.
+def worst_normal(own, line, worst):
+    """Write the vertex's normal that is farthest from a unit vector; returns their cosine.
 
     Args:
-        own: `OwnNormals`: the farthest one decides, or the nearest one.
+        own: Normals of the vertex (k, 3).
         line: The vector, three numbers.
-        nearest: Written (3,), unless the vector is between the normals or there are none.
+        worst: Written (3,), unless there are none.
     """
-    rows, count, worst = own
+    count = own.shape[0]
     if count == 0:
         return 1.0
-    if not worst and count != 1:
-        return _nearest_normal(rows, count, line, nearest)
     least, row = 2.0, 0
     for i in range(count):
-        cosine = dot(rows[i], line)
+        cosine = dot(own[i], line)
         if cosine < least:
             least, row = cosine, i
-    copy(rows[row], nearest)
+    copy(own[row], worst)
     return least
 
 
@@ -189,6 +164,15 @@ limit need not form a convex region."""
 MOST_PARTS = 8
 """Most parts of an edge of a divided face."""
 
+ANYWHERE, BEYOND = False, True
+"""Whether only contacts beyond a plane that touches the ball of the smallest opening count."""
+
+MOST_TANGENTS = 12
+"""Most planes beside the ball of the smallest opening that are tried from each start."""
+
+ROUNDING = 1e-12
+"""Opening by which contacts in such a plane may be too near."""
+
 
 @merged
 def _farthest(polygon, size, x, y):
@@ -200,7 +184,7 @@ def _farthest(polygon, size, x, y):
 
 
 @part
-def best_on_face(weights, cosine, lines, normals, own, largest, polygon, nearest):
+def best_on_face(weights, cosine, lines, normals, own, limits, polygon, nearest):
     """Find the contact on a face with the smallest critical angle, if that is below a limit.
 
     Args:
@@ -209,13 +193,48 @@ def best_on_face(weights, cosine, lines, normals, own, largest, polygon, nearest
         cosine: Cosine of the limit, not below 0.
         lines: Lines from the vertex to the corners (3, 3).
         normals: Normals at the corners (3, 3).
-        own: `OwnNormals`.
-        largest: Largest opening.
+        own: Normals of the vertex (k, 3).
+        limits: `PairLimits`.
         polygon: Scratch (2 * REGION_CORNERS, 3).
         nearest: Scratch (3,).
 
     Returns:
         Cosine of the smallest critical angle found, or `cosine` where there is none below it.
+    """
+    smallest, limit, others = limits.smallest, cosine, (lines, normals, own)
+    is_near = norm(lines[0]) - longest_difference(lines) < smallest
+    free = PairLimits(SMALLEST_OPENING, limits.largest)
+    cosine = _best_in_region(weights, cosine, *others, free, ANYWHERE, polygon, nearest)
+    if smallest <= SMALLEST_OPENING or not (is_near and cosine > limit):
+        return cosine
+    if norm(weighted_sum(weights, lines[0], lines[1], lines[2])) >= smallest:
+        return cosine
+    # The best contact is too near, and those that are not form no convex region: each part of it
+    # that a plane leaves is searched, and then that beside the best contact there. Every part that
+    # the ball of the smallest opening leaves apart has a corner of the face.
+    found, cosine = triple(weights, 0), 0.0
+    for start in range(4):
+        if start > 0:
+            for k in range(3):
+                weights[k] = 1.0 - 2.0 * INSIDE if k == start - 1 else INSIDE
+        own_cosine = 0.0
+        for _ in range(MOST_TANGENTS):
+            better = _best_in_region(weights, own_cosine, *others, limits, BEYOND, polygon, nearest)
+            if not better > own_cosine + RESOLVED:
+                break
+            own_cosine = better
+        if own_cosine > cosine:
+            cosine, found = own_cosine, triple(weights, 0)
+    copy(found, weights)
+    return max(cosine, limit)
+
+
+@part
+def _best_in_region(weights, cosine, lines, normals, own, limits, beyond, polygon, nearest):
+    """`best_on_face` where contacts within the limits of openings form a convex region.
+
+    With `beyond`: only of those beyond the plane that touches the ball of the smallest opening in
+    the direction of the starting point.
     """
     start, n = triple(lines[0], 0), triple(normals[0], 0)
     u, w = difference(lines[1], start), difference(lines[2], start)
@@ -226,8 +245,8 @@ def best_on_face(weights, cosine, lines, normals, own, largest, polygon, nearest
         polygon[i, 1] = 1.0 - 2.0 * INSIDE if i == 2 else INSIDE
     size = weights.shape[0]  # 3 corners
     x, y, previous = weights[1], weights[2], 1.0
-    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
-    for _ in range(MOST_POINTS):
+    sine, largest = math.sqrt(max(1.0 - cosine * cosine, 0.0)), limits.largest
+    for number in range(MOST_POINTS):
         line = weighted_sum((1.0, x, y), start, u, w)
         normal = weighted_sum((1.0, x, y), n, p, q)
         opening, length = norm(line), norm(normal)
@@ -236,12 +255,15 @@ def best_on_face(weights, cosine, lines, normals, own, largest, polygon, nearest
         product = dot(normal, line)
         other = -product / (opening * length)
         unit = divided(line, opening)
-        first, own_normal = decisive_normal(own, unit, nearest), triple(nearest, 0)
+        first, own_normal = worst_normal(own, unit, nearest), triple(nearest, 0)
         along_u, along_w = dot(unit, u), dot(unit, w)
+        ahead = along_u * x + along_w * y
+        if beyond and number == 0:
+            constant = limits.smallest - opening + ahead
+            size, _ = cut(polygon, size, -along_u, -along_w, constant)
         if opening > largest:
-            constant = opening - largest - along_u * x - along_w * y
-            size, _ = cut(polygon, size, along_u, along_w, constant)
-        elif min(first, other) > cosine:
+            size, _ = cut(polygon, size, along_u, along_w, opening - largest - ahead)
+        elif opening >= limits.smallest - ROUNDING and min(first, other) > cosine:
             cosine = min(first, other)
             sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
             weights[0], weights[1], weights[2] = 1.0 - x - y, x, y
@@ -293,7 +315,7 @@ def _mix(rows, weights, mixed):
 
 
 @part
-def best_on_bent_face(weights, cosine, lines, normals, own, largest, parts, polygon, nearest, part):
+def best_on_bent_face(weights, cosine, lines, normals, own, limits, parts, polygon, nearest, part):
     """`best_on_face` of each part of a face whose edges are divided.
 
     Args:
@@ -302,7 +324,7 @@ def best_on_bent_face(weights, cosine, lines, normals, own, largest, parts, poly
         lines: The same.
         normals: The same.
         own: The same.
-        largest: The same.
+        limits: The same.
         parts: Parts of each edge.
         polygon: Scratch.
         nearest: Scratch.
@@ -326,7 +348,7 @@ def best_on_bent_face(weights, cosine, lines, normals, own, largest, parts, poly
             _mix(normals, corners, part_normals)
             inside[0], inside[1], inside[2] = 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0
             better = best_on_face(
-                inside, cosine, part_lines, part_normals, own, largest, polygon, nearest
+                inside, cosine, part_lines, part_normals, own, limits, polygon, nearest
             )
             if better > cosine:
                 cosine = better

@@ -33,15 +33,15 @@ and the work grows linearly with the number of points."""
 
 @merged
 def _any_exceeds_elevation(candidate, sine):
-    """Whether the only normal of one of three contacts rises over their plane by an angle or more.
+    """Whether the normal of one of three contacts rises over their plane by an angle or more.
 
     Balanced forces of three contacts lie in that plane, which such a friction cone does not reach.
     """
     points = candidate.points
     normal = cross(difference(points[1], points[0]), difference(points[2], points[0]))
     for i in range(3):
-        if candidate.counts[i] == 1:
-            along = dot(candidate.normals[i, 0], normal)
+        if candidate.radii[i] == 0.0:
+            along = dot(candidate.normals[i], normal)
             if along * along >= sine * sine * dot(normal, normal):
                 return True
     return False
@@ -94,7 +94,7 @@ def _keep_start(angle, one, two, workspace):
 
 
 @merged
-def seed_pairs(count, domain, limits, workspace, plane, hull):
+def seed_pairs(count, most, domain, limits, workspace, plane, hull):
     """Evaluate pairs of reachable candidate points as second and third contacts of a vertex."""
     candidate = workspace.candidate
     for k in range(STARTS):
@@ -115,9 +115,9 @@ def seed_pairs(count, domain, limits, workspace, plane, hull):
             workspace.evaluated[0] += 1
             # Worse than the last start: most pairs are rejected by the elevation of their normals,
             # which needs no projection.
-            threshold = min(workspace.angles[STARTS - 1] - limits.margin, limits.max_angle)
+            threshold = min(workspace.angles[STARTS - 1] - limits.margin, most)
             if threshold > 0.0 and not _any_exceeds_elevation(candidate, math.sin(threshold)):
-                angle = evaluate(candidate, plane, hull, 3, threshold, limits)
+                angle = evaluate(candidate, plane, hull, 3, threshold, limits.tolerance)
                 if angle < math.inf:
                     _keep_start(angle, one, two, workspace)
 
@@ -144,10 +144,6 @@ STEP_GROWTH, STEP_SHRINKAGE = 1.6, 0.88
 
 SINGLE_FINGER_FRACTION = 0.5
 """Fraction of the steps that move one finger only."""
-
-CREASE_WEIGHT = 1e-12
-"""Factor of the squared distance for points with too many normals: an idle finger, which the grasp
-does not need, is placed there only where no other point is allowed."""
 
 MAX_EDGES = 8
 """Most edges that a finger moves along in one step, where contacts are vertices."""
@@ -214,7 +210,7 @@ def refine(n, angle, step, rounds, domain, limits, workspace, plane, hull):
         workspace.evaluated[0] += fits
         changed = math.inf
         if fits and threshold > 0.0:
-            changed = evaluate(candidate, plane, hull, n, threshold, limits)
+            changed = evaluate(candidate, plane, hull, n, threshold, limits.tolerance)
         # The step grows after a success and shrinks after a failure, such that it stays constant
         # at a success rate of about 1/5, which is nearly optimal (Rechenberg 1973).
         better = changed < math.inf
@@ -247,7 +243,7 @@ def _best_point(i, n, angle, count, domain, limits, workspace, plane, hull):
         ):
             continue
         workspace.evaluated[0] += 1
-        changed = evaluate(candidate, plane, hull, n, threshold, limits)
+        changed = evaluate(candidate, plane, hull, n, threshold, limits.tolerance)
         if changed < math.inf:
             chosen, angle = point, changed
     return chosen, angle
@@ -259,14 +255,15 @@ def _most_distant_point(i, n, count, domain, limits, workspace):
     candidate, chosen, widest = workspace.candidate, NO_CONTACT, 0.0
     for s in range(count):
         point = workspace.reachable[s]
-        fits = set_point_contact(i, point, domain, candidate)
-        if not (candidate.counts[i] > 0 and distances_allowed(candidate, i, n, limits)):
+        if not (
+            set_point_contact(i, point, domain, candidate)
+            and distances_allowed(candidate, i, n, limits)
+        ):
             continue
         least = math.inf
         for j in range(n):
             if j != i:
                 least = min(least, squared_distance(candidate.points[i], candidate.points[j]))
-        least *= 1.0 if fits else CREASE_WEIGHT
         if least > widest:
             chosen, widest = point, least
     return chosen
@@ -310,7 +307,7 @@ def exchange_fingers(n, added, angle, count, domain, limits, workspace, plane, h
 
 
 @merged
-def _try_neighbours(v, n, domain, limits, previous, grasps, workspace, plane, hull):
+def _try_neighbours(v, n, most, domain, limits, previous, grasps, workspace, plane, hull):
     """Evaluate the other contacts of neighbouring vertices' grasps: (best neighbour, angle)."""
     candidate, angle, chosen = workspace.candidate, grasps.angles[v], NO_CONTACT
     if angle <= limits.target:
@@ -327,9 +324,9 @@ def _try_neighbours(v, n, domain, limits, previous, grasps, workspace, plane, hu
         for j in range(1, n):
             fits = fits and distances_allowed(candidate, j, j, limits)
         workspace.evaluated[0] += fits
-        threshold = min(angle - limits.margin, limits.max_angle)
+        threshold = min(angle - limits.margin, most)
         if fits and threshold > 0.0:
-            changed = evaluate(candidate, plane, hull, n, threshold, limits)
+            changed = evaluate(candidate, plane, hull, n, threshold, limits.tolerance)
             if changed < math.inf:
                 chosen, angle = other, changed
     return chosen, angle
@@ -346,12 +343,12 @@ def _seed_random(seed, v, stage, random_state):
 
 
 @merged
-def _initial_grasps(v, n, domain, limits, previous, workspace, plane, hull):
+def _initial_grasps(v, n, most, domain, limits, previous, workspace, plane, hull):
     """Find starts of three fingers, or load the grasp of one finger less; returns their number."""
     count = list_reachable(v, limits.points_per_vertex, domain, limits, workspace)
     if hull is None:  # three fingers, in a branch that is not compiled for more
-        seed_pairs(count, domain, limits, workspace, plane, hull)
-        if workspace.angles[0] == math.inf and limits.max_angle >= RIGHT_ANGLE:
+        seed_pairs(count, most, domain, limits, workspace, plane, hull)
+        if workspace.angles[0] == math.inf and most >= RIGHT_ANGLE:
             first_pair(count, domain, limits, workspace, plane)
         return STARTS
     workspace.angles[0] = math.inf
@@ -404,10 +401,14 @@ def search_fingers(
         if hull is not None:
             hull.direction_use[0] = hull.direction_use[1] = 0
         _seed_random(seed, v, 16 * stage + n, workspace.random_state)
+        # A wider cone about the centre of the normals may still have one with a good grasp.
+        most = limits.max_angle
+        if domain.radii[v] > 0.0:
+            most = max(most, min(most + 2.0 * domain.radii[v], RIGHT_ANGLE))
         # Later stages start from the best neighbour's grasp only where it improves this vertex.
         if stage > 0:
             other, workspace.angles[0] = _try_neighbours(
-                v, n, domain, limits, previous, grasps, workspace, plane, hull
+                v, n, most, domain, limits, previous, grasps, workspace, plane, hull
             )
             if other == NO_CONTACT:
                 continue
@@ -416,7 +417,7 @@ def search_fingers(
             set_vertex_contact(0, v, domain, candidate)
             starts = 1
         else:
-            starts = _initial_grasps(v, n, domain, limits, previous, workspace, plane, hull)
+            starts = _initial_grasps(v, n, most, domain, limits, previous, workspace, plane, hull)
         # Three fingers: after all starts, exchange the fingers of the best grasp and refine again.
         has_exchange = stage == 0 and n == 3
         for k in range(starts + has_exchange):
@@ -433,8 +434,8 @@ def search_fingers(
                     set_finger(1, workspace.start_points[k, 0], domain, workspace)
                     set_finger(2, workspace.start_points[k, 1], domain, workspace)
             if exchanging or (stage == 0 and n > 3):
-                most = domain.candidates.common_count if exchanging else limits.points_per_vertex
-                count = list_reachable(v, most, domain, limits, workspace)
+                size = domain.candidates.common_count if exchanging else limits.points_per_vertex
+                count = list_reachable(v, size, domain, limits, workspace)
                 added = not exchanging
                 angle = exchange_fingers(
                     n, added, angle, count, domain, limits, workspace, plane, hull

@@ -6,6 +6,10 @@ positive component. The latest separating directions are remembered and tried fi
 candidates share most of their contacts and are often separated by the same direction: that costs a
 few products instead of a hull. Three contacts are evaluated in the plane through them (Ponce &
 Faverjon 1995), without a hull.
+
+On a crease or at a corner a contact may have any normal of a set, which a cap about its centre
+contains: what the friction cone about the centre, narrower by the cap's radius, can do holds with
+every normal of the set.
 """
 
 import math
@@ -20,13 +24,11 @@ from grasp3d._kernels.hull.polytope import Polytope, make_polytope
 from grasp3d._kernels.hull.support_functions import NO_TORSION, SIX, TOTAL, WrenchSpace
 from grasp3d._kernels.hull.wrench_problem import SIGN
 from grasp3d._kernels.search.coplanar_contacts import (
+    arc_sine,
     cones_force_closed,
-    critical_of_fans,
     critical_of_normals,
-    fans_force_closed,
-    set_cone,
+    set_cones,
     set_contact_plane,
-    set_fan_normal,
     set_normal,
 )
 from grasp3d._kernels.surface.vectors import cross, difference, dot, norm, triple
@@ -49,17 +51,17 @@ class Candidate(NamedTuple):
 
     points: Floats2
     """Contact points (n, 3), scaled so that grasps are about 1 wide."""
-    normals: Floats3
-    """Inward unit normals that each contact may have (n, k, 3)."""
-    counts: Ints1
-    """How many those are (n,)."""
+    normals: Floats2
+    """Inward unit normals (n, 3), the centre of the set on creases."""
+    radii: Floats1
+    """Largest angle from it to a normal that the contact may have [rad] (n,)."""
 
 
 class HullScratch(NamedTuple):
     """Scratch arrays for the evaluation of more contacts."""
 
-    chosen: Ints1
-    """Index of one normal of each contact: a combination of normals (n,)."""
+    sines: Floats1
+    """Sine from which a direction separates each contact's forces (n,)."""
     directions: Floats2
     """Separating directions of earlier candidates, moments about the first contact; the one that
     was successful last comes first (d, 6)."""
@@ -74,19 +76,19 @@ class HullScratch(NamedTuple):
     polytope: Polytope
 
 
-def make_candidate(contacts: int, normals: int) -> Candidate:
-    """Allocate a candidate of so many contacts with so many normals each."""
+def make_candidate(contacts: int) -> Candidate:
+    """Allocate a candidate of so many contacts."""
     return Candidate(
         points=np.zeros((contacts, 3)),
-        normals=np.zeros((contacts, normals, 3)),
-        counts=np.zeros(contacts, dtype=np.int64),
+        normals=np.zeros((contacts, 3)),
+        radii=np.zeros(contacts),
     )
 
 
 def make_hull_scratch(contacts: int) -> HullScratch:
     """Allocate the arrays for so many contacts."""
     return HullScratch(
-        chosen=np.zeros(contacts, dtype=np.int64),
+        sines=np.zeros(contacts),
         directions=np.zeros((MAX_DIRECTIONS, 6)),
         direction_use=np.zeros(2, dtype=np.int64),
         axes=np.zeros((contacts, 4, 6)),
@@ -97,45 +99,20 @@ def make_hull_scratch(contacts: int) -> HullScratch:
 
 
 @merged
-def _next_combination(chosen, counts, n):
-    """Choose the next combination of normals; returns whether there is one."""
-    for i in range(n - 1, -1, -1):
-        chosen[i] += 1
-        if chosen[i] < counts[i]:
-            return True
-        chosen[i] = 0
-    return False
-
-
-@merged
-def _evaluate_smooth(candidate, plane, threshold, tolerance):
-    """Evaluate three contacts with one normal each; see `evaluate`."""
-    steepest, cosine, reaching = 0.0, math.cos(threshold), True
-    for i in range(3):
-        steepest = max(steepest, set_normal(candidate.normals[i, 0], i, plane))
-        reaching = reaching and set_cone(i, cosine, plane)
-    if not (reaching and cones_force_closed(plane)):
-        return math.inf
-    # Below the steepest elevation some cone does not intersect the plane.
-    low = min(math.asin(min(steepest, 1.0)), threshold)
-    return critical_of_normals(plane, low, threshold, tolerance)
-
-
-@merged
-def _evaluate_three(candidate, plane, threshold, tolerance, best_normals):
+def _evaluate_three(candidate, plane, threshold, tolerance):
     """Evaluate three contacts; see `evaluate`."""
-    counts, normals = candidate.counts, candidate.normals
+    normals, radii = candidate.normals, candidate.radii
     if not set_contact_plane(candidate.points, plane):
         return math.inf
-    if counts[0] == 1 and counts[1] == 1 and counts[2] == 1:
-        return _evaluate_smooth(candidate, plane, threshold, tolerance)
     for i in range(3):
-        plane.counts[i] = counts[i]
-        for k in range(counts[i]):
-            set_fan_normal(normals[i, k], i, k, plane)
-    if not fans_force_closed(threshold, best_normals, plane):
+        set_normal(normals[i], radii[i], i, plane)
+    if not (set_cones(threshold, plane) and cones_force_closed(plane)):
         return math.inf
-    return critical_of_fans(0.0, threshold, tolerance, best_normals, plane)
+    # Below the steepest elevation some cone does not intersect the plane.
+    low = 0.0
+    for i in range(3):
+        low = max(low, arc_sine(abs(dot(plane.frame[2], normals[i]))) + radii[i])
+    return critical_of_normals(plane, min(low, threshold), threshold, tolerance)
 
 
 @merged
@@ -150,32 +127,20 @@ def _force_part(points, i, u):
 
 
 @merged
-def _separation_sine(candidate, i, u, best_normals):
-    """Sine of the largest friction angle for which a direction separates a contact's forces.
-
-    The largest over the contact's normals, or with `best_normals` the smallest; 1 where the
-    direction has no force part at the contact.
-    """
+def _separates(candidate, i, u, sine):
+    """Whether a direction separates a contact's forces, or has no force part there."""
     force = _force_part(candidate.points, i, u)
     size = norm(force)
-    if not size > 0.0:
-        return 1.0
-    most, least = -1.0, 1.0
-    for k in range(candidate.counts[i]):
-        opposing = -dot(candidate.normals[i, k], force) / size
-        most, least = max(most, opposing), min(least, opposing)
-    return least if best_normals else most
+    return not size > 0.0 or -dot(candidate.normals[i], force) >= sine * size
 
 
 @merged
-def _is_separated(candidate, directions, count, n, sine, best_normals):
-    """Whether a remembered direction separates the candidate at the friction angle of this sine.
-
-    A successful direction is moved to the front.
-    """
-    for d in range(count):
+def _is_separated(candidate, hull, n):
+    """Whether a remembered direction separates the candidate; that is moved to the front."""
+    directions = hull.directions
+    for d in range(hull.direction_use[0]):
         u, i = directions[d], 0
-        while i < n and _separation_sine(candidate, i, u, best_normals) >= sine:
+        while i < n and _separates(candidate, i, u, hull.sines[i]):
             i += 1
         if i == n:
             # Move to the front what was successful: the next candidates are similar.
@@ -188,11 +153,11 @@ def _is_separated(candidate, directions, count, n, sine, best_normals):
 
 
 @merged
-def _write_axes(candidate, chosen, n, all_axes):
-    """Write the wrenches of the chosen normals and tangents, moments about the first contact."""
+def _write_axes(candidate, n, all_axes):
+    """Write the wrenches of the normals and tangents, moments about the first contact."""
     points, normals = candidate.points, candidate.normals
     for i in range(n):
-        arm, normal = difference(points[i], points[0]), triple(normals[i, chosen[i]], 0)
+        arm, normal = difference(points[i], points[0]), triple(normals[i], 0)
         nx, ny, nz = normal
         # Tangents from the cross product with z, or with x where the normal is close to z.
         if abs(nz) < 0.9:
@@ -221,13 +186,15 @@ def _store_direction(directions, use, u):
 
 @merged
 def _hull_force_closed(candidate, hull, n, angle):
-    """Closure test of the chosen normals by a hull; remembers the separating direction."""
+    """Closure test at a friction angle by a hull; remembers the separating direction."""
     axes, cones, polytope = hull.axes, hull.cones, hull.polytope
-    _write_axes(candidate, hull.chosen, n, axes)
-    # Unit forces on the rim of a circular cone of half-angle `angle`.
-    normal, tangential = math.cos(angle), math.sin(angle)
+    _write_axes(candidate, n, axes)
+    # Unit forces on the rim of circular cones.
     for i in range(n):
-        cones[i, 0], cones[i, 1] = normal, tangential
+        own = angle - candidate.radii[i]
+        cones[i, 0], cones[i, 1] = math.cos(own), math.sin(own)
+        if own < 0.0:  # no force is possible with every normal
+            axes[i] = 0.0
     spherical = True
     space = WrenchSpace(TOTAL, spherical, NO_TORSION, axes[:n], cones[:n], 1)
     _, lower, _, _, facets = grow(space, SIX, hull.metric, None, AROUND_ORIGIN, SIGN, polytope)
@@ -238,74 +205,45 @@ def _hull_force_closed(candidate, hull, n, angle):
 
 
 @merged
-def _proven_angle(candidate, chosen, direction, n):
-    """Lower bound of the chosen normals' critical angle, from the last separating direction."""
-    least = 1.0
+def _proven_angle(candidate, direction, n):
+    """Lower bound of the critical angle, from the last separating direction [rad]."""
+    least = RIGHT_ANGLE
     for i in range(n):
         force = _force_part(candidate.points, i, direction)
         size = norm(force)
         if size > 0.0:
-            least = min(least, -dot(candidate.normals[i, chosen[i]], force) / size)
-    return math.asin(min(max(least, 0.0), 1.0))
+            sine = -dot(candidate.normals[i], force) / size
+            least = min(least, max(arc_sine(sine), 0.0) + candidate.radii[i])
+    return least
 
 
 @merged
-def _critical_of_chosen(candidate, hull, n, low, high, tolerance):
-    """Critical angle of the chosen normals between two angles, by bisection [rad].
+def _evaluate_by_hulls(candidate, hull, n, threshold, tolerance):
+    """Evaluate more than three contacts; see `evaluate`.
 
-    `high` is returned where nothing lower is force-closed. After a failed test the separating
-    direction may raise the lower end beyond the middle.
+    The first test and the bisection are one loop because every place that calls the growing hull
+    takes as long to compile as the hull.
     """
+    for i in range(n):
+        own = threshold - candidate.radii[i]
+        hull.sines[i] = math.sin(own) if own > 0.0 else -1.0
+    if _is_separated(candidate, hull, n):
+        return math.inf
+    low, high, tested = 0.0, math.inf, threshold
     while high - low > tolerance:
-        middle = 0.5 * (low + high)
-        if _hull_force_closed(candidate, hull, n, middle):
-            high = middle
-        else:
-            proven = _proven_angle(candidate, hull.chosen, hull.directions[0], n)
-            low = max(middle, min(proven, high))
+        if _hull_force_closed(candidate, hull, n, tested):
+            high = tested
+        elif high == math.inf:
+            return math.inf
+        else:  # the separating direction may raise the lower end beyond the middle
+            low = max(tested, min(_proven_angle(candidate, hull.directions[0], n), high))
+        tested = 0.5 * (low + high)
     return high
 
 
-@merged
-def _evaluate_by_hulls(candidate, hull, n, threshold, tolerance, best_normals):
-    """Evaluate more than three contacts; see `evaluate`.
-
-    The closure test and the bisection are one function because every function that calls the
-    growing hull takes as long to compile as the hull.
-    """
-    directions, counts, chosen = hull.directions, candidate.counts, hull.chosen
-    sine, known = math.sin(threshold), hull.direction_use[0]
-    if _is_separated(candidate, directions, known, n, sine, best_normals):
-        return math.inf
-    angle = math.inf if best_normals else 0.0
-    # Over the worst normals: first test all combinations, then find the largest angle.
-    testing = not best_normals
-    for i in range(n):
-        chosen[i] = 0
-    while True:
-        # Over the worst normals only a combination that fails at the largest angle so far can
-        # raise it; over the best ones only one that succeeds below the smallest can lower it.
-        if testing:
-            tested = threshold
-        elif best_normals:
-            tested = min(threshold, angle - tolerance)
-        else:
-            tested = angle
-        closed = tested > 0.0 and _hull_force_closed(candidate, hull, n, tested)
-        if testing and not closed:
-            return math.inf
-        if not testing and closed == best_normals:
-            low, high = (0.0, tested) if best_normals else (tested, threshold)
-            angle = _critical_of_chosen(candidate, hull, n, low, high, tolerance)
-        if not _next_combination(chosen, counts, n):  # all are 0 again
-            if not testing:
-                return angle
-            testing = False
-
-
 @part
-def evaluate(candidate, plane, hull, n, threshold, limits):
-    """Critical friction angle of a grasp over its worst or best normals, if below a threshold.
+def evaluate(candidate, plane, hull, n, threshold, tolerance):
+    """Critical friction angle of a grasp over the worst of its normals, if below a threshold.
 
     Args:
         candidate: `Candidate`; no two contacts coincide.
@@ -313,15 +251,12 @@ def evaluate(candidate, plane, hull, n, threshold, limits):
         hull: `HullScratch`; None: there are three contacts, for which no hull is compiled.
         n: Contacts, 3 or more.
         threshold: Friction angle at which the grasp must be force-closed [rad], at most pi / 2.
-        limits: `SearchLimits`: the width of the bracket whose upper end is returned, and whether
-            the angle is the smallest over all combinations of the contacts' normals, or the
-            largest.
+        tolerance: Width of the bracket whose upper end is returned [rad].
 
     Returns:
         The angle; inf where the grasp is not force-closed at the threshold, as three collinear
         contacts never are.
     """
-    tolerance, best_normals = limits.tolerance, limits.best_normals
     if hull is None:
-        return _evaluate_three(candidate, plane, threshold, tolerance, best_normals)
-    return _evaluate_by_hulls(candidate, hull, n, threshold, tolerance, best_normals)
+        return _evaluate_three(candidate, plane, threshold, tolerance)
+    return _evaluate_by_hulls(candidate, hull, n, threshold, tolerance)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from grasp3d._kernels.array_types import (
+    FixedFloats1,
     FixedFloats2,
     Floats1,
     Floats2,
@@ -44,7 +45,7 @@ class CandidatePoints(NamedTuple):
     weights: Floats2
     """Barycentric coordinates (P, 3)."""
     normals: FixedFloats2
-    """Inward unit normals (P, 3); unused where contacts are vertices, which may have several."""
+    """Inward unit normals (P, 3); unused where contacts are vertices."""
     own: Ints1
     """The point that belongs to each vertex; NO_CONTACT: none (V,)."""
 
@@ -56,18 +57,16 @@ class ContactDomain(NamedTuple):
     sets: ContactNormals
     adjacent_faces: Ints2
     """Face across the edge opposite each corner (F, 3); -1: none, or several."""
-    normal_start: Ints1
-    """First row of each vertex in `normals` (V + 1,)."""
-    normals: Floats2
-    """Inward unit normals with which a contact at each vertex is evaluated (K, 3)."""
+    centres: FixedFloats2
+    """Centre of each vertex's set of normals (V, 3)."""
+    radii: FixedFloats1
+    """Largest angle from the centre to a normal [rad] (V,); negative: there is none."""
     neighbour_start: Ints1
     """First neighbour of each vertex in `neighbours` (V + 1,)."""
     neighbours: Ints1
     """Vertices around each vertex."""
     on_vertices: bool
     """Whether contacts are vertices; an element is then a vertex, otherwise a face."""
-    max_normals: int
-    """Most normals of a vertex where a finger may be placed, as all combinations are evaluated."""
     candidates: CandidatePoints
 
 
@@ -92,31 +91,24 @@ class SearchLimits(NamedTuple):
     """Mean edge length."""
     shortest_step: float
     """Step length below which a refinement ends."""
-    best_normals: bool
-    """Whether critical angles are those over the best normals, instead of the worst."""
 
 
 @merged
 def set_vertex_contact(i, vertex, domain, candidate):
     """Place contact i of a candidate at a vertex; returns whether the vertex has a normal."""
-    first = domain.normal_start[vertex]
-    count = domain.normal_start[vertex + 1] - first
-    candidate.counts[i] = count
+    candidate.radii[i] = domain.radii[vertex]
     copy(domain.surface.points[vertex], candidate.points[i])
-    for k in range(count):
-        copy(domain.normals[first + k], candidate.normals[i, k])
-    return count > 0
+    copy(domain.centres[vertex], candidate.normals[i])
+    return candidate.radii[i] >= 0.0
 
 
 @merged
 def set_face_contact(i, face, weights, domain, candidate, face_normals):
     """Place contact i of a candidate on a face; returns whether the surface is smooth there."""
-    # On a crease only the first normal is used: the walk avoids edges, and the grasps are evaluated
-    # exactly afterwards.
     weights = triple(weights, 0)
     count, vertex = write_normals(face, weights, domain.surface, domain.sets, face_normals)
-    candidate.counts[i] = 1
-    copy(face_normals[0], candidate.normals[i, 0])
+    candidate.radii[i] = 0.0
+    copy(face_normals[0], candidate.normals[i])
     copy(point_on_face(face, weights, domain.surface), candidate.points[i])
     return count == 1 and vertex < 0
 
@@ -125,8 +117,7 @@ def set_face_contact(i, face, weights, domain, candidate, face_normals):
 def set_contact(i, element, weights, domain, workspace):
     """Place contact i of a candidate on an element; returns whether a finger may stay there."""
     if domain.on_vertices:
-        fits = set_vertex_contact(i, element, domain, workspace.candidate)
-        return fits and workspace.candidate.counts[i] <= domain.max_normals
+        return set_vertex_contact(i, element, domain, workspace.candidate)
     return set_face_contact(
         i, element, weights, domain, workspace.candidate, workspace.face_normals
     )
@@ -136,14 +127,11 @@ def set_contact(i, element, weights, domain, workspace):
 def set_point_contact(i, point, domain, candidate):
     """Place contact i of a candidate at a candidate point; returns whether it may stay there."""
     if domain.on_vertices:
-        return (
-            set_vertex_contact(i, domain.candidates.elements[point], domain, candidate)
-            and candidate.counts[i] <= domain.max_normals
-        )
+        return set_vertex_contact(i, domain.candidates.elements[point], domain, candidate)
     # Points are precomputed: neither interpolation nor crease tests in the innermost loops.
-    candidate.counts[i] = 1
+    candidate.radii[i] = 0.0
     copy(domain.candidates.points[point], candidate.points[i])
-    copy(domain.candidates.normals[point], candidate.normals[i, 0])
+    copy(domain.candidates.normals[point], candidate.normals[i])
     return True
 
 
@@ -214,10 +202,10 @@ def make_best_grasps(vertices: int, others: int) -> BestGrasps:
     )
 
 
-def make_search_workspace(fingers: int, normals: int, common_count: int) -> SearchWorkspace:
-    """Allocate scratch arrays for so many fingers, normals per contact and candidate points."""
+def make_search_workspace(fingers: int, common_count: int) -> SearchWorkspace:
+    """Allocate scratch arrays for so many fingers and candidate points."""
     return SearchWorkspace(
-        candidate=make_candidate(fingers, normals),
+        candidate=make_candidate(fingers),
         face_normals=np.zeros((2, 3)),
         reachable=np.zeros(common_count + 1, dtype=np.int64),
         angles=np.zeros(STARTS),

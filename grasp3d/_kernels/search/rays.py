@@ -1,12 +1,12 @@
 """Rays from the vertices of a surface: their closing directions, and their crossings with it.
 
-Directions of the search for antipodal grasps are spread over a cone at first, point toward the
+They are for fingers that expand: the surface that a ray away from the object meets first is a
+candidate for the second contact. Directions are spread over a cone at first, point toward the
 opposing contacts of neighbouring vertices, and surround the best directions found so far in rings.
-Each exit of a ray is a candidate for the second contact.
 
 Positions are in the mesh's normalised frame (centred, size 1); angles in radians; normals point
-into the object. A *closing direction* is the one in which finger 1 pushes: toward finger 2 when
-squeezing (sign +1), away from it when expanding (sign -1).
+into the object. A *closing direction* is the one in which finger 1 pushes, away from finger 2:
+rays run against it.
 """
 
 import math
@@ -19,7 +19,6 @@ from grasp3d._kernels.array_types import (
     FixedFloats2,
     Floats1,
     Floats2,
-    Int8s1,
     Int32s1,
     Ints1,
 )
@@ -28,6 +27,7 @@ from grasp3d._kernels.search.antipodal_candidates import (
     FOUND,
     NO_PARTNER,
     OPENING,
+    SMALLEST_OPENING,
     evaluate_pair,
 )
 from grasp3d._kernels.surface.surface_contacts import ContactNormals, smallest_angle
@@ -50,29 +50,26 @@ STEP = 3e-7
 
 
 class Rays(NamedTuple):
-    """Rays from vertices; those that continue are moved to the front."""
+    """Rays from vertices; those that have met nothing yet are moved to the front."""
 
     owner: Int32s1
     """Vertex from which each ray starts (r,)."""
     closing: Floats2
     """Closing direction (r, 3)."""
-    signs: Int8s1
-    """+1: the ray runs along the closing direction, -1: against it (r,)."""
     along: Floats1
     """Distance of the ray's current origin from the vertex (r,)."""
     step: Floats1
     """Distance by which the origin advances when the ray hits the same face again (r,)."""
     last: Int32s1
-    """Face crossed last, -1 none (r,)."""
+    """Face through which the ray goes on, -1 none (r,)."""
 
 
-@kernel("Int32s1, Floats2, Int8s1, int")
-def starting_rays(owner, closing, signs, size):
+@kernel("Int32s1, Floats2, int")
+def starting_rays(owner, closing, size):
     """The first `size` rays, starting at their vertices."""
     return Rays(
         owner[:size],
         closing[:size],
-        signs[:size],
         np.full(size, STEP),
         np.full(size, STEP),
         np.full(size, -1, dtype=np.int32),
@@ -81,16 +78,12 @@ def starting_rays(owner, closing, signs, size):
 
 @kernel()
 def make_rays(capacity):
-    """Allocate owner, closing direction and sign of so many rays."""
-    return (
-        np.empty(capacity, dtype=np.int32),
-        np.empty((capacity, 3)),
-        np.empty(capacity, dtype=np.int8),
-    )
+    """Allocate owner and closing direction of so many rays."""
+    return np.empty(capacity, dtype=np.int32), np.empty((capacity, 3))
 
 
 @part
-def append_ray(size, v, sign, direction, bound, sets, rays):
+def append_ray(size, v, direction, bound, sets, rays):
     """Write a ray where its angle to the vertex's normals is within a bound.
 
     Returns:
@@ -99,8 +92,8 @@ def append_ray(size, v, sign, direction, bound, sets, rays):
     x, y, z = direction
     if smallest_angle(sets.normals, sets.start[v], sets.counts[v], x, y, z) > bound:
         return size
-    owner, closing, signs = rays
-    owner[size], signs[size] = v, sign
+    owner, closing = rays
+    owner[size] = v
     copy(direction, closing[size])
     return size + 1
 
@@ -110,25 +103,21 @@ def write_rays(count, rays, points, origins, directions):
     """Write the first `count` rays as 32-bit origins and directions."""
     for i in range(count):
         # Origins are computed from the vertex each time, so rounding errors do not accumulate.
-        v, sign, along = rays.owner[i], rays.signs[i], rays.along[i]
+        v, along = rays.owner[i], rays.along[i]
         for k in range(3):
-            d = sign * rays.closing[i, k]
+            d = -rays.closing[i, k]
             origins[i, k] = points[v, k] + along * d
             directions[i, k] = d
-
-
-SMALLEST_OPENING = 1e-6
-"""Smallest opening, in object sizes, that 32-bit rays can resolve."""
 
 
 @kernel("int, Int32s1, Float32s1, Rays, Surface, ContactNormals, PairLimits, BestPairs")
 def evaluate_crossings(count, hit, far, rays, surface, sets, limits, grasps):
     """Evaluate the grasps at the faces that the rays hit, and keep the rays that continue.
 
-    The face is intersected again in 64 bits and the point clipped to it, so that every candidate is
-    a point on the surface, whatever the rounding of the 32-bit tracer. An exit is recognised by the
-    sign of the product of direction and face normal, never by counting crossings, which rounding
-    can falsify.
+    A ray continues behind faces at its vertex: an expanding finger cannot reach what lies behind
+    the first surface. The face is intersected again in 64 bits and the point clipped to it, so that
+    every candidate is a point on the surface, whatever the rounding of the 32-bit tracer. An exit
+    of the closing line is recognised by the sign of the product of direction and face normal.
 
     Args:
         count: Rays in flight; the first ones of `rays`.
@@ -144,15 +133,15 @@ def evaluate_crossings(count, hit, far, rays, surface, sets, limits, grasps):
         Rays still in flight.
     """
     points, faces = surface.points, surface.faces
-    owner, closing, signs, along, step, last = rays
+    owner, closing, along, step, last = rays
     scratch = np.empty((2, 3))
     remaining = 0
     for i in range(count):
         face = np.int64(hit[i])  # types as in other calls, for which Numba would compile again
         if face < 0:
             continue
-        v, sign = np.int64(owner[i]), np.int64(signs[i])
-        origin, direction = points[v], scaled(sign, closing[i])
+        v = np.int64(owner[i])
+        origin, direction = points[v], scaled(-1.0, closing[i])
         corner = points[faces[face, 0]]
         u = difference(points[faces[face, 1]], corner)
         w = difference(points[faces[face, 2]], corner)
@@ -165,36 +154,29 @@ def evaluate_crossings(count, hit, far, rays, surface, sets, limits, grasps):
             exact = dot(difference(corner, origin), normal) / slope
             if abs(exact - coarse) < 1e-3:
                 t = exact
-        if face == last[i] or t <= STEP:  # the face just left, or one at the vertex itself
-            # Rounding put the origin before the face again: advance, ever farther.
+        if face == last[i] or t <= STEP:
+            # Rounding may put the origin before the face again: advance, ever farther.
             step[i] *= 2.0
-            along[i] = max(along[i], coarse) + step[i]
-        else:
-            along[i] = max(along[i], t) + STEP
-            step[i], last[i] = STEP, face
-            # A finger pushes into the object, so the second contact is an exit of the closing line.
-            if sign * slope > 0.0:
-                point = difference(combined(1.0, origin, t, direction), corner)
-                b1, b2 = in_triangle(point, u, w, normal)
-                # Barycentric coordinates, clipped to the face.
-                b1, b2 = max(b1 / square, 0.0), max(b2 / square, 0.0)
-                b0 = max(1.0 - b1 - b2, 0.0)
-                weights = divided((b0, b1, b2), b0 + b1 + b2)
-                partner = combined(1.0, corner, 1.0, combined(weights[1], u, weights[2], w))
-                opening = norm(difference(partner, origin))
-                if limits[0] <= opening <= limits[1]:
-                    evaluate_pair(
-                        v, sign, partner, opening, face, weights, surface, sets, grasps, scratch
-                    )
-                elif opening >= SMALLEST_OPENING and grasps.reason[v] == NO_PARTNER:
-                    grasps.reason[v] = OPENING
-            # An expanding finger cannot reach what lies behind the first surface.
-            if sign < 0 or along[i] > limits[1]:
-                continue
-        owner[remaining], signs[remaining] = owner[i], signs[i]
-        copy(closing[i], closing[remaining])
-        along[remaining], step[remaining], last[remaining] = along[i], step[i], last[i]
-        remaining += 1
+            owner[remaining] = owner[i]
+            copy(closing[i], closing[remaining])
+            along[remaining] = max(along[i], coarse) + step[i]
+            step[remaining], last[remaining] = step[i], last[i]
+            remaining += 1
+        elif slope < 0.0:
+            point = difference(combined(1.0, origin, t, direction), corner)
+            b1, b2 = in_triangle(point, u, w, normal)
+            # Barycentric coordinates, clipped to the face.
+            b1, b2 = max(b1 / square, 0.0), max(b2 / square, 0.0)
+            b0 = max(1.0 - b1 - b2, 0.0)
+            weights = divided((b0, b1, b2), b0 + b1 + b2)
+            partner = combined(1.0, corner, 1.0, combined(weights[1], u, weights[2], w))
+            opening = norm(difference(partner, origin))
+            if limits.smallest <= opening <= limits.largest:
+                evaluate_pair(
+                    v, -1.0, partner, opening, face, weights, surface, sets, grasps, scratch
+                )
+            elif opening >= SMALLEST_OPENING and grasps.reason[v] == NO_PARTNER:
+                grasps.reason[v] = OPENING
     return remaining
 
 
@@ -220,8 +202,8 @@ class Origins(NamedTuple):
     """Half-angle of the search cone [rad]."""
 
 
-@kernel("Ints1, int, tuple[int, int], int, Origins, BestPairs")
-def seed_rays(vertices, rays, batch, sign, origins, grasps):
+@kernel("Ints1, int, tuple[int, int], Origins, BestPairs")
+def seed_rays(vertices, rays, batch, origins, grasps):
     """Rays in initial closing directions about each vertex's normals.
 
     A sunflower spiral over the cap of half-angle `cone` about the normal, the first ray along it.
@@ -234,7 +216,6 @@ def seed_rays(vertices, rays, batch, sign, origins, grasps):
         vertices: Vertices (n,).
         rays: Directions per vertex.
         batch: (first, last): range of the directions; last is excluded.
-        sign: +1 squeeze, -1 expand.
         origins: `Origins`.
         grasps: `BestPairs`.
 
@@ -261,7 +242,7 @@ def seed_rays(vertices, rays, batch, sign, origins, grasps):
                 sine = math.sqrt(max(0.0, 1.0 - cosine * cosine))
                 p, q = sine * math.cos(step * GOLDEN_ANGLE), sine * math.sin(step * GOLDEN_ANGLE)
                 direction = weighted_sum((cosine, p, q), c, t, b)
-            size = append_ray(size, v, sign, direction, bound, sets, written)
+            size = append_ray(size, v, direction, bound, sets, written)
     return starting_rays(*written, size)
 
 
@@ -290,22 +271,20 @@ def neighbour_rays(vertices, origins, grasps):
             # from vertex to vertex.
             if grasps.reason[other] != FOUND:
                 continue
-            sign = grasps.signs[other]
-            line = difference(grasps.partner[other], origins.points[v])
+            line = difference(origins.points[v], grasps.partner[other])
             length = norm(line)
             if length < 1e-6:
                 continue
-            toward = divided(scaled(sign, line), length)
-            size = append_ray(size, v, sign, toward, bound, origins.sets, rays)
+            size = append_ray(size, v, divided(line, length), bound, origins.sets, rays)
     return starting_rays(*rays, size)
 
 
-RAYS_PER_ROUND = 13
-"""Most rays per vertex of a round of refinement: two rings and a bisector."""
+RAYS_PER_ROUND = 12
+"""Most rays per vertex of a round of refinement: two rings."""
 
 
 @part
-def _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, rays):
+def _ring(size, v, axis, radius, turn, tangent, bound, sets, rays):
     """Append six directions at an angle of `radius` about `axis`; returns the new number of rays.
 
     Only those within `bound` of the normals, as others cannot have a smaller critical angle.
@@ -327,7 +306,7 @@ def _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, rays):
         azimuth = (k + turn) * math.pi / 3.0
         parts = along, aside * math.cos(azimuth), aside * math.sin(azimuth)
         direction = weighted_sum(parts, axis, e1, e2)
-        size = append_ray(size, v, sign, direction, bound, sets, rays)
+        size = append_ray(size, v, direction, bound, sets, rays)
     return size
 
 
@@ -351,18 +330,13 @@ def refining_rays(vertices, radii, turn, origins, grasps):
     sets = origins.sets
     rays, size = make_rays(vertices.shape[0] * RAYS_PER_ROUND), 0
     for v in vertices:
-        sign, axis, tangent = grasps.signs[v], grasps.closing[v], origins.tangents[v]
+        axis, tangent = grasps.closing[v], origins.tangents[v]
         radius, bound = radii[v], min(origins.cone, grasps.worst[v])
         bisector = difference(origins.centres[v], grasps.partner_normal[v])
         if norm(bisector) > 1e-9:
             middle = divided(bisector, norm(bisector))
-            size = append_ray(size, v, sign, middle, bound, sets, rays)
-        size = _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, rays)
-        # On creases the best grasp over the best normals may be another one, with its own ring.
-        other = grasps.closing_best[v]
-        if sets.counts[v] != 1 and dot(axis, other) < math.cos(0.5 * radius):
-            sign = grasps.signs_best[v]
-            size = _ring(size, v, sign, other, radius, turn, tangent, bound, sets, rays)
+            size = append_ray(size, v, middle, bound, sets, rays)
+        size = _ring(size, v, axis, radius, turn, tangent, bound, sets, rays)
     return starting_rays(*rays, size)
 
 
@@ -385,7 +359,6 @@ def exploring_rays(vertices, radius, turn, origins, grasps):
         bound = min(origins.cone, grasps.start_angles[v, -1])
         for k in range(1, grasps.starts.shape[1]):
             if grasps.start_angles[v, k] < math.inf:
-                axis, sign = grasps.starts[v, k], grasps.start_signs[v, k]
-                tangent = origins.tangents[v]
-                size = _ring(size, v, sign, axis, radius, turn, tangent, bound, origins.sets, rays)
+                axis, tangent = grasps.starts[v, k], origins.tangents[v]
+                size = _ring(size, v, axis, radius, turn, tangent, bound, origins.sets, rays)
     return starting_rays(*rays, size)

@@ -16,17 +16,15 @@ from grasp3d._kernels.jaws.gripper_parts import BLOCKED, NONE, REACHED, RESULTS
 from grasp3d._kernels.jaws.reaching import reach_pair
 from grasp3d._kernels.search.antipodal_candidates import evaluate_on_face
 from grasp3d._kernels.search.face_contacts import (
-    OwnNormals,
     aim,
     cosine_at,
     move_on_face,
     read_face,
-    read_own,
     upper_bound,
     write_nearest,
 )
 from grasp3d._kernels.surface.face_tree import NO_NODE, below, faces_of_leaf
-from grasp3d._kernels.surface.surface_contacts import point_on_face, smallest_angle, write_normals
+from grasp3d._kernels.surface.surface_contacts import largest_angle, point_on_face, write_normals
 from grasp3d._kernels.surface.vectors import (
     combined,
     copy,
@@ -161,26 +159,26 @@ def _make_scratch():
 
 
 @kernel(
-    "Ints1, Int8s1, Ints1, Floats2, PairDomain, "
+    "Ints1, int, Ints1, Floats2, PairDomain, "
     "tuple[GripperShape, ApproachLimits, BoxTree, ReachWorkspace], BestPairs, ReachResults"
 )
-def keep_reached(vertices, signs, faces, weights, domain, reaching, grasps, results):
+def keep_reached(vertices, sign, faces, weights, domain, reaching, grasps, results):
     """Keep the given grasps that are reached, where they are better than those known.
 
     Args:
         vertices: Vertices (n,).
-        signs: +1 squeeze, -1 expand (n,).
+        sign: +1 squeeze, -1 expand.
         faces: Faces of the opposing contacts, -1: none (n,).
         weights: Barycentric coordinates (n, 3).
         domain: `PairDomain`.
         reaching: (shape, limits, tree, workspace), as `reach_pair` takes them.
         grasps: `BestPairs` of reached grasps; written.
-        results: `ReachResults` of their grasps of `worst`, a row per vertex; written.
+        results: `ReachResults` of these, a row per vertex; written.
     """
     scratch, surface, sets = _make_scratch(), domain.surface, domain.sets
     point, set_normals, result = scratch[0][1], scratch[2], scratch[3]
     for i in range(len(vertices)):
-        v, sign, face, own = vertices[i], np.int64(signs[i]), faces[i], weights[i]
+        v, face, own = vertices[i], faces[i], weights[i]
         if face < 0:
             continue
         copy(point_on_face(face, own, surface), point)
@@ -188,10 +186,10 @@ def keep_reached(vertices, signs, faces, weights, domain, reaching, grasps, resu
         opening = norm(line)
         if opening < 1e-9:
             continue
-        # A lower bound of both angles: no grasp is tested that would not be kept.
+        # A lower bound of the angle: no grasp is tested that would not be kept.
         x, y, z = scaled(sign / opening, line)
-        low = smallest_angle(sets.normals, sets.start[v], sets.counts[v], x, y, z)
-        if low >= grasps.worst[v] and low >= grasps.best[v]:
+        low = largest_angle(sets.normals, sets.start[v], sets.counts[v], x, y, z)
+        if low >= grasps.worst[v]:
             continue
         code, free = _test(v, sign, face, own, not EXPLAIN, domain, reaching, scratch)
         if code == REACHED:
@@ -204,15 +202,15 @@ def keep_reached(vertices, signs, faces, weights, domain, reaching, grasps, resu
 
 
 @kernel(
-    "Ints1, Int8s1, Ints1, Floats2, PairDomain, "
+    "Ints1, int, Ints1, Floats2, PairDomain, "
     "tuple[GripperShape, ApproachLimits, BoxTree, ReachWorkspace], Bytes1"
 )
-def explain_pairs(vertices, signs, faces, weights, domain, reaching, codes):
+def explain_pairs(vertices, sign, faces, weights, domain, reaching, codes):
     """Find why grasps of vertices and points on faces are not reached.
 
     Args:
         vertices: Vertices (n,).
-        signs: +1 squeeze, -1 expand (n,).
+        sign: +1 squeeze, -1 expand.
         faces: Faces of the opposing contacts (n,).
         weights: Barycentric coordinates (n, 3).
         domain: `PairDomain`.
@@ -221,23 +219,21 @@ def explain_pairs(vertices, signs, faces, weights, domain, reaching, codes):
     """
     scratch = _make_scratch()
     for i in range(len(vertices)):
-        v, sign = vertices[i], np.int64(signs[i])
+        v = vertices[i]
         codes[v], _ = _test(v, sign, faces[i], weights[i], EXPLAIN, domain, reaching, scratch)
 
 
 @kernel(
-    "Ints1, bool, Floats1, float, float, int, PairDomain, "
+    "Ints1, Floats1, float, float, int, PairDomain, "
     "tuple[GripperShape, ApproachLimits, BoxTree, ReachWorkspace]"
 )
-def search_reachable(vertices, worst, limit, step, spacing, most_failed, domain, reaching):
+def search_reachable(vertices, limit, step, spacing, most_failed, domain, reaching):
     """Find the opposing contact of each vertex with the smallest angle that is reached.
 
     For fingers that squeeze.
 
     Args:
         vertices: Vertices (n,).
-        worst: Whether contacts are ordered by the angle over the worst normals of the vertex, or
-            by that over its best normals.
         limit: Angle that is to be improved, of each vertex [rad] (n,).
         step: Difference of angles from which those near a contact that is not reached are tested
             [rad], inf: none are.
@@ -261,14 +257,11 @@ def search_reachable(vertices, worst, limit, step, spacing, most_failed, domain,
     steps = np.empty(most_failed)
     lines, corner_normals = np.empty((3, 3)), np.empty((3, 3))
     room = weights, lines, corner_normals
-    rows = np.empty((max(sets.counts.max(), 1), 12))
     scratch = _make_scratch()
     point = scratch[0][1]
     for row in range(len(vertices)):
         v, least = vertices[row], math.cos(min(limit[row], math.pi))
-        if worst and sets.counts[v] == 0:
-            continue  # among all directions the worst normal has no grasp
-        own = OwnNormals(rows, read_own(v, sets, rows), worst)
+        own = sets.normals[sets.start[v] : sets.start[v] + sets.counts[v]]
         contacts, failed, passes = 0, 0, 0
         waiting = _push(keys, entries, 0, -1.0, 0)
         for _ in range(MOST_STEPS):
@@ -287,9 +280,7 @@ def search_reachable(vertices, worst, limit, step, spacing, most_failed, domain,
                 beside = _passes_over(point, 0.0, FIRST_KEY, tested, until, failed, spacing)
                 if key > ACCURATE and beside < 0:
                     read_face(face, v, surface, lines, corner_normals)
-                    key = -move_on_face(
-                        chosen, -key, math.inf, 0.0, lines, corner_normals, own, limits
-                    )
+                    key = -move_on_face(chosen, -key, lines, corner_normals, own, limits)
                 code, _ = _test(v, 1, face, chosen, not EXPLAIN, domain, reaching, scratch)
                 if code == REACHED:
                     if beside >= 0:
@@ -344,7 +335,7 @@ def _bisect(v, face, chosen, passed, faces, failing, own, room, domain, reaching
         passed: Rows of contacts passed over (p,).
         faces: Faces of contacts (c,).
         failing: The contact near it that is not reached (3,).
-        own: `OwnNormals`.
+        own: Normals of the vertex (k, 3).
         room: Memory for weights, lines and normals.
         domain: `PairDomain`.
         reaching: As in `search_reachable`.

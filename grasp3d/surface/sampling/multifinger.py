@@ -5,6 +5,9 @@ vertex's best opposing contact of two fingers. The best candidates are refined b
 their contacts and evaluated at neighbouring vertices. Each further finger is added to the best
 grasp of one finger less. Every candidate is evaluated by a closure test at the best critical angle
 so far, so the search may miss a grasp, but every grasp that it returns is real.
+
+At a crease the search counts the normals of a cap that contains the true ones. That holds for all
+of these, but a grasp that it passes over may be as good.
 """
 
 import math
@@ -82,8 +85,7 @@ class MultifingerGrasps:
     """The best grasps found at each vertex."""
 
     partner_points: SurfacePoints
-    """The other fingers of the best grasp over the worst normals, and of that over the best, shape
-    (V, 2, n - 1); face -1: none."""
+    """The other fingers, shape (V, n - 1); face -1: none."""
     reason: Bytes
     """0 found, 1 no force-closed grasp within the limits of distances was found. (V,)"""
     evaluated: int
@@ -173,26 +175,8 @@ class _Search:
         self.step_length *= 0.5 * self.scale
 
     def run(self) -> MultifingerGrasps:
-        """Search for the best grasps over the worst normals, then over the best normals."""
-        # They coincide where all contacts have one normal.
-        creased = self.vertices[np.diff(self.domain.normal_start)[self.vertices] > 1]
-        with_several = self.vertices if self.on_vertices and len(creased) else creased
-        tasks = [(self.vertices, False), (with_several, True)]
-        work = sum(len(vertices) for vertices, _ in tasks)
-        done, results = 0, []
-        for vertices, best_normals in tasks:
-            with within(done / work, (done + len(vertices)) / work):
-                results.append(self._search(vertices, best_normals=best_normals))
-            done += len(vertices)
-        worst, best = results
-        missing = np.isinf(best.angles)
-        for of_best, of_worst in zip(best[1:], worst[1:], strict=True):
-            of_best[missing] = of_worst[missing]
-        return self._result(worst, best)
-
-    def _search(self, vertices: Ints, *, best_normals: bool) -> BestGrasps:
-        """Grasps over the worst or the best normals of some vertices."""
-        limits, done, stages = self._limits(best_normals=best_normals), 0, 1 + SWEEPS
+        """Search for the best grasp of every vertex."""
+        limits, done, stages = self._limits(), 0, 1 + SWEEPS
         total, grasps = (self.fingers - 2) * stages, make_best_grasps(len(self.mesh.vertices), 1)
         for n in range(3, self.fingers + 1):
             previous, grasps = grasps, make_best_grasps(len(self.mesh.vertices), n - 1)
@@ -200,34 +184,29 @@ class _Search:
                 if stage:
                     previous = BestGrasps._make(one.copy() for one in grasps)
                 with within(done / total, (done + 1) / total):
-                    self._run(stage, vertices, n, limits, previous, grasps)
+                    self._run(stage, n, limits, previous, grasps)
                 done += 1
-        return grasps
+        return self._result(grasps)
 
     def _run(
         self,
         stage: int,
-        vertices: Ints,
         n: int,
         limits: SearchLimits,
         previous: BestGrasps,
         grasps: BestGrasps,
     ) -> None:
-        """Run one stage of the search for vertices, in chunks distributed over the threads."""
+        """Run one stage of the search, in chunks distributed over the threads."""
+        vertices, domain = self.vertices, self.domain
         size = max(1, min(CHUNK, -(-len(vertices) // (4 * thread_count()))))
         chunks = [vertices[i : i + size] for i in range(0, len(vertices), size)]
         step_length, rounds = self.step_length / 2.0**stage, NEIGHBOUR_STEPS if stage else STEPS
-        # From four fingers on combinations of normals need hulls: contacts stay off creases.
-        domain = self.domain if n == 3 else self.domain._replace(max_normals=1)
-        max_normals = max(1, int(np.diff(self.domain.normal_start).max()))
 
         def search_chunk(chunk: Ints) -> int:
-            workspace = make_search_workspace(
-                self.fingers, max_normals, domain.candidates.common_count
-            )
+            workspace = make_search_workspace(self.fingers, domain.candidates.common_count)
             search_fingers(
                 stage, chunk, n, domain, limits, int(self.sampling.seed), step_length, rounds,
-                previous, grasps, workspace, make_plane(max_normals),
+                previous, grasps, workspace, make_plane(),
                 None if n == 3 else make_hull_scratch(n),
             )  # fmt: skip
             return int(workspace.evaluated[0])
@@ -236,7 +215,7 @@ class _Search:
             self.evaluated += evaluated
             report_progress(count / len(chunks))
 
-    def _limits(self, *, best_normals: bool) -> SearchLimits:
+    def _limits(self) -> SearchLimits:
         sampling = self.sampling
         return SearchLimits(
             min_distance=max(self.min_separation * self.scale, MIN_SEPARATION),
@@ -248,7 +227,6 @@ class _Search:
             points_per_vertex=self.points_per_vertex,
             edge_length=self.edge_length,
             shortest_step=SHORTEST_STEP * sampling.tolerance * self.scale,
-            best_normals=best_normals,
         )
 
     def _candidate_points(self) -> CandidatePoints:
@@ -270,23 +248,21 @@ class _Search:
             pairs = best_pairs(mesh, sampling, self.cone)
         owners = self.vertices[pairs.partner_points.faces[self.vertices, 0] >= 0]
         points = SurfacePoints(
-            pairs.partner_points.faces[owners, :1], pairs.partner_points.weights[owners, :1]
+            pairs.partner_points.faces[owners], pairs.partner_points.weights[owners]
         )
         smooth = ~SurfaceContacts(mesh, points).on_crease[:, 0]
         return SurfacePoints(points.faces[smooth, 0], points.weights[smooth, 0]), owners[smooth]
 
-    def _result(self, worst: BestGrasps, best: BestGrasps) -> MultifingerGrasps:
-        faces = np.stack([worst.elements, best.elements], axis=1)
-        weights = np.stack([worst.weights, best.weights], axis=1)
+    def _result(self, grasps: BestGrasps) -> MultifingerGrasps:
+        faces, weights = grasps.elements, grasps.weights
         if self.on_vertices:
             has_contact = faces >= 0
             points = vertex_surface_points(self.mesh, np.maximum(faces, 0))
             faces = np.where(has_contact, points.faces, -1)
             weights = np.where(has_contact[..., None], points.weights, 0.0)
         canonical = self.mesh.canonical
-        nothing = np.isinf(worst.angles) & np.isinf(best.angles)
         return MultifingerGrasps(
             partner_points=SurfacePoints(faces[canonical], weights[canonical]),
-            reason=np.where(nothing, NO_PARTNER, FOUND).astype(np.uint8)[canonical],
+            reason=np.where(np.isinf(grasps.angles), NO_PARTNER, FOUND).astype(np.uint8)[canonical],
             evaluated=self.evaluated,
         )

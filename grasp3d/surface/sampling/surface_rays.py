@@ -15,43 +15,31 @@ BESIDE = 1e-5
 
 
 class SurfaceRays(FaceRays):
-    """Traces rays from vertices through a surface and evaluates the grasp at every crossing.
+    """Traces rays away from vertices and evaluates the grasps at the surface that they meet.
 
     Args:
         surface: The surface.
         sets: The normals of its vertices.
-        allowed: Faces where opposing contacts may be; None: all.
+        allowed: Faces where opposing contacts may be.
     """
 
-    def __init__(self, surface: Surface, sets: ContactNormals, allowed: Ints | None = None) -> None:
+    def __init__(self, surface: Surface, sets: ContactNormals, allowed: Ints) -> None:
         super().__init__(surface.points, surface.faces)
         self._surface = surface
         self._sets = sets
-        self._part: FaceRays | None = None
-        if allowed is not None and len(allowed) < len(surface.faces):
-            self._part = FaceRays(surface.points, surface.faces[allowed])
-            self._numbers = np.append(allowed, -1).astype(np.int32)
-            self._excluded = np.append(~np.isin(np.arange(len(surface.faces)), allowed), False)
+        self._excluded = np.append(~np.isin(np.arange(len(surface.faces)), allowed), False)
 
     def evaluate_all(self, rays: Rays, limits: PairLimits, grasps: BestPairs) -> int:
-        """Follow every ray through all its crossings and keep each vertex's best grasps.
+        """Follow every ray to the surface and keep each vertex's best grasps.
 
         Args:
             rays: The rays; modified.
-            limits: Openings and location error in the normalised frame.
+            limits: Openings in the normalised frame.
             grasps: The best grasps so far; modified.
 
         Returns:
-            Number of rays traced, those continued behind a crossing included.
+            Number of rays traced, those continued at their vertex included.
         """
-        if self._part is None:
-            return self._follow(rays, limits, grasps)
-        squeezing = rays.signs > 0
-        parts = [Rays._make(one[rows] for one in rays) for rows in (squeezing, ~squeezing)]
-        return sum(self._follow(part, limits, grasps) for part in parts)
-
-    def _follow(self, rays: Rays, limits: PairLimits, grasps: BestPairs) -> int:
-        """Follow rays, with a region those of one sign; see `evaluate_all`."""
         count = len(rays.owner)
         origins = np.empty((count, 3), dtype=np.float32)
         directions = np.empty((count, 3), dtype=np.float32)
@@ -68,15 +56,9 @@ class SurfaceRays(FaceRays):
     def _met(self, origins: Singles, directions: Singles, rays: Rays) -> tuple[Any, Any]:
         """Face that each ray meets first, -1: none, and its distance.
 
-        What lies between squeezing fingers does not matter, so they meet allowed faces only; for
-        expanding ones an excluded face is in the way.
+        An excluded face is in the way, unless it is at the vertex.
         """
-        if self._part is not None and rays.signs[0] > 0:
-            faces, far = self._part.hits(origins, directions)
-            return self._numbers[faces], far
         faces, far = self.hits(origins, directions)
-        if self._part is None:
-            return faces, far
         excluded, count = self._excluded[faces], len(faces)
         beside = excluded & (rays.along[:count] + far < BESIDE)  # the ray goes on
         rays.last[:count][beside] = faces[beside]

@@ -3,16 +3,18 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from grasp3d.arrays import chosen_rows
 from grasp3d.errors import SettingError
 from grasp3d.export.writers import writer_for
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.scene import Scene
 from grasp3d.settings import GraspModel, Sampling, search_cone
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.surface.labelling import label_surface, merged
+from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
 from grasp3d.surface.vertex_grasps import Reason
@@ -83,15 +85,20 @@ def with_known_grasps(wide: SurfaceLabels, narrow: SurfaceLabels) -> SurfaceLabe
         wide: Labels of the wider search.
         narrow: Labels of the narrower search on the same mesh.
     """
-    new, old = wide, narrow
-    beyond = narrow.search.cone + ROUNDING
-    worst = (old.critical_angle > beyond) & (new.critical_angle < old.critical_angle)
-    best = (old.critical_angle_best > beyond) | worst
-    best &= new.critical_angle_best < old.critical_angle_best
-    missing = old.reason != Reason.FOUND
-    return merged(
-        old, new, worst=worst, best=best, reason=np.where(missing, new.reason, old.reason)
-    )
+    beyond = narrow.critical_angle_best > narrow.search.cone + ROUNDING
+    better = beyond & (wide.critical_angle < narrow.critical_angle)
+    missing = narrow.reason != Reason.FOUND
+
+    def kept(name: str) -> Any:
+        return chosen_rows(better, getattr(wide, name), getattr(narrow, name))
+
+    return SurfaceLabels.of_vertices(
+        wide.mesh, wide.model, angles=(kept("critical_angle"), kept("critical_angle_best")),
+        partners=kept("partners"), partner_points=kept("partner_points"), grip=kept("grip"),
+        reach=kept("reach"), reason=np.where(missing, wide.reason, narrow.reason),
+        sampling=wide.sampling, mode=wide.mode, search=wide.search, scene=wide.scene,
+        load=wide.load,
+    )  # fmt: skip
 
 
 def scan_with_fixed(subject: Subject, model: GraspModel, fixed: FixedPoints) -> Subject:
