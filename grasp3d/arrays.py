@@ -106,6 +106,8 @@ def chosen_rows(which: Bools, one: Any, other: Any) -> Any:
         one: An array (b, ...), or a dataclass of such values, whose other fields the result has.
         other: The same.
     """
+    if one is other:
+        return one
     if isinstance(one, np.ndarray):
         return locked(np.where(which.reshape(-1, *[1] * (one.ndim - 1)), one, other))
     if not (hasattr(one, "__dataclass_fields__") and isinstance(other, type(one))):

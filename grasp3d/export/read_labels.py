@@ -29,7 +29,7 @@ from grasp3d.surface.fields import AREA, LENGTH, Array
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.load_result import LoadResult
-from grasp3d.surface.vertex_fields import ANGLE_BOUNDS, VERTICES, unpacked_bits
+from grasp3d.surface.vertex_fields import ANGLE_BOUNDS, unpacked_bits
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.documents import parse_json
 from grasp3d.system.limited_reading import read_file
@@ -42,9 +42,6 @@ READERS: dict[str, Callable[[Source], Stored | None]] = {
     ".parquet": read_fields,
 }
 """By suffix."""
-
-PLAIN = tuple(field.name for field in VERTICES if field.of is None and field.when == "always")
-"""Fields that are attributes of labels as they are."""
 
 
 def read_labels(path: str | Path, *, unit: Unit | None = None) -> SurfaceLabels:
@@ -120,19 +117,22 @@ def _stored(path: Path) -> Stored | None:
 
 def _labels(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> SurfaceLabels:
     """Labels of checked values. Raises GraspError."""
-    values: dict[str, Any] = {
-        **{name: _value(stored, name) for name in PLAIN},
+    model, known = settings.model, {
+        "label": _value(stored, "label"),
         "epsilon_range": EpsilonRange(*(_floats(stored, f"epsilon{end}") for end in _ENDS)),
-        "critical_angle_bounds": None
-        if settings.model.location_error == 0.0
-        else tuple(_floats(stored, field.name) for field in ANGLE_BOUNDS),
-        "partner_points": _partner_points(stored),
-        **_reach(stored, settings),
         "load_result": _load_result(stored, settings, mesh),
-    }
-    return SurfaceLabels.of_values(
-        mesh, settings.model, sampling=settings.sampling, mode=settings.mode,
-        search=settings.search, scene=settings.scene, load=settings.load, values=values,
+        "critical_angle_bounds": tuple(_floats(stored, field.name) for field in ANGLE_BOUNDS)
+        if settings.model.location_error
+        else None,
+    }  # fmt: skip
+    worst, best = (_floats(stored, f"critical_angle{end}") for end in ("", "_best"))
+    return SurfaceLabels.of_vertices(
+        mesh, model, angles=(worst, best),
+        partners=stored.field("partners"), partner_points=_partner_points(stored),
+        grip=stored.field("grip"), reason=stored.field("reason"),
+        reach=_reach(stored, settings), sampling=settings.sampling, mode=settings.mode,
+        search=settings.search, scene=settings.scene, load=settings.load,
+        known={name: value for name, value in known.items() if value is not None},
     )  # fmt: skip
 
 
@@ -159,10 +159,10 @@ def _partner_points(stored: Stored) -> SurfacePoints:
     )
 
 
-def _reach(stored: Stored, settings: FileSettings) -> dict[str, Any]:
+def _reach(stored: Stored, settings: FileSettings) -> Reach | None:
     """How a gripper reaches the grasps, if there is one."""
     if settings.scene is None:
-        return {}
+        return None
     margin = _floats(stored, "approach_margin")
     columns = [stored.field(name) for name in ("closing", "lateral", "approach", "tcp")]
     poses = np.full((len(margin), 4, 4), math.nan)
@@ -170,7 +170,7 @@ def _reach(stored: Stored, settings: FileSettings) -> dict[str, Any]:
     poses[np.isfinite(columns[3]).all(axis=1), 3] = 0.0, 0.0, 0.0, 1.0
     count, angles = len(margin), settings.scene.approach.angles
     free = stored.values.get("free_angles")
-    reach = Reach(
+    return Reach(
         state=locked(stored.field("reach_state")),
         poses=locked(poses),
         approach_margin=margin,
@@ -179,7 +179,6 @@ def _reach(stored: Stored, settings: FileSettings) -> dict[str, Any]:
         depth=_floats(stored, "depth"),
         free=locked(np.zeros((count, 0), bool) if free is None else unpacked_bits(free, angles)),
     )
-    return {"reach": reach}
 
 
 def _load_result(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> LoadResult | None:

@@ -135,13 +135,13 @@ def distinct_grasps(labels: SurfaceLabels, *, unstable: bool = False) -> GraspTa
     """
     known = _DISTINCT.setdefault(labels, {})
     if unstable not in known:
-        grasps = labels.grasps
-        rows = ranked_rows(grasps)
+        rows = ranked_rows(labels)
+        rows = rows[np.isin(rows, labels.distinct)]
         if not unstable:
-            rows = rows[grasps.letter[rows] > Label.U]
-        points = grasps.contacts.take(rows).points
+            rows = rows[labels.letter[rows] > Label.U]
+        points = labels.contacts.take(rows).points
         limit = distance_of_distinct(labels.mesh)
-        known[unstable] = grasps.take(rows[distinct_rows(points, MOST_DISTINCT, limit)])
+        known[unstable] = labels.take(rows[distinct_rows(points, MOST_DISTINCT, limit)])
     return known[unstable]
 
 

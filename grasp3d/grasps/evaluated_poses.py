@@ -32,12 +32,10 @@ from grasp3d.surface.fields import (
     columns_of,
     given_poses,
 )
-from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.grasp_table import Deferred, GraspRows
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.robustness import Robustness, robustness_of
-from grasp3d.surface.rows import NO_ROW, rows_where
 from grasp3d.surface.scores import written_scores
-from grasp3d.surface.vertex_grasps import IndexedGrasps
 
 STALE = frozenset(
     {*metric_names(), *(field.name for field in (*FORCES, CLOSING_SHARE, *HAND_GRASPS))}
@@ -188,16 +186,13 @@ NOWHERE = np.zeros((1, 3))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class EvaluatedPoses(GivenGrasps, IndexedGrasps):
+class EvaluatedPoses(GivenGrasps, GraspRows):
     """Poses of a gripper with the grasps that its jaws make there, a row for each.
 
-    Numbers are nan, and the label is U, where the jaws do not close on the object.
+    Contacts are where the jaws touch, at the mean normals of the patches. Numbers are nan, and the
+    label is U, where the jaws do not close on the object.
     """
 
-    grasps: GraspTable
-    """The grasps where the jaws close on the object, at the mean normals of the patches."""
-    row: Ints
-    """Row of each pose in that table, -1: the jaws do not close, shape (k,)."""
     given: GraspPoses
     """The poses as they were given, with their outcomes [m]."""
     jaws: ClosedJaws
@@ -212,11 +207,17 @@ class EvaluatedPoses(GivenGrasps, IndexedGrasps):
     """Whether the jaws close on the object, within the stroke with its clearance, without
     collision, and from an allowed direction, shape (k,)."""
 
-    no_angle = math.nan
     load_result = None
     """What the patches hold is in `payload` and `grip_force`."""
 
+    COMPUTED = ("epsilon_range", "robustness", "approach_margin")
+
     __repr__ = short_repr
+
+    @property
+    def has_grasp(self) -> Bools:
+        """Whether the jaws close on the object, shape (k,)."""
+        return self.jaws.closed
 
     @property
     def state(self) -> Bytes:
@@ -228,7 +229,7 @@ class EvaluatedPoses(GivenGrasps, IndexedGrasps):
         """Distance of the pads, or of the nearest points of round tips [m], shape (k,)."""
         return self.jaws.opening
 
-    @cached_property
+    @Deferred
     def robustness(self) -> Robustness:
         """Scores of the touched patches, and of poses that are a little wrong; rows (k,).
 
@@ -258,7 +259,7 @@ class EvaluatedPoses(GivenGrasps, IndexedGrasps):
         """Why poses are not S; computed when first read."""
         return GripperReasons(self)
 
-    @cached_property
+    @Deferred
     def approach_margin(self) -> Floats:
         """How far the approach may turn about the closing axis, either way, free of collisions.
 
@@ -326,21 +327,14 @@ class EvaluatedPoses(GivenGrasps, IndexedGrasps):
 
     def take(self, rows: Ints) -> Self:
         """The chosen poses, in that order; see `GivenGrasps.take`."""
-        row = self.row[rows]
-        has_row = row != NO_ROW
-        taken = replace(
+        return replace(
             self,
-            grasps=self.grasps.take(row[has_row]),
-            row=rows_where(has_row),
+            **self.rows(rows),
             given=self.given.take(rows),
             jaws=self.jaws.take(rows),
             collides=locked(self.collides[rows]),
             reachable=locked(self.reachable[rows]),
         )
-        for name in {"robustness", "approach_margin"} & vars(self).keys():
-            values = getattr(self, name)
-            vars(taken)[name] = values.take(rows) if name == "robustness" else values[rows]
-        return taken
 
     def _warnings(self) -> Iterable[str | None]:
         return [None if self.reading else self._starting_inside()]
@@ -372,4 +366,4 @@ class EvaluatedPoses(GivenGrasps, IndexedGrasps):
     def _settings(self) -> dict[str, Any]:
         """Settings of the evaluation; angles in radians."""
         own = {"gripper": self.hand.name, "object_motion": self.object_motion}
-        return self.grasps.settings() | own
+        return self.settings() | own

@@ -48,7 +48,6 @@ from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.rows import rows_where
 from grasp3d.system.context import refuse_warnings, report_progress, unreported, within
 
 OFF_SURFACE = 1.0 / 100.0
@@ -483,19 +482,18 @@ def closed_at(
     held = jaws.closed if object_motion == "fixed" else np.zeros(start.count, dtype=np.bool_)
     colliding, shift = _blocked(mesh, start, jaws, held, scene, most)
     jaws = replace(jaws, shift=locked(shift))
-    contacts = JawContacts.of(mesh, jaws)
-    angles = np.zeros(0)
+    contacts, angles = JawContacts.of(mesh, jaws), np.full(start.count, math.nan)
     if contacts.size:
-        angles = critical_friction_angle(contacts.contacts(model))
-        angles = np.where(allowed_contacts(mesh, contacts.points), angles, math.inf)
-    grasps = GraspTable(
-        contacts=contacts, model=model, critical_angle=locked(angles),
-        critical_angle_best=locked(angles),
-        scene=scene, load=load,
-    )  # fmt: skip
+        found = critical_friction_angle(contacts.contacts(model))
+        allowed = allowed_contacts(mesh, contacts.points)
+        angles[jaws.closed] = np.where(allowed, found, math.inf)
     return EvaluatedPoses(
-        grasps=grasps,
-        row=rows_where(jaws.closed),
+        contacts=JawContacts(mesh, jaws),
+        model=model,
+        critical_angle=locked(angles),
+        critical_angle_best=locked(angles),
+        scene=scene,
+        load=load,
         given=start,
         jaws=jaws,
         object_motion=object_motion,

@@ -295,7 +295,7 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
         resolution=grasps.model.sensor_resolution,
         load_result=load,
         wrong=_wrong(tried),
-        lost=labels is not None and bool((labels.grasps.letter > code).any()),
+        lost=labels is not None and bool((labels.letter > code).any()),
     )
     if tried.letter.any() and not named.size:
         return replace(verdict, wrong=_NOWHERE, lost=False)
@@ -337,7 +337,7 @@ def _judged(
         return grasps, grasps, int(np.sum(grasps.letter == Label.S))
     if not has_poses(grasps):
         distinct = distinct_grasps(grasps)
-        return grasps.grasps, distinct, int(np.sum(distinct.letter == Label.S))
+        return grasps.take(grasps.distinct), distinct, int(np.sum(distinct.letter == Label.S))
     pool, named = pool_of(grasps), best_grasps(grasps, NAMED)
     count = int(np.sum(named.letter == Label.S))
     if grasps.scene is not None and grasps.scene.pose_error:  # those of the pool are exact
@@ -475,13 +475,14 @@ def _more_friction(labels: SurfaceLabels) -> list[Remedy]:
     if has_poses(labels):
         pool = pool_of(labels)
         return _friction(pool.take(_candidates(pool))) if pool.size else []
-    more = label_surface(
+    found = label_surface(
         labels.mesh,
         replace(labels.model, friction=MOST_FRICTION),
         sampling=labels.sampling,
         scene=labels.scene,
         load=labels.load,
-    ).grasps
+    )
+    more = found.take(found.distinct)
     if not (more.letter == Label.S).any():
         return []
     return _friction(more.take(_candidates(more)).using(model=labels.model))

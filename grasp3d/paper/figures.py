@@ -118,7 +118,8 @@ def real_object(mesh: ObjectMesh, name: str, settings: PaperSettings) -> Scanned
     """
     point = best_contact_point(mesh, settings.models[0])
     with unreported():
-        normal = scan_surface(mesh, settings.models[0], fixed=point).grasps.contacts.normals[0, 1]
+        scan = scan_surface(mesh, settings.models[0], fixed=point)
+        normal = scan.partner_normals[scan.distinct[0], 0]
         return _scanned(name, mesh, point, settings, view_of(normal))
 
 
@@ -172,7 +173,7 @@ def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: 
     from grasp3d.viewer.scene.stills import draw_labels
 
     images = [
-        draw_labels(scan, view=scanned.view, size=PIXELS, fixed=scan.grasps.positions[0, 1:])
+        draw_labels(scan, view=scanned.view, size=PIXELS, fixed=scan.partners[scan.distinct[0]])
         for scan in scanned.scans
         if pictures
     ]

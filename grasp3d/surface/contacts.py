@@ -166,7 +166,7 @@ class JawContacts(GraspContacts):
 
     mesh: ObjectMesh
     jaws: ClosedJaws
-    """Where the jaws touch; all of them close."""
+    """Where the jaws touch; numbers are of those that close."""
 
     __repr__ = short_repr
 

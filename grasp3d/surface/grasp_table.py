@@ -1,18 +1,22 @@
-"""Tables of grasps: one grasp in each row, with its label, epsilon and forces."""
+"""Tables with a grasp in each row, or none: labels, epsilon and forces, computed when read.
+
+Rows that have the same grasp, as vertices at one position, share its numbers: what takes long is
+computed once for each distinct grasp.
+"""
 
 import math
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import InitVar, dataclass, replace
 from functools import cached_property
 from importlib import import_module
-from typing import Any, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach import Reach
@@ -40,8 +44,7 @@ from grasp3d.surface.grasp_numbers import (
 )
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.load_result import LoadResult
-from grasp3d.surface.rows import rows_of
+from grasp3d.surface.load_result import LoadResult, at_rows
 from grasp3d.system.versions import package_version
 
 NO_POSES = (
@@ -66,36 +69,26 @@ class Deferred(cached_property[T]):
         self._locks: WeakKeyDictionary[Any, threading.Lock] = WeakKeyDictionary()
         self._making = threading.Lock()
 
-    def __get__(self, instance: Any, owner: type[Any] | None = None) -> Any:
+    def __get__(self, instance: Any, owner: type[Any] | None = None) -> T:  # type: ignore[override]
         """The value, computed if it is not known; of a class the descriptor itself."""
         if instance is None:
-            return self
+            return self  # type: ignore[return-value]
         values, name = vars(instance), self.attrname or ""
         with self._making:
             lock = self._locks.setdefault(instance, threading.Lock())
         with lock:
             if name not in values:
                 values[name] = self.func(instance)
-        return values[name]
+        value: T = values[name]
+        return value
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class GraspTable(LabelledGrasps):
-    """Grasps on an object, one in each of b rows: contacts, label, epsilon, forces.
+class GraspRows(LabelledGrasps):
+    """A grasp on an object in each of b rows, or none: contacts, label, epsilon, forces.
 
     What takes long is computed when it is first read. The grasps are given, or were found by a
     search; S means surely stable, U surely unstable.
-
-    Example:
-        >>> import trimesh
-        >>> import grasp3d
-        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
-        >>> labels = grasp3d.label_surface(grasp3d.load_mesh(box, unit="m", max_edge=0.02))
-        >>> grasps = grasp3d.best_grasps(labels, 2)
-        >>> grasps.to_dataframe()[["grasp", "label", "rank", "opening"]].round(3)
-           grasp label  rank  opening
-        0      1     S     5     0.08
-        1      2     S     5     0.08
     """
 
     contacts: GraspContacts
@@ -105,7 +98,8 @@ class GraspTable(LabelledGrasps):
     critical_angle: Floats
     """Critical friction angle over the worst normals of the contacts [rad], shape (b,).
 
-    inf where all contacts are at one point.
+    inf where there is no grasp, or all contacts are at one point; nan at poses whose jaws do not
+    close.
     """
     critical_angle_best: Floats
     """The same over the best normals, shape (b,); different only for contacts on creases."""
@@ -113,31 +107,68 @@ class GraspTable(LabelledGrasps):
     """Positions of the contacts as a search has found them, in the mesh's frame, shape
     (b, n, 3); None: `contacts.points`, from which they differ by rounding."""
     grip: npt.NDArray[np.int8] | None = None
-    """Two fingers: +1 for an external grasp, -1 for an internal one, shape (b,); None: unknown, or
-    three fingers and more."""
-    moved: Floats | None = None
-    """`distance`, shape (b, n); None: the contacts were found on the surface."""
+    """Two fingers: +1 for an external grasp, -1 for an internal one, shape (b,); 0: no grasp, and
+    three fingers and more; None: unknown."""
     scene: Scene | None = None
     """The gripper of the grasps, and what it must not touch; None: ideal points."""
     reach: Reach | None = None
-    """How the gripper reaches each grasp, with its pose; None: no gripper."""
+    """How the gripper reaches each grasp, with its pose, rows (b,); None: no gripper."""
     load: Load | None = None
     """What each grasp must hold; None: `load_result` is not computed."""
+    known: InitVar[Mapping[str, Any] | None] = None
+    """What is known of `COMPUTED` already, by name."""
+
+    COMPUTED: ClassVar[tuple[str, ...]] = (
+        "critical_angle_bounds", "label", "epsilon_range", "load_result",
+    )  # fmt: skip
+    """What is computed when it is first read, a row for each grasp."""
+
+    def __post_init__(self, known: Mapping[str, Any] | None) -> None:
+        vars(self).update(known or {})
 
     __repr__ = short_repr
 
-    def __len__(self) -> int:
-        return self.size
-
     @property
     def size(self) -> int:
-        """Number of grasps."""
+        """Number of rows."""
         return len(self.critical_angle)
 
     @property
     def mesh(self) -> ObjectMesh:
         """The object."""
         return self.contacts.mesh
+
+    @property
+    def same(self) -> Ints:
+        """The first row that has the same grasp, shape (b,); a row without one is that itself."""
+        return np.arange(self.size)
+
+    @property
+    def has_grasp(self) -> Bools:
+        """Whether each row has a grasp, shape (b,)."""
+        return np.ones(self.size, dtype=np.bool_)
+
+    @cached_property
+    def distinct(self) -> Ints:
+        """The rows that have a grasp, of those with the same one the first, shape (d,)."""
+        return locked(np.flatnonzero(self.has_grasp & (self.same == np.arange(self.size))))
+
+    @cached_property
+    def distinct_contacts(self) -> GraspContacts:
+        """Contacts of the distinct grasps, shape (d, n)."""
+        return self.contacts.take(self.distinct)
+
+    def spread(self, values: npt.NDArray[Any], missing: float) -> npt.NDArray[Any]:
+        """Values of the distinct grasps at every row that has one.
+
+        Args:
+            values: Shape (d, ...).
+            missing: Value of rows without a grasp.
+
+        Returns:
+            Shape (b, ...), read-only.
+        """
+        return locked(at_rows(values, self.distinct, self.size, missing)[self.same])
 
     @cached_property
     def load_case(self) -> LoadCase | None:
@@ -157,37 +188,137 @@ class GraspTable(LabelledGrasps):
         `model.sure_angle`, U iff the best is at least `model.unstable_from`. Two
         contacts: every S is exact, every U correct; more: every S is correct, nothing is U.
         """
-        angles = self.critical_angle, self.critical_angle_best
-        return angle_bounds_of(self.contacts, angles, self.model) if self.size else angles
+        angles, rows = (self.critical_angle, self.critical_angle_best), self.distinct
+        if self.model.location_error == 0.0 or not len(rows):
+            return angles
+        own = angles[0][rows], angles[1][rows]
+        worst, best = angle_bounds_of(self.distinct_contacts, own, self.model)
+        return self.spread(worst, math.inf), self.spread(best, math.inf)
 
     @Deferred
     def label(self) -> Bytes:
-        """`Label` codes by `model.method`: 0 U, 1 M, 2 S."""
+        """`Label` codes by `model.method`: 0 U, 1 M, 2 S; shape (b,)."""
         if self.model.method == "exact":
             worst, best = self.critical_angle_bounds
             return locked(label_angles(worst, best, self.model))
         codes = np.full(self.size, Label.U, dtype=np.uint8)
-        rows = np.flatnonzero(np.isfinite(self.critical_angle))
+        rows = self.distinct[np.isfinite(self.critical_angle[self.distinct])]
         codes[rows] = hull_labels(self.contacts.take(rows), self.model)
-        return locked(codes)
+        return locked(codes[self.same])
 
     @Deferred
     def epsilon_range(self) -> EpsilonRange:
-        """`epsilon`, `epsilon_min` and `epsilon_max`; computed when first read."""
-        return surface_epsilons(self.contacts, self.model)
+        """`epsilon`, `epsilon_min` and `epsilon_max`, rows (b,); nan: no grasp."""
+        found = surface_epsilons(self.distinct_contacts, self.model)
+        values = found.nominal, found.minimum, found.maximum
+        return EpsilonRange(*(self.spread(one, math.nan) for one in values))
 
     @Deferred
     def load_result(self) -> LoadResult | None:
-        """Grip force and payload of the grasps under the load; None: there is no load.
-
-        Computed when first read.
-        """
-        case = self.load_case
+        """Grip force and payload under the load, rows (b,); None: there is no load."""
+        case, rows = self.load_case, self.distinct
         if case is None:
             return None
-        load_result = surface_load_result(self.contacts, self.model, case)
-        outside = np.isinf(self.critical_angle_best)  # of the region
-        return load_result.replaced(outside, LoadResult.failed(case, self.size))
+        found = surface_load_result(self.distinct_contacts, self.model, case)
+        outside = np.isinf(self.critical_angle_best[rows])  # of the region
+        found = found.replaced(outside, LoadResult.failed(case, len(rows)))
+        return found.at_rows(rows, self.size).take(self.same)
+
+    @property
+    def positions(self) -> Floats:
+        """Positions of the contacts, in the mesh's frame, shape (b, n, 3)."""
+        return self.contacts.points if self.points is None else self.points
+
+    @cached_property
+    def opening(self) -> Floats:
+        """Largest distance between any two contacts, shape (b,); nan: no grasp."""
+        return locked(_distances(self.positions).max(axis=1, initial=0.0))
+
+    def metrics(self, names: str | Sequence[str] = ALL) -> dict[str, Floats]:
+        """Quality measures of each grasp, shape (b,) each; computed when called.
+
+        Torques are divided by `mesh.torque_scale`, circular cones replaced by pyramids of 8 edges.
+        nan where there is no grasp, and where a measure is undefined.
+
+        Args:
+            names: As in `quality.metrics`: 'all', or names in a list or separated by commas.
+
+        Raises:
+            SettingError: An unknown name.
+        """
+        values = surface_metrics(self.distinct_contacts, self.model, names)
+        return {name: self.spread(column, math.nan) for name, column in values.items()}
+
+    def rows(self, rows: Ints) -> dict[str, Any]:
+        """Fields and known values of the chosen rows, by name.
+
+        Args:
+            rows: The rows, shape (c,).
+        """
+        names = ("contacts", "critical_angle", "critical_angle_best", "points", "grip", "reach")
+        known = {name: self.computed(name) for name in self.COMPUTED}
+        return {
+            **{name: _rows_of(getattr(self, name), rows) for name in names},
+            "known": {name: _rows_of(one, rows) for name, one in known.items() if one is not None},
+        }
+
+    def using(self, **changed: Any) -> Self:
+        """The same grasps with another model or load, without checks or a new search.
+
+        Args:
+            changed: Fields by name. Bounds of angles that stay the same are kept: other frictions
+                and resolutions have the same, which take many closure tests for three fingers.
+
+        Raises:
+            SettingError: Another scene, but how the gripper reaches them is known for this one.
+        """
+        if self.reach is not None and changed.get("scene", self.scene) is not self.scene:
+            raise SettingError(
+                "how a gripper reaches grasps is known for its own scene only; label the surface "
+                "with the other one (in Python label_surface(..., scene=...))"
+            )
+        angles = self.computed("critical_angle_bounds")
+        model = changed.get("model", self.model)
+        if angles is None or model.location_error != self.model.location_error:
+            return replace(self, **changed)
+        return replace(self, **changed, known={"critical_angle_bounds": angles})
+
+    def settings(self) -> dict[str, Any]:
+        """Settings that the grasps were evaluated with, as files have them; angles in radians."""
+        load: dict[str, Any] = {}
+        if self.load_case is not None:
+            load = {**load_settings(self.load), **self.load_case.settings()}
+        if self.load_result is not None:
+            load |= self.load_result.settings()
+        return {
+            **settings_of(self.mesh, self.model, self.scene),
+            "epsilon_min": self.model.tilts,
+            "epsilon_max": "sampled_tilts" if self.model.method == "extremes" else "upper_bound",
+            **{name: value for name, value in load.items() if value is not None},
+        }
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GraspTable(GraspRows):
+    """Grasps on an object, one in each of b rows.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
+        >>> labels = grasp3d.label_surface(grasp3d.load_mesh(box, unit="m", max_edge=0.02))
+        >>> grasps = grasp3d.best_grasps(labels, 2)
+        >>> grasps.to_dataframe()[["grasp", "label", "rank", "opening"]].round(3)
+           grasp label  rank  opening
+        0      1     S     5     0.08
+        1      2     S     5     0.08
+    """
+
+    moved: Floats | None = None
+    """`distance`, shape (b, n); None: the contacts were found on the surface."""
+
+    def __len__(self) -> int:
+        return self.size
 
     @cached_property
     def rank(self) -> Ints:
@@ -235,41 +366,17 @@ class GraspTable(LabelledGrasps):
             >>> box = trimesh.creation.box([80.0, 50.0, 30.0])
             >>> mesh = grasp3d.load_mesh(box, unit="mm", max_edge="20mm")
             >>> labels = grasp3d.label_surface(mesh, hand=grasp3d.read_hand("franka"))
-            >>> labels.grasps.poses_in("0.4,0,0.1,90").shape == (labels.grasps.size, 4, 4)
-            True
+            >>> labels.take(labels.distinct).poses_in("0.4,0,0.1,90").shape[1:]
+            (4, 4)
         """
         if self.poses is None:
             raise SettingError(NO_POSES)
         return ObjectPose.of(object_pose).matrix @ self.poses
 
-    @property
-    def positions(self) -> Floats:
-        """Positions of the contacts, in the mesh's frame, shape (b, n, 3)."""
-        return self.contacts.points if self.points is None else self.points
-
-    @cached_property
-    def opening(self) -> Floats:
-        """Largest distance between any two contacts, shape (b,)."""
-        return locked(_distances(self.positions).max(axis=1, initial=0.0))
-
     @cached_property
     def separation(self) -> Floats:
         """Smallest distance between any two contacts, shape (b,)."""
         return locked(_distances(self.positions).min(axis=1, initial=math.inf))
-
-    def metrics(self, names: str | Sequence[str] = ALL) -> dict[str, Floats]:
-        """Quality measures of each grasp, shape (b,) each; computed when called.
-
-        Torques are divided by `mesh.torque_scale`, circular cones replaced by pyramids of 8 edges.
-        nan where a measure is undefined.
-
-        Args:
-            names: As in `quality.metrics`: 'all', or names in a list or separated by commas.
-
-        Raises:
-            SettingError: An unknown name.
-        """
-        return surface_metrics(self.contacts, self.model, names)
 
     def take(self, rows: Ints) -> "GraspTable":
         """The chosen grasps, in that order, with what has been computed of them.
@@ -277,48 +384,19 @@ class GraspTable(LabelledGrasps):
         Args:
             rows: Their rows, shape (c,).
         """
-        arrays: dict[str, Any] = {
-            name: locked(values[rows])
-            for name in ("critical_angle", "critical_angle_best", "points", "grip", "moved")
-            if (values := getattr(self, name)) is not None
-        }
-        reach = None if self.reach is None else self.reach.take(rows)
-        table = replace(self, contacts=self.contacts.take(rows), reach=reach, **arrays)
-        for name in COMPUTED.intersection(vars(self)):
-            vars(table)[name] = rows_of(vars(self)[name], rows)
-        return table
+        return replace(self, **self.rows(rows), moved=_rows_of(self.moved, rows))
 
     def whole(self) -> "GraspTable":
-        """The grasps as given by their contacts: with the angles of these, over all normals.
+        """The grasps as given by their contacts: with the angles of these.
 
         Epsilon, which is that of the contacts, stays.
         """
         worst, best = critical_angles(self.contacts)
-        table = replace(self, critical_angle=worst, critical_angle_best=best, points=None)
-        if (epsilon := self.computed("epsilon_range")) is not None:
-            vars(table)["epsilon_range"] = epsilon
-        return table
-
-    def using(self, **changed: Any) -> "GraspTable":
-        """The same grasps with another model or load.
-
-        Args:
-            changed: Fields by name. Bounds of angles that stay the same are kept: other frictions
-                and resolutions have the same, which take many closure tests for three fingers.
-
-        Raises:
-            SettingError: Another scene, but how the gripper reaches them is known for this one.
-        """
-        if self.reach is not None and changed.get("scene", self.scene) is not self.scene:
-            raise SettingError(
-                "how a gripper reaches grasps is known for its own scene only; label the surface "
-                "with the other one (in Python label_surface(..., scene=...))"
-            )
-        table = replace(self, **changed)
-        angles = self.computed("critical_angle_bounds")
-        if angles is not None and table.model.location_error == self.model.location_error:
-            vars(table)["critical_angle_bounds"] = angles
-        return table
+        epsilon = self.computed("epsilon_range")
+        return replace(
+            self, critical_angle=worst, critical_angle_best=best, points=None,
+            known=None if epsilon is None else {"epsilon_range": epsilon},
+        )  # fmt: skip
 
     def columns(self, metrics: Mapping[str, Floats] | None = None) -> Columns:
         """What files have of each grasp as a whole by name, shape (b,) each.
@@ -352,18 +430,6 @@ class GraspTable(LabelledGrasps):
                 columns |= dict(zip(names, flat.T, strict=True))
         return columns | {"unit": np.full(self.size, self.mesh.unit or "")}
 
-    def settings(self) -> dict[str, Any]:
-        """Settings that the grasps were evaluated with, as files have them; angles in radians."""
-        load = {}
-        if self.load_result is not None:
-            load = {**load_settings(self.load), **self.load_result.settings()}
-        return {
-            **settings_of(self.mesh, self.model, self.scene),
-            "epsilon_min": self.model.tilts,
-            "epsilon_max": "sampled_tilts" if self.model.method == "extremes" else "upper_bound",
-            **{name: value for name, value in load.items() if value is not None},
-        }
-
     def to_table(self) -> Any:
         """Return a `pyarrow.Table` with a row for each grasp: the columns of `write_grasps`."""
         from grasp3d.system.tables import table_of_columns
@@ -385,8 +451,13 @@ class GraspTable(LabelledGrasps):
         return import_module("grasp3d.viewer.show").show(self, **options)
 
 
-COMPUTED = frozenset({"critical_angle_bounds", "label", "epsilon_range", "load_result"})
-"""What is computed when it is first read, a row for each grasp."""
+def _rows_of(values: Any, rows: Ints) -> Any:
+    """The chosen rows of an array, a tuple of arrays, or a class that takes rows; None: None."""
+    if values is None:
+        return None
+    if isinstance(values, tuple):
+        return tuple(_rows_of(one, rows) for one in values)
+    return locked(values[rows]) if isinstance(values, np.ndarray) else values.take(rows)
 
 
 def _distances(points: Floats) -> Floats:

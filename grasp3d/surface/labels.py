@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Quantity = Literal["nominal", "minimum", "maximum"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SurfaceLabels(VertexGrasps):
     """The best grasp found at every vertex of a surface, and its reliability.
 
@@ -51,20 +51,10 @@ class SurfaceLabels(VertexGrasps):
         areas = self.fractions() if has_labels else {}
         fractions = (f"{name} {fraction:.1%}" for name, fraction in areas.items())
         return (
-            f"<SurfaceLabels of {self.mesh.report.source}: {len(self.row):,} vertices, "
+            f"<SurfaceLabels of {self.mesh.report.source}: {self.size:,} vertices, "
             f"{model.fingers} fingers, {model_line(model, metres=self.mesh.unit is not None)}; "
             f"{', '.join(fractions) or 'not labelled yet'}>"
         )
-
-    def using(self, **changed: Any) -> "SurfaceLabels":
-        """The same grasps with another model or load, without checks or a new search.
-
-        Args:
-            changed: Fields of `GraspTable` by name; see `GraspTable.using`.
-        """
-        copy = replace(self, grasps=self.grasps.using(**changed))
-        vars(copy).update({name: vars(self)[name] for name in _OF_SEARCH.intersection(vars(self))})
-        return copy
 
     def relabel(
         self,
@@ -233,10 +223,3 @@ class SurfaceLabels(VertexGrasps):
 
     def _weights(self, weights: Weights) -> Floats:
         return vertex_weights(self.mesh, weights)
-
-
-_OF_SEARCH = frozenset({
-    "critical_angle", "critical_angle_best", "vertices", "partners", "partner_normals",
-    "partner_points", "opening", "grip", "reachable", "approach", "approach_margin",
-})  # fmt: skip
-"""Attributes that depend on the grasps alone."""

@@ -17,7 +17,6 @@ from grasp3d.quality.tasks import Task
 from grasp3d.quality.tilting import FrictionCases, over_friction
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.rows import NO_ROW, gathered
 
 HARD_FINGERS = (
     "two hard fingers cannot resist a torque about the line through them: give a torsion radius "
@@ -141,27 +140,18 @@ class LoadResult:
 
     def at_rows(self, rows: Ints, size: int) -> "LoadResult":
         """The same in a table of `size` rows, of which these are `rows`; others are no grasps."""
-        row = np.full(size, NO_ROW)
-        row[rows] = np.arange(len(rows))
-        return self.gathered(row)
+        missing = {"f": np.nan, "u": 0}
+        return self._with(
+            {
+                name: at_rows(values, rows, size, missing[values.dtype.kind])
+                for name, values in self._arrays().items()
+            }
+        )
 
     def replaced(self, where: Bools, other: "LoadResult") -> "LoadResult":
         """The same with the rows of another one, of as many grasps, at a mask of shape (b,)."""
         both = {name: (values, getattr(other, name)) for name, values in self._arrays().items()}
         return self._with({name: np.where(where, new, old) for name, (old, new) in both.items()})
-
-    def gathered(self, row: Ints) -> "LoadResult":
-        """The rows at the places that have them.
-
-        Args:
-            row: Row of each place, -1: none, shape (k,).
-        """
-        return self._with(
-            {
-                name: gathered(values, row, np.nan if values.dtype.kind == "f" else 0)
-                for name, values in self._arrays().items()
-            }
-        )
 
     def settings(self) -> dict[str, Any]:
         """Settings in files, with how the least and the largest forces are known."""
@@ -177,6 +167,13 @@ class LoadResult:
 
 
 _ARRAYS = ("grip_force", "grip_force_least", "grip_force_largest", "payload", "resistance")
+
+
+def at_rows(values: npt.NDArray[Any], rows: Ints, size: int, missing: float) -> npt.NDArray[Any]:
+    """Values (d, ...) at rows (d,) of an array with `size` rows, whose others are missing."""
+    every = np.full((size, *values.shape[1:]), missing, dtype=values.dtype)
+    every[rows] = values
+    return every
 
 
 def load_result_of(

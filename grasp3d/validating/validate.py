@@ -80,7 +80,7 @@ class Evaluation:
             with within((first + low) / total, (first + low + len(rows)) / total):
                 closed, parts = self._evaluated(poses.take(rows), tried, body, rows)
             # Those of a part are on its load.
-            for one in [closed, *(each.grasps for each, _ in parts)] if not low else ():
+            for one in [closed, *(each for each, _ in parts)] if not low else ():
                 warnings |= dict.fromkeys(one.warnings)
             for evaluated, part in parts:
                 scores, (worst, best) = scores_of(evaluated), evaluated.critical_angle_bounds
@@ -146,8 +146,7 @@ class Evaluation:
         parts: list[tuple[EvaluatedPoses, Ints]] = []
         done = 0.5
         for part, load in body.parts(rows):
-            evaluated = closed.take(part - rows[0])
-            evaluated = replace(evaluated, grasps=replace(evaluated.grasps, load=load))
+            evaluated = replace(closed.take(part - rows[0]), load=load)
             start, done = done, done + 0.5 * len(part) / len(rows)
             with within(start, start + 0.8 * (done - start)):
                 evaluated.compute("epsilon_range")

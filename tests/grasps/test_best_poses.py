@@ -76,7 +76,7 @@ def with_settings(
     labels: SurfaceLabels, *, within: float = math.pi, load: Load | None = None, **sampling: Any
 ) -> SurfaceLabels:
     """The same surface with another approach, load, or limits of openings."""
-    grasps = labels.grasps
+    grasps = labels.take(labels.distinct)
     scene = replace(grasps.scene, approach=Approach(within=within))
     changed = replace(labels, grasps=replace(grasps, scene=scene, load=load or grasps.load))
     return replace(changed, sampling=replace(labels.sampling, **sampling))
@@ -178,7 +178,7 @@ def test_what_is_named_may_hold_and_is_distinct() -> None:
 def test_grasps_that_tolerate_errors_come_first() -> None:
     labels = base()
     scene = replace(labels.scene, pose_error=grasp3d.settings.pose_error.PoseError.of("2mm,1deg"))
-    wrong = replace(labels, grasps=replace(labels.grasps, scene=scene))
+    wrong = replace(labels, scene=scene)
     best = best_grasps(wrong, 4)
     assert best.robustness.tried > 1
     assert (np.diff(best.score) <= 0.0).all()
@@ -216,7 +216,7 @@ def test_what_is_named_depends_on_what_is_asked_alone() -> None:
 
 
 def test_any_direction_allows_what_all_directions_about_one_do() -> None:
-    labels = replace(base(), grasps=replace(base().grasps, scene=Scene(FRANKA)))
+    labels = replace(base(), scene=Scene(FRANKA))
     around = with_settings(labels, within=math.pi)
     np.testing.assert_array_equal(pool_of(labels).poses, pool_of(around).poses)
 

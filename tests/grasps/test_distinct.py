@@ -70,8 +70,8 @@ def test_best_grasps_are_distinct_and_every_other_is_near_a_better_one(fingers: 
     for first, second in itertools.combinations(points, 2):
         assert farthest_pair(first, second) >= limit
     vertices = np.flatnonzero(labelled.reason == Reason.FOUND)
-    scores = labelled.grasps.score[labelled.row[vertices]]
-    may_hold = labelled.grasps.letter[labelled.row[vertices]] > 0
+    scores = labelled.score[vertices]
+    may_hold = labelled.letter[vertices] > 0
     for vertex, score in zip(vertices[may_hold][::7], scores[may_hold][::7], strict=True):
         grasp = np.concatenate([labelled.mesh.vertices[vertex, None], labelled.partners[vertex]])
         near = np.array([farthest_pair(grasp, kept) for kept in points]) < limit + 1e-9
@@ -82,7 +82,7 @@ def test_best_grasps_are_distinct_and_every_other_is_near_a_better_one(fingers: 
 def test_best_grasps_are_in_the_order_of_the_score(fingers: int) -> None:
     found = best_grasps(labels(fingers), ALL)
     assert (np.diff(found.score) <= 1e-12).all()
-    assert found.score[0] >= labels(fingers).grasps.score.max() - 1e-12
+    assert found.score[0] >= labels(fingers).score.max() - 1e-12
     first = best_grasps(labels(fingers), 5)
     assert np.array_equal(first.contacts.points, found.contacts.points[:5])
 

@@ -98,4 +98,4 @@ def neighbours_grasps(labels: SurfaceLabels, vertex: int, count: int) -> GraspTa
     """The grasps of the nearest vertices of a vertex, its own first."""
     near = reached(labels)
     gaps = np.linalg.norm(labels.mesh.vertices[near] - labels.mesh.vertices[vertex], axis=1)
-    return labels.grasps.take(labels.row[near[np.argsort(gaps, kind="stable")[:count]]]).whole()
+    return labels.take(near[np.argsort(gaps, kind="stable")[:count]]).whole()

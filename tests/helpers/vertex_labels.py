@@ -34,6 +34,5 @@ def with_arrays(labels: SurfaceLabels, **changed: Any) -> SurfaceLabels:
 
 def with_critical_angles(labels: SurfaceLabels, angles: Floats) -> SurfaceLabels:
     """The same surface with other critical angles, shape (V,), and the same epsilon."""
-    changed = with_arrays(labels, angles=(angles, angles))
-    vars(changed.grasps)["epsilon_range"] = labels.grasps.epsilon_range
-    return changed
+    known = {"epsilon_range": labels.epsilon_range}
+    return with_arrays(labels, angles=(angles, angles), known=known)

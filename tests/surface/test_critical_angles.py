@@ -62,7 +62,7 @@ def test_two_contacts_agree_with_a_scan() -> None:
     for fixed in (np.array([0.1, 0.2, 1.0]), np.array([0.5, 0.7, 0.33]), mesh.vertices[0]):
         scan = scan_surface(mesh, fixed=fixed)
         first = vertex_surface_points(mesh, vertices[:, None])
-        other = scan.grasps.contacts.take(np.zeros(len(vertices), dtype=np.int64)).surface_points
+        other = scan.distinct_contacts.take(np.zeros(len(vertices), dtype=np.int64)).surface_points
         pairs = SurfacePoints(
             np.concatenate([first.faces, other.faces[:, 1:]], axis=1),
             np.concatenate([first.weights, other.weights[:, 1:]], axis=1),

@@ -62,7 +62,7 @@ def solid(name: str, unit: Unit = "mm") -> ObjectMesh:
     }[name]
     scale = {"mm": 1.0, "cm": 0.1, "m": 0.001}[unit] * size
     edge = {"box": 5.0, "tube": 12.0}.get(name, 12.0) / size
-    return load_mesh((vertices * scale, faces), unit=unit, max_edge=edge * scale)
+    return load_mesh((vertices * scale, faces), unit=unit, max_edge=f"{edge * scale}{unit}")
 
 
 def beside(mesh: ObjectMesh, hand: ParallelGripper, **options: object) -> SurfaceLabels:

@@ -1,24 +1,20 @@
-"""Labels whose values are known, as those of files, and values of rows gathered over vertices."""
+"""Labels whose values are known, as those of files, and grasps that several vertices share."""
 
 import pickle
-from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from grasp3d import GraspModel, Load, Sampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d.errors import SettingError
 from grasp3d.hand.scene import Scene
 from grasp3d.surface import LoadResult
-from grasp3d.surface.rows import NO_ROW, gathered
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM
+from tests.helpers.vertex_labels import with_arrays
 
 ARRAYS = (
     "critical_angle", "critical_angle_best", "label", "max_resolution", "margin", "epsilon",
@@ -56,30 +52,16 @@ LABELS = {
 def test_another_scene_needs_another_search() -> None:
     labels = wedge()
     other = Scene(HAND)
-    for found in (labels, labels.grasps):
+    for found in (labels, labels.take(labels.distinct)):
         with pytest.raises(SettingError, match="for its own scene only"):
             found.using(scene=other)
         assert found.using(scene=labels.scene).reach is found.reach
     assert tripod().using(scene=other).scene is other
 
 
-def known(labels: SurfaceLabels, values: Mapping[str, Any]) -> SurfaceLabels:
-    return SurfaceLabels.of_values(
-        labels.mesh, labels.model, sampling=labels.sampling, mode=labels.mode, search=labels.search,
-        scene=labels.scene, load=labels.load, values=values,
-    )  # fmt: skip
-
-
-def values_of(labels: SurfaceLabels) -> dict[str, Any]:
-    names = (
-        *ARRAYS,
-        "critical_angle_bounds",
-        "epsilon_range",
-        "load_result",
-        "reach",
-        "partner_points",
-    )
-    return {name: getattr(labels, name) for name in names}
+def known(labels: SurfaceLabels) -> SurfaceLabels:
+    """The same labels, made from what is known of them."""
+    return with_arrays(labels, known={name: getattr(labels, name) for name in labels.COMPUTED})
 
 
 def assert_equal(one: SurfaceLabels, other: SurfaceLabels) -> None:
@@ -95,16 +77,15 @@ def assert_equal(one: SurfaceLabels, other: SurfaceLabels) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LABELS)
-def test_the_rows_are_the_values_of_their_vertices(name: str) -> None:
+def test_vertices_at_one_position_share_a_grasp(name: str) -> None:
     labels = LABELS[name]()
-    grasps, vertices = labels.grasps, labels.vertices
-    assert len(vertices) == grasps.size
-    assert (labels.row[vertices] == np.arange(grasps.size)).all()
+    grasps, vertices = labels.take(labels.distinct), labels.distinct
+    assert len(vertices) == grasps.size < np.count_nonzero(labels.has_grasp)
     for attribute in ("label", "critical_angle", "margin", "epsilon", "opening", "max_resolution"):
         rows, places = getattr(grasps, attribute), getattr(labels, attribute)
         np.testing.assert_array_equal(places[vertices], rows, err_msg=attribute)
         np.testing.assert_array_equal(places, places[labels.mesh.canonical], err_msg=attribute)
-    missing = labels.row == NO_ROW
+    missing = ~labels.has_grasp
     assert np.isinf(labels.critical_angle[missing]).all()
     assert (labels.label[missing] == 0).all()
     assert np.isnan(labels.epsilon[missing]).all()
@@ -112,27 +93,41 @@ def test_the_rows_are_the_values_of_their_vertices(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LABELS)
+def test_a_table_has_the_numbers_of_its_rows(name: str) -> None:
+    """Whether they are computed before rows are taken or afterwards."""
+    labels = LABELS[name]()
+    rows = labels.distinct[::3]
+    fresh = with_arrays(labels).take(rows)
+    assert fresh.computed("epsilon_range") is None
+    assert len(labels.epsilon)
+    taken = labels.take(rows)
+    assert taken.computed("epsilon_range") is not None
+    for attribute in ("label", "epsilon", "epsilon_min", "margin"):
+        one, other = getattr(fresh, attribute), getattr(taken, attribute)
+        np.testing.assert_allclose(one, other, atol=1e-12, err_msg=attribute)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LABELS)
 def test_labels_of_known_values_are_the_same(name: str) -> None:
     labels = LABELS[name]()
-    found = known(labels, values_of(labels))
+    found = known(labels)
+    assert found.computed("epsilon_range") is labels.epsilon_range
     assert_equal(labels, found)
     np.testing.assert_array_equal(found.partner_points.faces, labels.partner_points.faces)
     assert_equal(labels.relabel(friction=0.4), found.relabel(friction=0.4))
     assert repr(found) == repr(labels)
 
 
+def test_known_values_belong_to_the_settings() -> None:
+    """Those of another friction are computed again."""
+    labels = wedge()
+    other = replace(known(labels), model=replace(labels.model, friction=0.2))
+    assert other.computed("epsilon_range") is None
+    assert not np.array_equal(other.label, labels.label)
+
+
 def test_known_labels_are_pickled() -> None:
     labels = wedge()
-    copy = pickle.loads(pickle.dumps(known(labels, values_of(labels))))  # noqa: S301
+    copy = pickle.loads(pickle.dumps(known(labels)))  # noqa: S301
     assert_equal(labels, copy)
-
-
-@given(
-    values=arrays(np.float64, st.integers(1, 6)),
-    places=st.lists(st.integers(-1, 5), max_size=20),
-)
-def test_spread_values_are_those_of_the_rows(values: np.ndarray, places: list[int]) -> None:
-    row = np.array([min(place, len(values) - 1) for place in places], dtype=np.int64)
-    found = gathered(values, row, np.inf)
-    np.testing.assert_array_equal(found, [values[one] if one >= 0 else np.inf for one in row])
-    assert not found.flags.writeable

@@ -198,32 +198,6 @@ def test_a_region_of_everything_changes_nothing() -> None:
     assert same.fractions() == whole.fractions()
 
 
-@pytest.mark.parametrize("signs", list(itertools.product((-1.0, 1.0), repeat=2)))
-@pytest.mark.parametrize("short", [0, 1])
-def test_edges_at_the_border_of_a_region_are_searched(
-    short: int, signs: tuple[float, float]
-) -> None:
-    """Opposite edges of a prism hold it along the diagonal, also where a face beside each is out.
-
-    The best contact over the worst normals is in the middle of a face, at 45 degrees.
-    """
-    extents = [0.06, 0.06, 0.06]
-    extents[short] = 0.04
-    box = load_mesh(trimesh.creation.box(extents), max_edge=0.01)
-    shifts = np.outer(box.vertices[:, short], [0.0, 0.0, 0.1])  # no two vertices are opposite
-    mesh = load_mesh((box.vertices + shifts, box.faces), max_edge=9.0)
-    flipped = mesh.vertices[:, :2] * signs
-    on_side = np.abs(np.abs(flipped[:, short]) - 0.02) < 1e-9
-    region = on_side & (flipped[:, short] * flipped[:, 1 - short] > -1e-9)
-    labels = label_surface(
-        replace(mesh, region=locked(region)), sampling=Sampling(search_angle=math.radians(60.0))
-    )
-    edge = region & (np.abs(np.abs(flipped[:, 1 - short]) - 0.03) < 1e-9)
-    edge &= np.abs(mesh.vertices[:, 2]) < 0.02
-    assert edge.sum() > 4
-    assert (labels.critical_angle_best[edge] < math.radians(1.0)).all()
-
-
 @pytest.mark.parametrize("suffix", [".ply", ".npz", ".vtp", ".parquet"])
 def test_files_have_the_region(tmp_path: Path, suffix: str) -> None:
     mesh = object_of("box")

@@ -57,7 +57,7 @@ def session() -> Session:
 
 def with_scene(labels: SurfaceLabels, scene: HandScene) -> SurfaceLabels:
     """The same grasps, shown in another scene."""
-    return replace(labels, grasps=replace(labels.grasps, scene=scene))
+    return replace(labels, scene=scene)
 
 
 def held_vertex() -> int:

@@ -3,11 +3,10 @@
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import chosen_rows
+from grasp3d.arrays import chosen_rows, locked
 from grasp3d.errors import SettingError
 from grasp3d.export.writers import writer_for
 from grasp3d.hand.gripper_pose import GripperPose
@@ -87,18 +86,9 @@ def with_known_grasps(wide: SurfaceLabels, narrow: SurfaceLabels) -> SurfaceLabe
     """
     beyond = narrow.critical_angle_best > narrow.search.cone + ROUNDING
     better = beyond & (wide.critical_angle < narrow.critical_angle)
-    missing = narrow.reason != Reason.FOUND
-
-    def kept(name: str) -> Any:
-        return chosen_rows(better, getattr(wide, name), getattr(narrow, name))
-
-    return SurfaceLabels.of_vertices(
-        wide.mesh, wide.model, angles=(kept("critical_angle"), kept("critical_angle_best")),
-        partners=kept("partners"), partner_points=kept("partner_points"), grip=kept("grip"),
-        reach=kept("reach"), reason=np.where(missing, wide.reason, narrow.reason),
-        sampling=wide.sampling, mode=wide.mode, search=wide.search, scene=wide.scene,
-        load=wide.load,
-    )  # fmt: skip
+    reason = np.where(narrow.reason == Reason.FOUND, narrow.reason, wide.reason)
+    labels: SurfaceLabels = replace(chosen_rows(better, wide, narrow), reason=locked(reason))
+    return labels
 
 
 def scan_with_fixed(subject: Subject, model: GraspModel, fixed: FixedPoints) -> Subject:

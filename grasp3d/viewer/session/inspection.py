@@ -18,7 +18,6 @@ from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.grasp_numbers import surface_epsilons, surface_load_result
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_result import LoadResult
-from grasp3d.surface.rows import NO_ROW
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.counts import short_number
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
@@ -374,7 +373,7 @@ def _epsilons(subject: Subject, vertex: int, model: GraspModel) -> tuple[float, 
 def _creases(subject: Subject, vertex: int, *, several: bool) -> tuple[int, ...]:
     """Fingers that are on sharp edges; without labels only the vertex itself is examined."""
     labels = subject.labels
-    if several and labels.row[vertex] != NO_ROW:
+    if several and labels.reason[vertex] == Reason.FOUND:
         return _fingers_on_creases(_grasp(labels, vertex))
     sides = np.count_nonzero(subject.mesh.corner_normals.vertices == vertex)
     return (0,) if sides > 1 else ()
@@ -382,8 +381,7 @@ def _creases(subject: Subject, vertex: int, *, several: bool) -> tuple[int, ...]
 
 def _grasp(labels: SurfaceLabels, vertex: int) -> GraspContacts:
     """A vertex that has a grasp, and the other contacts of it, (1, n)."""
-    row = labels.row[vertex]
-    return labels.grasps.contacts.take(slice(row, row + 1))
+    return labels.contacts.take(slice(vertex, vertex + 1))
 
 
 def _fingers_on_creases(grasp: GraspContacts) -> tuple[int, ...]:
