@@ -76,10 +76,12 @@ def with_settings(
     labels: SurfaceLabels, *, within: float = math.pi, load: Load | None = None, **sampling: Any
 ) -> SurfaceLabels:
     """The same surface with another approach, load, or limits of openings."""
-    grasps = labels.take(labels.distinct)
-    scene = replace(grasps.scene, approach=Approach(within=within))
-    changed = replace(labels, grasps=replace(grasps, scene=scene, load=load or grasps.load))
-    return replace(changed, sampling=replace(labels.sampling, **sampling))
+    return replace(
+        labels,
+        scene=replace(labels.scene, approach=Approach(within=within)),
+        load=load or labels.load,
+        sampling=replace(labels.sampling, **sampling),
+    )
 
 
 def assert_same(one: EvaluatedPoses, other: EvaluatedPoses) -> None:

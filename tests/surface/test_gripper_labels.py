@@ -88,16 +88,15 @@ def test_a_gripper_only_lowers_labels(name: str, grip: Grip, hand: ParallelGripp
     limited = Scene(hand).within_stroke(mesh, sampling)
     ideal = label_surface(mesh, MODEL, sampling=limited)
     real = beside(mesh, hand, sampling=sampling)
-    assert (real.label <= ideal.label).all()
+    # On creases another grasp may be reached that is worse over the worst normals, but M, not U.
+    smooth = mesh.contact_normals.counts == 1
+    assert (real.label <= ideal.label)[smooth].all()
+    assert ((real.label == 2) <= (ideal.label == 2)).all()
     assert (real.label < ideal.label).any()
     # What is outside the search cone was not searched for by either.
-    for one, other in (
-        (real.critical_angle, ideal.critical_angle),
-        (real.critical_angle_best, ideal.critical_angle_best),
-    ):
-        searched = one < ideal.search.cone
-        gain = np.maximum(other[searched] - one[searched], 0.0)
-        assert (gain <= Sampling().tolerance).all()
+    searched = real.critical_angle < ideal.search.cone
+    gain = ideal.critical_angle[searched] - real.critical_angle[searched]
+    assert (gain <= Sampling().tolerance).all()
     assert ((real.reason == Reason.FOUND) <= (ideal.reason == Reason.FOUND)).all()
 
 

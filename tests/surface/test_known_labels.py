@@ -80,7 +80,7 @@ def assert_equal(one: SurfaceLabels, other: SurfaceLabels) -> None:
 def test_vertices_at_one_position_share_a_grasp(name: str) -> None:
     labels = LABELS[name]()
     grasps, vertices = labels.take(labels.distinct), labels.distinct
-    assert len(vertices) == grasps.size < np.count_nonzero(labels.has_grasp)
+    assert len(vertices) == grasps.size <= np.count_nonzero(labels.has_grasp)
     for attribute in ("label", "critical_angle", "margin", "epsilon", "opening", "max_resolution"):
         rows, places = getattr(grasps, attribute), getattr(labels, attribute)
         np.testing.assert_array_equal(places[vertices], rows, err_msg=attribute)

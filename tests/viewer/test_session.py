@@ -428,7 +428,9 @@ def batched(tmp_path: Path) -> Subject:
 
 def test_a_click_on_a_batch_needs_no_job(batched: Subject) -> None:
     labels = viewing.labels()
-    collection = Collection((Item("a", lambda: batched),), labels.model, Sampling(max_opening=0.3))
+    collection = Collection(
+        (Item("a", lambda: batched),), labels.model, Sampling(max_opening=0.003)
+    )
     session = ready_session(collection)
     vertex = int(np.flatnonzero(labels.reason == Reason.FOUND)[0])
     session.click(vertex)

@@ -193,8 +193,6 @@ def _hull_force_closed(candidate, hull, n, angle):
     for i in range(n):
         own = angle - candidate.radii[i]
         cones[i, 0], cones[i, 1] = math.cos(own), math.sin(own)
-        if own < 0.0:  # no force is possible with every normal
-            axes[i] = 0.0
     spherical = True
     space = WrenchSpace(TOTAL, spherical, NO_TORSION, axes[:n], cones[:n], 1)
     _, lower, _, _, facets = grow(space, SIX, hull.metric, None, AROUND_ORIGIN, SIGN, polytope)
@@ -224,12 +222,12 @@ def _evaluate_by_hulls(candidate, hull, n, threshold, tolerance):
     The first test and the bisection are one loop because every place that calls the growing hull
     takes as long to compile as the hull.
     """
-    for i in range(n):
-        own = threshold - candidate.radii[i]
-        hull.sines[i] = math.sin(own) if own > 0.0 else -1.0
-    if _is_separated(candidate, hull, n):
-        return math.inf
     low, high, tested = 0.0, math.inf, threshold
+    for i in range(n):
+        low = max(low, candidate.radii[i])
+        hull.sines[i] = math.sin(threshold - candidate.radii[i])
+    if low >= threshold or _is_separated(candidate, hull, n):
+        return math.inf
     while high - low > tolerance:
         if _hull_force_closed(candidate, hull, n, tested):
             high = tested
