@@ -93,7 +93,7 @@ def cause_fractions(labels: SurfaceLabels) -> dict[Cause, float]:
         >>> mesh = grasp3d.load_mesh(box, unit="m", max_edge=0.01)
         >>> labels = grasp3d.label_surface(mesh, hand=grasp3d.ParallelGripper.preset("franka"))
         >>> {str(cause): round(part, 2) for cause, part in cause_fractions(labels).items()}
-        {'too wide for the stroke': 0.07, 'the best grasp needs more friction': 0.06}
+        {'too wide for the stroke': 0.13, 'the best grasp needs more friction': 0.05}
     """
     masks, has_grasp = cause_masks(labels), labels.reason == Reason.FOUND
     unstable = has_grasp & (labels.label == Label.U)

@@ -208,7 +208,7 @@ def label_surface(
         >>> sampling = grasp3d.Sampling(max_opening=0.035)
         >>> labels = grasp3d.label_surface(mesh, model, sampling=sampling)
         >>> {name: round(fraction, 2) for name, fraction in labels.fractions().items()}
-        {'S': 0.36, 'M': 0.28, 'U': 0.36}
+        {'S': 0.36, 'M': 0.16, 'U': 0.49}
 
         With a gripper, while the box stands on a table:
 

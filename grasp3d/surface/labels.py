@@ -42,7 +42,7 @@ class SurfaceLabels(VertexGrasps):
         >>> [grasp3d.Label(code).name for code in labels.label[:3]]
         ['S', 'S', 'S']
         >>> labels.to_dataframe().shape, labels.to_trimesh(), labels.to_polydata().n_points
-        ((42, 33), <trimesh.Trimesh(vertices.shape=(42, 3), faces.shape=(80, 3))>, 42)
+        ((42, 29), <trimesh.Trimesh(vertices.shape=(42, 3), faces.shape=(80, 3))>, 42)
     """
 
     def __repr__(self) -> str:
@@ -86,7 +86,7 @@ class SurfaceLabels(VertexGrasps):
             >>> labels
             <SurfaceLabels of trimesh.Trimesh: 482 ...; S 0.0%, M 100.0%, U 0.0%>
             >>> labels.relabel(sensor_resolution=0.1)
-            <SurfaceLabels of trimesh.Trimesh: 482 ...; S 68.0%, M 32.0%, U 0.0%>
+            <SurfaceLabels of trimesh.Trimesh: 482 ...; S 68.0%, M 19.0%, U 13.0%>
         """
         fields = {
             "friction": friction,
@@ -113,7 +113,7 @@ class SurfaceLabels(VertexGrasps):
             >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
             >>> labels = grasp3d.label_surface(grasp3d.load_mesh(box, unit="m", max_edge=0.02))
             >>> {name: round(fraction, 2) for name, fraction in labels.fractions().items()}
-            {'S': 0.67, 'M': 0.33, 'U': 0.0}
+            {'S': 0.67, 'M': 0.0, 'U': 0.33}
         """
         return label_fractions(self.label, self._weights(weights))
 
@@ -134,7 +134,7 @@ class SurfaceLabels(VertexGrasps):
             >>> angles = grasp3d.label_surface(mesh).angle_distribution()
             >>> found = angles.fractions(friction=0.5, sensor_resolution=0.1)
             >>> {name: round(fraction, 2) for name, fraction in found.items()}
-            {'S': 0.68, 'M': 0.32, 'U': 0.0}
+            {'S': 0.68, 'M': 0.19, 'U': 0.13}
         """
         values = self._weights(weights)
         weighted = values > 0.0
