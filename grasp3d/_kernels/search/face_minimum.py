@@ -14,8 +14,8 @@ of the point's barycentric coordinates.
 import math
 
 from grasp3d._kernels.compiling import merged, part
-from grasp3d._kernels.search.antipodal_candidates import SMALLEST_OPENING, PairLimits
-from grasp3d._kernels.search.face_contacts import INSIDE, longest_difference
+from grasp3d._kernels.search.antipodal_candidates import SMALLEST_OPENING
+from grasp3d._kernels.search.face_contacts import INSIDE
 from grasp3d._kernels.surface.polygons import centroid, cut, stays_inside
 from grasp3d._kernels.surface.vectors import (
     combined,
@@ -202,10 +202,10 @@ def best_on_face(weights, cosine, lines, normals, own, limits, polygon, nearest)
         Cosine of the smallest critical angle found, or `cosine` where there is none below it.
     """
     smallest, limit, others = limits.smallest, cosine, (lines, normals, own)
-    is_near = norm(lines[0]) - longest_difference(lines) < smallest
-    free = PairLimits(SMALLEST_OPENING, limits.largest)
-    cosine = _best_in_region(weights, cosine, *others, free, ANYWHERE, polygon, nearest)
-    if smallest <= SMALLEST_OPENING or not (is_near and cosine > limit):
+    cosine = _best_in_region(
+        weights, cosine, *others, 0.0, limits.largest, ANYWHERE, polygon, nearest
+    )
+    if smallest <= SMALLEST_OPENING or not cosine > limit:
         return cosine
     if norm(weighted_sum(weights, lines[0], lines[1], lines[2])) >= smallest:
         return cosine
@@ -219,7 +219,9 @@ def best_on_face(weights, cosine, lines, normals, own, limits, polygon, nearest)
                 weights[k] = 1.0 - 2.0 * INSIDE if k == start - 1 else INSIDE
         own_cosine = 0.0
         for _ in range(MOST_TANGENTS):
-            better = _best_in_region(weights, own_cosine, *others, limits, BEYOND, polygon, nearest)
+            better = _best_in_region(
+                weights, own_cosine, *others, smallest, limits.largest, BEYOND, polygon, nearest
+            )
             if not better > own_cosine + RESOLVED:
                 break
             own_cosine = better
@@ -230,7 +232,9 @@ def best_on_face(weights, cosine, lines, normals, own, limits, polygon, nearest)
 
 
 @part
-def _best_in_region(weights, cosine, lines, normals, own, limits, beyond, polygon, nearest):
+def _best_in_region(
+    weights, cosine, lines, normals, own, smallest, largest, beyond, polygon, nearest
+):  # fmt: skip
     """`best_on_face` where contacts within the limits of openings form a convex region.
 
     With `beyond`: only of those beyond the plane that touches the ball of the smallest opening in
@@ -245,7 +249,7 @@ def _best_in_region(weights, cosine, lines, normals, own, limits, beyond, polygo
         polygon[i, 1] = 1.0 - 2.0 * INSIDE if i == 2 else INSIDE
     size = weights.shape[0]  # 3 corners
     x, y, previous = weights[1], weights[2], 1.0
-    sine, largest = math.sqrt(max(1.0 - cosine * cosine, 0.0)), limits.largest
+    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     for number in range(MOST_POINTS):
         line = weighted_sum((1.0, x, y), start, u, w)
         normal = weighted_sum((1.0, x, y), n, p, q)
@@ -259,11 +263,11 @@ def _best_in_region(weights, cosine, lines, normals, own, limits, beyond, polygo
         along_u, along_w = dot(unit, u), dot(unit, w)
         ahead = along_u * x + along_w * y
         if beyond and number == 0:
-            constant = limits.smallest - opening + ahead
+            constant = smallest - opening + ahead
             size, _ = cut(polygon, size, -along_u, -along_w, constant)
         if opening > largest:
             size, _ = cut(polygon, size, along_u, along_w, opening - largest - ahead)
-        elif opening >= limits.smallest - ROUNDING and min(first, other) > cosine:
+        elif opening >= smallest - ROUNDING and min(first, other) > cosine:
             cosine = min(first, other)
             sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
             weights[0], weights[1], weights[2] = 1.0 - x - y, x, y
