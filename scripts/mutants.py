@@ -96,10 +96,10 @@ MUTANTS = (
         "test_extreme_normals.py test_scanning.py",
     ),
     Mutant(
-        "arc of a crease not between its ends",
-        "np.sin((1.0 - fraction) * turn) / sine",
-        "np.cos((1.0 - fraction) * turn) / sine",
-        "test_multifinger_truth.py test_known_labels.py test_scanning.py",
+        "cone as wide at a crease",
+        "own = math.cos(angle - radius) if radius > 0.0 else cosine",
+        "own = cosine",
+        "test_multifinger_truth.py",
     ),
     Mutant(
         "closing pad shifted to the other side",
@@ -121,9 +121,9 @@ MUTANTS = (
     ),
     Mutant(
         "partners of any distance",
-        "if limits[0] <= opening <= limits[1]:",
-        "if limits[0] <= opening:",
-        "test_labelling.py",
+        "if opening > largest:",
+        "if opening > 9.0 * largest:",
+        "test_antipodal.py test_labelling.py",
     ),
     # Hulls.
     Mutant(
