@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.array_types import Floats1, Floats2, Ints1
+from grasp3d._kernels.array_types import Floats1, Floats2
 from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.surface.vectors import copy, cross, difference, divided, dot, norm, scaled
 
@@ -43,19 +43,10 @@ class Plane(NamedTuple):
     """Wrenches (force, moment) of the two edges of each planar cone (6, 3)."""
     separating: Floats1
     """Separating direction where the cones are not force-closed (3,)."""
-    arcs: Floats2
-    """First and last azimuth of each contact's forces, over several normals [rad] (3, 2)."""
-    azimuths: Floats2
-    """Azimuths of several normals' projections, without jumps of a full turn within a contact [rad]
-    (3, k)."""
-    lengths: Floats2
-    """Lengths of these projections: cosines of the elevation over the plane (3, k)."""
-    counts: Ints1
-    """Number of normals of each contact (3,)."""
 
 
-def make_plane(normals: int = 1) -> Plane:
-    """Allocate the arrays of a plane, for so many normals of each contact."""
+def make_plane() -> Plane:
+    """Allocate the arrays of a plane."""
     return Plane(
         frame=np.zeros((3, 3)),
         positions=np.zeros((3, 2)),
@@ -63,10 +54,6 @@ def make_plane(normals: int = 1) -> Plane:
         radii=np.zeros(3),
         edges=np.zeros((6, 3)),
         separating=np.zeros(3),
-        arcs=np.zeros((3, 2)),
-        azimuths=np.zeros((3, normals)),
-        lengths=np.zeros((3, normals)),
-        counts=np.zeros(3, dtype=np.int64),
     )
 
 
@@ -220,137 +207,6 @@ def critical_of_normals(plane, low, high, tolerance):
             low = max(low, min(_proven_angle(plane), high))
         low = max(low, middle)
     return high
-
-
-@merged
-def set_fan_normal(normal, i, k, plane):
-    """Project normal k of a contact to the plane."""
-    a, b = dot(plane.frame[0], normal), dot(plane.frame[1], normal)
-    azimuth = math.atan2(b, a)
-    if k > 0:  # the representative nearest to the first azimuth
-        turn = azimuth - plane.azimuths[i, 0]
-        azimuth -= 2.0 * math.pi * round(turn / (2.0 * math.pi))
-    plane.azimuths[i, k], plane.lengths[i, k] = azimuth, math.sqrt(a * a + b * b)
-
-
-@merged
-def _set_arc(i, cosine, best_normals, plane):
-    """Write the azimuths of the forces possible with every normal of a contact, or with some.
-
-    The intersection of the planar cones of all normals, or with `best_normals` their union.
-    The normals of a contact are samples of a connected set, so a first and a last azimuth describe
-    both.
-
-    Returns:
-        Whether there are such forces.
-    """
-    first, last, any_reaches = -math.inf, math.inf, False
-    if best_normals:
-        first, last = math.inf, -math.inf
-    for k in range(plane.counts[i]):
-        length, azimuth = plane.lengths[i, k], plane.azimuths[i, k]
-        if length > cosine:
-            half, any_reaches = math.acos(cosine / length), True
-            if best_normals:
-                first, last = min(first, azimuth - half), max(last, azimuth + half)
-            else:
-                first, last = max(first, azimuth - half), min(last, azimuth + half)
-        elif not best_normals:
-            return False
-    plane.arcs[i, 0], plane.arcs[i, 1] = first, last
-    return any_reaches
-
-
-@part
-def fans_force_closed(angle, best_normals, plane):
-    """Whether three contacts are force-closed with all combinations of normals, or with some.
-
-    Where the cones of a contact's normals have no common force, the grasp must be force-closed with
-    each of its two outermost edges alone. Where their union exceeds half a turn, it is no convex
-    cone, and each half is tested.
-
-    Args:
-        angle: Half-angle of the cones [rad].
-        best_normals: Whether some combination of normals suffices; otherwise all are required.
-        plane: `Plane` of the contacts, with several normals of each.
-    """
-    cosine = math.cos(angle)
-    for i in range(3):
-        if not _set_arc(i, cosine, best_normals, plane):
-            return False
-        width = plane.arcs[i, 1] - plane.arcs[i, 0]
-        if best_normals and width >= 2.0 * math.pi:
-            return True  # every force is possible: the grasp cannot be excluded
-        if not best_normals and width <= -math.pi:
-            return False
-    # Bits of `code`: which of its two outermost edges, or halves, each split contact takes.
-    for code in range(8):
-        possible = True
-        for i in range(3):
-            first, last = plane.arcs[i, 0], plane.arcs[i, 1]
-            split = last - first >= math.pi if best_normals else last < first
-            second = code >> i & 1 == 1
-            possible = possible and (split or not second)
-            if split and best_normals:
-                middle = 0.5 * (first + last)
-                first, last = (middle, last) if second else (first, middle)
-            elif split:
-                first = last = last if second else first
-            _set_edge(2 * i, i, math.cos(last), math.sin(last), plane)
-            _set_edge(2 * i + 1, i, math.cos(first), math.sin(first), plane)
-        if possible and cones_force_closed(plane) == best_normals:
-            return best_normals
-    return not best_normals
-
-
-@part
-def critical_of_fans(low, high, tolerance, best_normals, plane):
-    """Critical friction angle of three contacts over their worst, or their best, normals.
-
-    Args:
-        low: Lower bound [rad].
-        high: Upper bound [rad].
-        tolerance: Width of the bracket [rad] whose upper end is returned.
-        best_normals: As for `fans_force_closed`.
-        plane: `Plane` of the contacts.
-    """
-    while high - low > tolerance:
-        middle = 0.5 * (low + high)
-        if fans_force_closed(middle, best_normals, plane):
-            high = middle
-        else:
-            low = middle
-    return high
-
-
-@scratch_kernel("Floats3, Ints2, Ints2, Floats2, float, Plane, Floats1, Floats1")
-def critical_of_sets(points, first, counts, normals, tolerance, plane, worst, best):
-    """Critical friction angles of many grasps of three contacts with several normals each.
-
-    Args:
-        points: Contacts (b, 3, 3).
-        first: First row of each contact's normals (b, 3).
-        counts: Number of each contact's normals, at least one (b, 3).
-        normals: Inward unit normals (k, 3).
-        tolerance: Width of the brackets [rad].
-        plane: Scratch arrays for the largest of `counts`.
-        worst: Written, upper end of the bracket over all combinations of normals [rad], pi / 2
-            where no friction suffices for all; nan where the contacts are collinear (b,).
-        best: Written, lower end of the bracket of the smallest over the combinations [rad] (b,).
-    """
-    right = 0.5 * math.pi
-    for g in range(points.shape[0]):
-        worst[g] = best[g] = math.nan
-        if not set_contact_plane(points[g], plane):
-            continue
-        for i in range(3):
-            plane.counts[i] = counts[g, i]
-            for k in range(counts[g, i]):
-                set_fan_normal(normals[first[g, i] + k], i, k, plane)
-        worst[g] = critical_of_fans(0.0, right, tolerance, False, plane)  # noqa: FBT003
-        best[g] = critical_of_fans(0.0, right, tolerance, True, plane)  # noqa: FBT003
-        if best[g] < right:  # the lower end: U must not be concluded too early
-            best[g] = max(0.0, best[g] - tolerance)
 
 
 @scratch_kernel("Floats3, FixedFloats3, float, Plane, Floats1")
