@@ -49,8 +49,8 @@ nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     ("py:.*", r"grasp3d\.arrays\.ArrayLike"),  # NumPy's
     # Arrays and others, in modules that import them for type checkers only.
     ("py:class", r"Floats|Bools|ArrayLike|ObjectMotion|Progress|Triangles"),
-    ("py:class", r".*\.\w*T|SettingsTs|.*\.Annotated"),  # type variables and the like
-    ("py:class", r"grasp3d\._kernels\..*|.*\.StabilityProblem"),  # inside results
+    ("py:class", r".*\.\w*T|SettingsTs|.*\.(Annotated|InitVar)"),  # type variables and the like
+    ("py:class", r"grasp3d\._kernels\..*|.*\.Uncertain"),  # inside results
     ("py:class", r"grasp3d\.hand\.triangles\.Triangles"),  # what is drawn
     ("py:class", r"grasp3d\.hand\.jaws\.Jaws"),  # a part of `ParallelGripper`
     ("py:class", r"grasp3d\.surface\.fields\.Field"),  # declares columns of files

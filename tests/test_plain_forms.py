@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
 import grasp3d
 from grasp3d.errors import SettingError
@@ -130,7 +131,9 @@ def test_what_has_no_plain_form_is_refused_with_what_would(settings: Any, messag
 
 
 def test_a_mask_is_by_letters() -> None:
-    labels = grasp3d.label_surface(BOX, sampling={"max_opening": "50mm"})
+    cone = trimesh.creation.cone(radius=0.03, height=0.1, sections=32)
+    mesh = grasp3d.load_mesh(cone, unit="m", max_edge=0.02)
+    labels = grasp3d.label_surface(mesh, {"sensor_resolution": 0.1})
     for letter in "SMU":
         chosen = labels.mask(letter)
         assert chosen.any()

@@ -214,7 +214,7 @@ def quantiles_text(field: Field, values: Array, weights: "Floats", *, metres: bo
         weights: Weight of each row, shape (k,), not all 0.
         metres: As in `cell`.
     """
-    numbers = quantiles(np.where(np.isnan(values), math.inf, values), LEVELS, weights)
+    numbers = quantiles(np.where(np.isnan(values), field.worst, values), LEVELS, weights)
     heading = _heading(field, metres=metres).replace("\n", " in ")
     return f"{heading} {', '.join(cell(field, one, metres=metres) for one in numbers)}"
 

@@ -168,9 +168,9 @@ class Verdict:
         >>> print(verdict_of(grasp3d.label_surface(mesh)))
         Surely held by two fingers: 23 distinct grasps; the best has 30.5° of resolution to spare.
         >>> model = grasp3d.GraspModel(torsion_radius="3mm", sensor_resolution=0.2)
-        >>> load = grasp3d.Load(mass=0.5, grip_force=5.0)
+        >>> load = grasp3d.Load(mass=0.5, grip_force=3.0)
         >>> print(verdict_of(grasp3d.label_surface(mesh, model, load=load)))
-        Not held by two fingers: 5 N are too little to hold 0.5 kg in any orientation. Surely ...
+        Not held by two fingers: 3 N are too little to hold 0.5 kg in any orientation. Surely ...
     """
 
     word: Word

@@ -15,6 +15,7 @@ from grasp3d.arrays import RIGHT_ANGLE, Floats, angles_between, shaped
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.errors import SettingError
 from grasp3d.quality.wrench_problem import WrenchProblem
+from grasp3d.quality.wrenches import read_only
 
 TORQUE_SCALE = 10.0
 """Torque scale of hulls that must contain a ball, in extents of the contacts: the larger, the less
@@ -93,7 +94,9 @@ def brackets_of_smooth(points: Floats, normals: Floats, tolerance: float) -> tup
         # Scaled by powers of 2, which keeps the differences of nearby points exact.
         _, _, size = centred(points)
         scaled = np.ldexp(points, -np.frexp(size)[1])
-        critical_of_three(scaled, np.ascontiguousarray(normals), tolerance, make_plane(), ends[1])
+        critical_of_three(
+            scaled, read_only(normals, normals.shape), tolerance, make_plane(), ends[1]
+        )
         ends[0] = np.maximum(ends[1] - tolerance, 0.0)
         left = np.flatnonzero(np.isnan(ends[1]))  # on one line
     if len(left):

@@ -13,7 +13,8 @@ and a bound on the lengths of forces instead of their normal components:
   times F at beta + a.
 
 Soft fingers press at points (`Contacts.as_points`) in the first case; besides, the force must
-suffice for their limit surface at the given normals. Of the second case nothing is claimed.
+suffice for their limit surface at the given normals. In the second case only their forces must
+balance, whatever torques they resist.
 """
 
 import math
@@ -145,14 +146,16 @@ def _largest(contacts: Contacts, tilts: Floats, options: ForceOptions, bound: Fo
 def _least(contacts: Contacts, tilts: Floats, options: ForceOptions, bound: ForceBound) -> Floats:
     """A force that no tilts of a flat batch need less than, with tilts (b, n), shape (b,)."""
     least, widest = np.zeros(len(tilts)), contacts.friction_angle + tilts
-    convex = (widest < RIGHT_ANGLE).all(axis=1) & (contacts.torsion_radius == 0.0).all(axis=1)
-    hard = np.flatnonzero(convex)
-    problem = ForceProblem.of_contacts(
-        contacts.take(hard).with_friction(np.tan(widest[hard])),
-        size="length",
-        total=bound == "total",
-    )
-    least[hard] = options.take(hard).found(problem)[0].lower
+    soft = contacts.torsion_radius.any(axis=1)
+    # Whatever soft fingers resist by torsion, their forces must balance: as if all were at the
+    # centre of mass.
+    points = np.where(soft[:, None, None], 0.0, contacts.points)
+    known = ~soft | (not options.has_torques)
+    rows = np.flatnonzero(known & (widest < RIGHT_ANGLE).all(axis=1))
+    groups = None if soft.any() else contacts.groups
+    wide = Contacts(points[rows], contacts.normals[rows], np.tan(widest[rows]), groups=groups)
+    problem = ForceProblem.of_contacts(wide, size="length", total=bound == "total")
+    least[rows] = options.take(rows).found(problem)[0].lower
     if bound == "norm":
         return least
     return np.asarray(least * np.cos(contacts.friction_angle).min(axis=1))

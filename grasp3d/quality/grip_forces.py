@@ -211,6 +211,12 @@ class ForceOptions:
         masses = None if self.masses is None else np.asarray(self.masses)[rows]
         return replace(self, task=task, masses=masses)
 
+    @property
+    def has_torques(self) -> bool:
+        """Whether some wrench has a torque."""
+        given = self.task.arrays().points if isinstance(self.task, Task) else np.asarray(self.task)
+        return bool(given[..., 3:].any())
+
     def farthest(self, directions: Floats) -> Floats:
         """The wrenches of the task that reach farthest along directions (b, 6)."""
         assert isinstance(self.task, Task)

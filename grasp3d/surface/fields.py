@@ -84,6 +84,11 @@ class Field:
     meaning: str = ""
     """What it is, for the legend of such a table; empty: the heading says it."""
 
+    @property
+    def worst(self) -> float:
+        """What stands for the value of no grasp: an infinite force or angle, else 0."""
+        return math.inf if self.allowed.infinite == math.inf and self.unit != KILOGRAMS else 0.0
+
     def values_of(self, holder: object) -> Array | None:
         """The values as files hold them, a row for each vertex or grasp; None: there are none."""
         attribute = (self.of or attrgetter(self.name))(holder)

@@ -223,7 +223,7 @@ def label_surface(
         >>> labels = grasp3d.label_surface(mesh, hand=hand, load=grasp3d.Load(mass=0.5))
         >>> held = np.nanmax(labels.load_result.payload)  # nan: not reached
         >>> print(f"{labels.load_result.available:g} N hold {held:.1f} kg")
-        70 N hold 3.3 kg
+        70 N hold 3.6 kg
     """
     model = GraspModel.given("model", model) or GraspModel()
     sampling = Sampling.given("sampling", sampling)

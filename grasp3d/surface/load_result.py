@@ -54,7 +54,7 @@ class LoadResult:
         ((146,), 0.5, 40.0)
         >>> best = int(load_result.payload.argmax())
         >>> print(f"{load_result.grip_force[best]:.0f} N, {load_result.payload[best]:.1f} kg")
-        7 N, 2.4 kg
+        7 N, 2.7 kg
     """
 
     case: LoadCase

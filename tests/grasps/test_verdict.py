@@ -307,7 +307,7 @@ def test_reasons_why_no_force_holds() -> None:
     task = "wrench 0,0,-5,0,0,0"
     given = verdict_of(small_box().using(load=Load(task=task, grip_force=8)))
     assert f"to resist {task}" in str(given)
-    off = load_mesh(shapes.box((0.08, 0.05, 0.03)), unit="m", max_edge=0.1,
+    off = load_mesh(shapes.box((0.08, 0.05, 0.03)), unit="m", max_edge=0.02,
                     center_of_mass="3mm,1mm,2mm")  # fmt: skip
     hard = replace(small_box().model, torsion_radius=0.0)
     for force in (None, 20.0):

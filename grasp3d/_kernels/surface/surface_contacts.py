@@ -40,7 +40,7 @@ def _arc_angle(a, b, d):
     return min(angle_between(a, d), angle_between(b, d))
 
 
-@kernel("FixedFloats2, int, int, float, float, float")
+@kernel()
 def smallest_angle(normals, first, count, x, y, z):
     """Smallest angle between a direction and a set of normals (see `order_normal_sets`)."""
     d = x, y, z
@@ -61,7 +61,7 @@ def smallest_angle(normals, first, count, x, y, z):
     return 0.0 if inside else least
 
 
-@kernel("FixedFloats2, int, int, float, float, float")
+@kernel()
 def largest_angle(normals, first, count, x, y, z):
     """Largest angle between a direction and a set of normals."""
     if count == 1:  # bit-identical to smallest_angle

@@ -14,7 +14,7 @@ OF_FORCE = "the largest contact force"
 """What limits where no motor does."""
 
 
-class Reach(NamedTuple):
+class Farthest(NamedTuple):
     """How far wrenches reach along a direction."""
 
     point: Floats | None
@@ -100,7 +100,7 @@ class HandWrenches:
             (3,) * len(angles) + (4,) * len(angles),
         )
 
-    def reach(self, direction: Floats) -> Reach:
+    def reach(self, direction: Floats) -> Farthest:
         """How far the wrenches reach along a direction of the subspace, (k,), of length 1."""
         grasp, program, limited = self.grasp, self.program, self._limited
         first = program.matrix.shape[1] - len(direction)
@@ -112,4 +112,4 @@ class HandWrenches:
         shares[-1] = parts[end:].sum()
         work = multipliers[len(grasp.spanned) : start] @ self._held
         point = None if x is None else grasp.force * x[first:]
-        return Reach(point, -grasp.force * least, shares, work)
+        return Farthest(point, -grasp.force * least, shares, work)

@@ -15,7 +15,7 @@ from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.contacts import Contacts, tilts_of
 from grasp3d.errors import SettingError
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
-from grasp3d.quality.hand_forces.hand_wrenches import OF_FORCE, HandWrenches, Reach
+from grasp3d.quality.hand_forces.hand_wrenches import OF_FORCE, Farthest, HandWrenches
 from grasp3d.quality.tasks import Sum, Task, Wrenches
 from grasp3d.quality.wrenches import span
 
@@ -192,7 +192,7 @@ class _Search:
         """A reach, 0 where it is one of rounding."""
         return reach if abs(reach) > FLAT * self.grasp.force else 0.0
 
-    def limit(self, found: Reach) -> str:
+    def limit(self, found: Farthest) -> str:
         """What bears most of a reach."""
         names = self.grasp.actuation.names
         largest = int(found.shares.argmax())
