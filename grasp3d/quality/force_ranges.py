@@ -146,7 +146,7 @@ def _largest(contacts: Contacts, tilts: Floats, options: ForceOptions, bound: Fo
 def _least(contacts: Contacts, tilts: Floats, options: ForceOptions, bound: ForceBound) -> Floats:
     """A force that no tilts of a flat batch need less than, with tilts (b, n), shape (b,)."""
     least, widest = np.zeros(len(tilts)), contacts.friction_angle + tilts
-    soft = contacts.torsion_radius.any(axis=1)
+    soft = np.asarray((contacts.torsion_radius > 0.0).any(axis=1))
     # Whatever soft fingers resist by torsion, their forces must balance: as if all were at the
     # centre of mass.
     points = np.where(soft[:, None, None], 0.0, contacts.points)
