@@ -61,16 +61,24 @@ class Certificate:
         return Certificate, (self.direction, partial(np.asarray, self.equilibrium))
 
 
-def forces_of_components(contacts: Contacts, components: Floats) -> Floats:
+def forces_of_components(
+    contacts: Contacts, components: Floats, order: Ints | None = None
+) -> Floats:
     """Forces along x, y, z and moments from components along the contacts' axes.
 
     Args:
         contacts: The contacts.
-        components: Shape (b, n, 4).
+        components: Shape (b, p, 4).
+        order: The contact of each row of components, as of `Contacts.by_finger`, shape (p,); None:
+            one of each contact.
 
     Returns:
         Forces and torsional moments, shape (b, n, 4).
     """
+    if order is not None:
+        rows, components = components, np.zeros((len(components), contacts.count, 4))
+        for row, contact in enumerate(order):
+            components[:, contact] += rows[:, row]
     normals = contacts.normals.reshape(*components.shape[:2], 3)
     axes = np.stack([normals, *tangents(normals)], axis=-2)  # (b, n, 3, 3)
     forces = (components[..., None, :3] @ axes)[..., 0, :]

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, shaped, short_repr
-from grasp3d.contact.contacts import LARGEST, Contacts, finite_numbers
+from grasp3d.contact.contacts import LARGEST, Contacts, finite_numbers, per_contact
 from grasp3d.errors import ContactError
 from grasp3d.quality.closure import ForceClosure, Status, closure_fields, forces_of_components
 from grasp3d.quality.wrench_problem import WrenchProblem
@@ -57,7 +57,7 @@ def epsilon(
         contacts: The contacts.
         edges: Edges of polygonal friction cones; None: circular cones.
         actuation: 'total': all forces together are at most 1 (the hull of the contacts' wrenches);
-            'per_finger': each finger's force is (the Minkowski sum).
+            'per_finger': each finger's force is (the Minkowski sum), of all its points together.
         torque_scale: Length that torques are divided by [m]; `ObjectMesh.torque_scale`
             makes the value independent of the unit.
         rtol: Circular cones: largest difference of the bounds, as a fraction of the upper one.
@@ -103,10 +103,14 @@ def epsilon_with(
     bounded: Bounded = "force",
 ) -> Epsilon:
     """Compute `epsilon` with its options given as `EpsilonOptions`."""
+    order, group = contacts.by_finger()
+    if contacts.groups is not None:
+        cone_offset = per_contact("cone_offset", cone_offset, contacts)[..., order]
     problem = WrenchProblem.of_contacts(
-        contacts, options, cone_offset=cone_offset, phase=phase, bounded=bounded
-    )
-    forces_of = partial(forces_of_components, contacts)
+        contacts.ordered(order), options, cone_offset=cone_offset, phase=phase, bounded=bounded,
+        group=group,
+    )  # fmt: skip
+    forces_of = partial(forces_of_components, contacts, order=order)
     return _solved(problem, options.goal, contacts.batch, forces_of, polygonal=options.polygonal)
 
 

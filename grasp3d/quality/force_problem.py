@@ -39,8 +39,6 @@ class ForceProblem:
     """The contact of each of these points, some contacts more than once, (p,)."""
     sizes: Floats
     """Largest distance of a contact from the centre of mass; 1 where that is 0 (b,)."""
-    group: int
-    """As in `WrenchSpace`."""
 
     @classmethod
     def of_contacts(
@@ -60,9 +58,9 @@ class ForceProblem:
         problem = WrenchProblem.of_contacts(
             scaled.ordered(order), EpsilonOptions(actuation="per_finger"),
             bounded="force" if size == "length" else "normal",
+            group=len(order) if total else group,
         )  # fmt: skip
-        group = len(order) if total else group
-        return cls(problem, contacts, order, sizes.reshape(-1), group)
+        return cls(problem, contacts, order, sizes.reshape(-1))
 
     @classmethod
     def bounded(cls, contacts: Contacts, bound: ForceBound) -> "ForceProblem":
@@ -74,7 +72,7 @@ class ForceProblem:
     @property
     def _form(self) -> tuple[int, bool, int, int]:
         torsion = ELLIPTIC if self.problem.soft else NO_TORSION
-        return self.problem.kind, self.problem.spherical, torsion, self.group
+        return self.problem.kind, self.problem.spherical, torsion, self.problem.group
 
     def of_task(self, task: Task, rtol: float, masses: Floats | None = None) -> ForceResults:
         """Bounds of the force that resists a whole task, for masses (b,) or the task's own."""
@@ -108,11 +106,7 @@ class ForceProblem:
 
     def in_contact_frame(self, components: Floats) -> Floats:
         """Forces along x, y, z, and moments about the normals (b, n, 4), from those components."""
-        flat = self.contacts.reshape((-1,))
-        forces = np.zeros((len(components), flat.count, 4))
-        for point, contact in enumerate(self.order):
-            forces[:, contact] += components[:, point]
-        return forces_of_components(flat, forces)
+        return forces_of_components(self.contacts, components, self.order)
 
     def _of_terms(
         self, terms: Terms, masses: Floats, rtol: float, *, small: bool = False

@@ -105,8 +105,12 @@ class WrenchProblem:
         cone_offset: ArrayLike = 0.0,
         phase: float = 0.0,
         bounded: Bounded = "force",
+        group: int = 1,
     ) -> "WrenchProblem":
-        """Grasp wrench spaces of contacts; the arguments are those of `ferrari_canny.epsilon`."""
+        """Grasp wrench spaces of contacts; the arguments are those of `ferrari_canny.epsilon`.
+
+        `group` contacts, one after the other, are those of one finger.
+        """
         offset = per_contact("cone_offset", cone_offset, contacts)
         if not math.isfinite(phase):
             raise SettingError(f"the phase of the edges must be finite; got {phase}")
@@ -127,7 +131,7 @@ class WrenchProblem:
             sure = ((angles > 0.0) | none).all(axis=-1).reshape(-1)
             parts = cones.reshape(*torsion.shape, 2)
             forces = edge_forces(parts, torsion, options.edges, phase)
-            return cls._of_polygons(axes_of, forces, sure, options)
+            return cls._of_polygons(axes_of, forces, sure, options, group)
         tangential = cones[..., 1]
         if offset.any():
             nominal = cone_parts(contacts.friction_angle, bounded)
@@ -141,6 +145,7 @@ class WrenchProblem:
             wrenches_of=axes_of,
             tangential=np.ascontiguousarray(tangential.reshape(-1, contacts.count)),
             cones=cones.reshape(-1, contacts.count, 2),
+            group=group,
         )
 
     @classmethod
@@ -150,6 +155,7 @@ class WrenchProblem:
         forces: Floats,
         sure: Bools,
         options: EpsilonOptions,
+        group: int,
     ) -> "WrenchProblem":
         """Polygonal cones, by the wrenches of their edges; `sure` is whether each has a width."""
         size, count, edges, _ = forces.shape
@@ -167,7 +173,7 @@ class WrenchProblem:
             tangential=np.ones((size, 1)),
             cones=cones,
             edge_forces=forces,
-            group=edges if options.actuation == "per_finger" else 1,
+            group=group * edges if options.actuation == "per_finger" else 1,
         )
 
     @classmethod
@@ -226,7 +232,7 @@ class WrenchProblem:
 
     def is_pairs(self, goal: Goal) -> bool:
         """Whether epsilon is that of two hard fingers with circular cones, within a tolerance."""
-        plain = self.kind != ROWS and not self.soft
+        plain = self.kind != ROWS and not self.soft and self.group == 1
         return plain and self.count == 2 and goal[0] > 0.0 and goal[2] == math.inf
 
     def balanced_forces(self, closed: Bools) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Bytes, Floats, shaped, short_repr
 from grasp3d.contact.contacts import Contacts, per_contact
-from grasp3d.errors import SettingError
+from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.ferrari_canny import epsilon_with
 from grasp3d.quality.tilting import epsilon_range
@@ -208,7 +208,7 @@ def classify(
 
     Raises:
         SettingError: A setting outside its range, friction 0, or too many combinations.
-        ContactError: Creases that do not match the contacts.
+        ContactError: Creases that do not match the contacts, or contacts in groups.
 
     Example:
         Three grasps of two fingers, felt with a resolution of 20 degrees:
@@ -223,6 +223,11 @@ def classify(
     """
     check_choice("method", method, Method)
     whole_number("extreme normals", extreme_normals, MIN_EXTREMES)
+    if contacts.groups is not None:
+        raise ContactError(
+            "labels are those of single points: give the middle of what each finger touches, "
+            "without groups"
+        )
     alpha = per_contact("sensor resolution", sensor_resolution, contacts)
     if not ((alpha >= 0.0) & (alpha < math.pi)).all():
         raise SettingError(

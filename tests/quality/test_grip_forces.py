@@ -1,14 +1,18 @@
+import itertools
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
 
 from grasp3d import Contacts, epsilon, force_closure, grip_force
 from grasp3d.errors import ContactError
 from grasp3d.quality import Acceleration, Resistance, Weight, Wrenches
+from grasp3d.quality.wrenches import wrenches
 from grasp3d.system.context import running
 from tests.helpers import grasps
 from tests.helpers.cone_programs import ConeProgram
@@ -243,6 +247,25 @@ def test_points_of_a_finger_share_its_bound(count: int, bound: Any) -> None:
         normals, friction = contacts.normals[g, ::4], contacts.friction[g, ::4]
         known = force_of_points(own, normals, friction, wrenches[g], bound)
         assert found.upper[g] == pytest.approx(known, rel=2e-6)
+
+
+def test_epsilon_of_fingers_with_several_points() -> None:
+    """That of the Minkowski sum of the fingers' hulls, which a grip force measures too."""
+    contacts = pads(3, 6)
+    contacts = contacts.take(np.flatnonzero(force_closure(contacts).closed)[:8])
+    found = epsilon(contacts, actuation="per_finger")
+    force = grip_force(contacts, -found.certificate.direction, bound="norm")
+    assert (force.lower <= 1.0 / found.lower * (1.0 + 1e-9)).all()
+    assert (force.upper >= 1.0 / found.upper * (1.0 - 1e-9)).all()
+    alone = epsilon(replace(contacts, groups=None), actuation="per_finger")
+    assert (found.upper < alone.lower).all()
+
+    edges = epsilon(contacts, edges=3, actuation="per_finger")
+    for g in range(2):
+        rows = wrenches(grasps.one(contacts, g), edges=3).reshape(3, -1, 6)
+        sums = [sum(one) for one in itertools.product(*(np.vstack([f, np.zeros(6)]) for f in rows))]
+        known = -ConvexHull(np.array(sums)).equations[:, -1].max()
+        assert edges.value[g] == pytest.approx(known, rel=1e-6)
 
 
 @given(seeds, bounds)

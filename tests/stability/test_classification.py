@@ -21,7 +21,7 @@ from grasp3d import (
     force_closure,
 )
 from grasp3d.contact import effective_friction
-from grasp3d.errors import SettingError
+from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality.tilting import epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions
 from tests.helpers import grasps
@@ -290,6 +290,13 @@ def test_settings_out_of_range_are_refused_immediately(
     arguments = {"sensor_resolution": 0.2, "method": method, **options}
     with pytest.raises(SettingError, match=message):
         classify(PAIR, **with_options(**arguments))
+
+
+def test_labels_are_those_of_single_points() -> None:
+    points = [[-1.0, 0, 0], [-1, 1, 0], [1, 0, 0], [1, 1, 0]]
+    normals = [[1.0, 0, 0], [1, 0, 0], [-1, 0, 0], [-1, 0, 0]]
+    with pytest.raises(ContactError, match="single points"):
+        classify(Contacts(points, normals, groups=[0, 0, 1, 1]), 0.1)
 
 
 def test_closed_forms_of_two_opposing_contacts() -> None:

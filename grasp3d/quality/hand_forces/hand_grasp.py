@@ -50,10 +50,10 @@ class HandGrasp:
         Raises:
             ContactError: Several grasps, soft contacts, or shapes that do not match.
         """
-        if contacts.batch or contacts.torsion_radius.any():
+        if contacts.batch or contacts.torsion_radius.any() or contacts.groups is not None:
             raise ContactError(
                 "joint torques are for hard contacts of one grasp: give the points of a patch as "
-                "contacts of their own"
+                "contacts of their own, without groups"
             )
         rows = np.asarray(jacobian, dtype=np.float64)
         shape = (contacts.count, 3, actuation.joints)
