@@ -60,8 +60,8 @@ MUTANTS = (
     ),
     Mutant(
         "torsion one way only",
-        "[unit + twist, unit - twist]",
-        "[unit + twist, unit + twist]",
+        "[1.0, 0.0, 0.0, -1.0]",
+        "[1.0, 0.0, 0.0, 1.0]",
         "test_wrenches.py test_ferrari_canny.py",
     ),
     Mutant(

@@ -45,7 +45,8 @@ class Contacts:
     0: a hard finger."""
     groups: Ints | None
     """The finger of each contact, from 0, shape (n,); None: each contact is a finger. Contacts of
-    one finger, such as the corners of what a pad touches, share the bound of its force."""
+    one finger, such as the corners of what a pad touches, share the bound of its force: in epsilon,
+    grip forces and payloads. Labels are those of single points."""
 
     __repr__ = short_repr
 
@@ -97,7 +98,10 @@ class Contacts:
 
     def _checked(self, groups: ArrayLike) -> Ints:
         """The finger of each contact, (n,). Raises ContactError."""
-        fingers = np.asarray(groups)
+        try:
+            fingers = np.asarray(groups)
+        except ValueError as error:
+            raise ContactError(f"groups must be a row of whole numbers; got {groups!r}") from error
         if fingers.shape != (self.count,) or not np.issubdtype(fingers.dtype, np.integer):
             raise ContactError(
                 f"groups must be the number of each contact's finger, shape ({self.count},); "
@@ -168,7 +172,7 @@ class Contacts:
         return self._changed(points=points, torsion_radius=self.torsion_radius / size[..., None])
 
     def ordered(self, which: Ints) -> "Contacts":
-        """Chosen contacts of each grasp (p,), each as a finger of its own."""
+        """The contacts in an order of `by_finger` (p,), each as a finger of its own."""
         if self.groups is None and len(which) == self.count:
             return self
         return self._changed(

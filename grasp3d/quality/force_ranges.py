@@ -12,9 +12,10 @@ and a bound on the lengths of forces instead of their normal components:
   most 1 / cos(beta) times as long as its normal component. So no normals need less than cos(beta)
   times F at beta + a.
 
-Soft fingers press at points (`Contacts.as_points`) in the first case; besides, the force must
-suffice for their limit surface at the given normals. In the second case only their forces must
-balance, whatever torques they resist.
+In the first case soft fingers press at points (`Contacts.as_points`): it is proven for these, whose
+pressure may gather in one of them. A finger whose limit surface turns with its normal may need more
+at some tilt; so the force must also suffice for that surface at the given normals. In the second
+case only their forces must balance, whatever torques they resist.
 """
 
 import math
@@ -34,7 +35,8 @@ from grasp3d.system.context import report_progress
 
 Certainty = Literal["exact", "bound"]
 """How the extreme forces over all tilts are known: as exact values (within the tolerance); or as
-safe bounds, the least not too large and the largest not too small."""
+safe bounds, the least not too large and the largest not too small, of soft fingers as far as they
+press at points (see above)."""
 
 CHUNK = 4096
 """Grasps between two reports of progress."""
@@ -81,7 +83,8 @@ def force_range(
         tilt: Largest angle a between true and given normals [rad], from 0 to below pi/2: one value,
             or shape (..., n).
         bound: As in `grip_force`. With 'norm' the largest force of hard fingers is exact, where no
-            tilt exceeds a contact's friction angle; otherwise it is a safe bound.
+            tilt exceeds a contact's friction angle; otherwise it is a safe bound, for soft fingers
+            as points.
         masses: As in `grip_force`.
         rtol: As in `grip_force`.
 
@@ -205,6 +208,8 @@ def payload(
 ) -> Floats:
     """Largest mass for which a force suffices, at all normals within a tilt of the given ones.
 
+    Soft fingers press at points where normals may tilt; see `force_range`.
+
     Args:
         contacts: The contacts.
         task: What must be resisted; its own mass does not matter.
@@ -232,7 +237,7 @@ def payload(
     """
     if not 0.0 < force < math.inf:
         raise SettingError(f"the force at hand must be finite and above 0 [N]; got {force:g}")
-    if task.mass is None:
+    if not isinstance(task, Task) or task.mass is None:
         raise SettingError("a payload needs a task with a weight or an acceleration")
     task = task.scaled_to(1.0)
     if all(term.mass is not None for term in task.terms()):

@@ -20,7 +20,7 @@ import numpy as np
 from grasp3d._kernels.forces import grip_force as kernels
 from grasp3d._kernels.forces.grip_force import ForceResults
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, shaped, short_repr
-from grasp3d.contact.contacts import LARGEST, Contacts, of_shape
+from grasp3d.contact.contacts import LARGEST, Contacts, finite_numbers, of_shape
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality.force_problem import ForceBound, ForceProblem
 from grasp3d.quality.tasks import Task
@@ -185,9 +185,9 @@ def wrenches_of(values: ArrayLike, contacts: Contacts) -> Floats:
 
 def masses_of(values: ArrayLike, contacts: Contacts) -> Floats:
     """One mass for each grasp of the flat batch (b,). Raises SettingError."""
-    masses = np.asarray(values, dtype=np.float64)
-    if not ((masses >= 0.0) & np.isfinite(masses)).all():
-        raise SettingError(f"masses must be finite and at least 0 [kg]; got {masses}")
+    masses = finite_numbers("masses", values, SettingError)
+    if not (masses >= 0.0).all():
+        raise SettingError(f"masses must be at least 0 [kg]; got {masses}")
     return of_shape("masses", masses, contacts.batch).reshape(-1).copy()
 
 

@@ -228,6 +228,8 @@ def classify(
             "labels are those of single points: give the middle of what each finger touches, "
             "without groups"
         )
+    if not isinstance(options, EpsilonOptions | None):
+        raise SettingError(f"options must be EpsilonOptions; got {options!r}")
     alpha = per_contact("sensor resolution", sensor_resolution, contacts)
     if not ((alpha >= 0.0) & (alpha < math.pi)).all():
         raise SettingError(

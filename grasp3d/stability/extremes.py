@@ -91,7 +91,7 @@ def extremes(
             if isinstance(found, Epsilon):
                 minimum[rows] = np.minimum(minimum[rows], found.lower.min(axis=1))
                 maximum[rows] = np.maximum(maximum[rows], found.lower.max(axis=1))
-            is_open = ~found.closed & (found.status != Status.UNDECIDED)
+            is_open = ~found.closed & (found.status == Status.CONVERGED)
             stable[rows] &= found.closed.all(axis=1)
             unstable[rows] &= is_open.all(axis=1)
     return Extremes(stable, unstable, minimum, maximum)

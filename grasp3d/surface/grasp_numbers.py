@@ -187,8 +187,9 @@ def angle_bounds_of(grasps: GraspContacts, angles: WorstAndBest, model: GraspMod
         worst, best = angles
         turned = line_turns(grasps.points, 2.0 * error)
         return locked(worst + turned), locked(np.maximum(best - turned, 0.0))
-    bounds = np.full((2, grasps.size), math.inf)
-    rows = np.flatnonzero(np.isfinite(angles[0]))
+    bounds = np.array(angles)
+    rows = np.flatnonzero(np.isfinite(bounds[0]))
+    bounds[1, np.isfinite(bounds[1])] = 0.0
     bounds[:, rows] = critical_angles(grasps.take(rows), location_error=error)
     return locked(bounds[0]), locked(bounds[1])
 

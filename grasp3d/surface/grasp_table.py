@@ -183,7 +183,7 @@ class GraspRows(LabelledGrasps):
         """Bounds of the critical angles, over all that is not known about the contacts [rad].
 
         Uncertain contact locations turn the line between two contacts; see
-        `stability.locations`. Without them they are `critical_angle` and
+        `stability.uncertain_angles`. Without them they are `critical_angle` and
         `critical_angle_best`. The label is S iff the worst is below
         `model.sure_angle`, U iff the best is at least `model.unstable_from`. Two
         contacts: every S is exact, every U correct; more: every S is correct, nothing is U.

@@ -1,6 +1,5 @@
 """Grip forces and payloads of grasps under a load."""
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -8,9 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts
-from grasp3d.quality.closure import Status, force_closure
 from grasp3d.quality.force_ranges import Certainty, ForceRange, force_range, payload
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.tasks import Task
@@ -195,9 +193,6 @@ def load_result_of(
         case.at_friction(contacts), *(case.at_friction(contacts, bound) for bound in friction)
     )
     forces = _forces(cases, tilt, case.task, is_known)
-    if not case.hard and case.task.in_all_directions:
-        never = np.where(_never_closed(cases.strongest, tilt), math.inf, forces.least)
-        forces = replace(forces, least=never)
     payloads = np.full(contacts.batch, np.nan)
     force, mass = case.available, case.task.mass
     if force is not None and mass is not None:
@@ -216,18 +211,6 @@ def load_result_of(
         resistance=locked(forces.resistance),
         how=forces.how,
     )
-
-
-def _never_closed(contacts: Contacts, tilt: ArrayLike) -> Bools:
-    """Whether grasps (b,) of points are force-closed at no normals within a tilt.
-
-    Then their forces hold no weight in all directions.
-    """
-    points = Contacts(contacts.points, contacts.normals, contacts.friction)
-    found = force_closure(points, cone_offset=tilt)
-    widest = (points.friction_angle + np.asarray(tilt)).max(axis=-1)
-    convex = (widest < RIGHT_ANGLE) | (contacts.count == 2)
-    return np.asarray(convex & ~found.closed & (found.status != Status.UNDECIDED))
 
 
 def _forces(cases: FrictionCases, tilt: ArrayLike, task: Task, is_known: bool) -> ForceRange:

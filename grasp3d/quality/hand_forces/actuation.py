@@ -60,7 +60,10 @@ class Actuation:
         Raises:
             SettingError: Shapes that do not match, or values out of range.
         """
-        most = np.asarray(limits, dtype=np.float64)
+        try:
+            most = np.asarray(limits, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise SettingError(f"limits of motors must be torques; got {limits!r}") from error
         if most.ndim != 1 or not (most >= 0.0).all():
             raise SettingError(
                 f"limits of motors must be one torque for each, at least 0; got {most}"
@@ -79,6 +82,8 @@ class Actuation:
                     f"{name} of {len(most)} motors and {joints} joints must be finite numbers of "
                     f"shape {shape}; got shape {array.shape}"
                 )
+        if names and len(names) != len(most):
+            raise SettingError(f"{len(most)} motors need as many names; got {len(names)}")
         some, at_stop = np.flatnonzero(most), np.flatnonzero(ends)
         known = names or tuple(f"motor {k}" for k in range(len(most)))
         columns = np.concatenate([table[some].T, np.diag(np.sign(ends))[:, at_stop]], axis=1)

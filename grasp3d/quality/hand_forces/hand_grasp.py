@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
-from grasp3d.contact.contacts import Contacts
+from grasp3d.contact.contacts import Contacts, finite_numbers
 from grasp3d.contact.friction_cones import tangents
 from grasp3d.errors import ContactError
 from grasp3d.quality.hand_forces.actuation import Actuation
@@ -55,10 +55,10 @@ class HandGrasp:
                 "joint torques are for hard contacts of one grasp: give the points of a patch as "
                 "contacts of their own, without groups"
             )
-        rows = np.asarray(jacobian, dtype=np.float64)
+        rows = finite_numbers("the Jacobian", jacobian)
         shape = (contacts.count, 3, actuation.joints)
-        if rows.shape != shape or not np.isfinite(rows).all():
-            raise ContactError(f"the Jacobian must be finite, of shape {shape}; got {rows.shape}")
+        if rows.shape != shape:
+            raise ContactError(f"the Jacobian must have shape {shape}; got {rows.shape}")
         if not 0.0 < most_force < np.inf:
             raise ContactError(
                 f"the largest contact force must be above 0 and finite [N]; got {most_force}"

@@ -13,11 +13,10 @@ from scipy.spatial import ConvexHull, QhullError
 
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.contacts import Contacts, tilts_of
-from grasp3d.errors import SettingError
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
 from grasp3d.quality.hand_forces.hand_wrenches import OF_FORCE, Farthest, HandWrenches
 from grasp3d.quality.tasks import Sum, Task, Wrenches
-from grasp3d.quality.wrenches import span
+from grasp3d.quality.wrenches import check_rtol, span
 
 MOST_PROGRAMS = 600
 """Cone programs after which a search for the worst wrench ends with the bounds reached."""
@@ -100,8 +99,7 @@ def hand_payload(
         >>> print(f"{found.lower:.3f} kg, {found.limit} limits")
         0.408 kg, left limits
     """
-    if not rtol > 0.0:
-        raise SettingError(f"rtol must be above 0; got {rtol}")
+    check_rtol(rtol)
     contacts = grasp.contacts
     angles = contacts.friction_angle - tilts_of(tilt, contacts)[0]
     pressing = angles >= 0.0
