@@ -231,6 +231,4 @@ def _settings(labels: SurfaceLabels) -> Iterator[str]:
     if model.fingers > 2:
         yield f"{model.fingers} fingers"
     if scene is not None:
-        yield f"gripper {scene.hand.name}"
-        if scene.table is not None and scene.table.probability is not None:
-            yield f"resting pose of probability {100.0 * scene.table.probability:.0f} %"
+        yield from scene.words

@@ -10,7 +10,7 @@ from grasp3d.arrays import ArrayLike, Bools, Floats, angles_between
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import GivenHand, given_hand, hand_line
-from grasp3d.hand.jaws import IN_METRES, Jaws
+from grasp3d.hand.jaws import AXES, IN_METRES, Jaws
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.reach_settings import ReachSettings
@@ -135,6 +135,18 @@ class Scene:
     def allows(self, poses: Floats) -> Bools:
         """Whether the approach of each pose (k, 4, 4) is allowed, shape (k,)."""
         return np.asarray(self.approach_angles(poses) <= self.approach.within + ROUNDING)
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What is beside the object: the hand, and how the object stands or where up is."""
+        words = [f"gripper {self.hand.name}"]
+        if self.table is not None and self.table.probability is not None:
+            words.append(f"resting pose of probability {100.0 * self.table.probability:.0f} %")
+        elif self.table is not None or self.approach.within < math.pi:
+            names = [name for name, axis in AXES.items() if np.allclose(self.up, axis)]
+            numbers = ", ".join(f"{number + 0.0:.3g}" for number in self.up)
+            words.append(f"up is {names[0] if names else f'({numbers})'} (--up)")
+        return tuple(words)
 
     def tilt_warning(self, object_pose: ObjectPose | None) -> str | None:
         """What suggests that the object does not stand so beside its robot; None: nothing does."""

@@ -55,6 +55,23 @@ def test_without_a_table_up_still_says_where_down_is() -> None:
     assert scene.approach.direction == pytest.approx([1.0, 0.0, 0.0])
 
 
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({}, []),
+        ({"table": "as-is"}, ["up is z (--up)"]),
+        ({"up": "-y", "approach_within": 1.0}, ["up is -y (--up)"]),
+        ({"table": "stable"}, ["resting pose of probability"]),
+    ],
+)
+def test_words_say_which_way_is_up(settings: dict[str, Any], words: list[str]) -> None:
+    scene = Scene.of(ReachSettings(HAND, **settings), BOX)
+    assert scene is not None
+    own, *others = scene.words
+    assert own == f"gripper {HAND.name}"
+    assert [text[: len(word)] for text, word in zip(others, words, strict=True)] == words
+
+
 def test_a_stable_table_is_that_of_the_resting_pose() -> None:
     scene = Scene.of(ReachSettings(HAND, "stable", resting_pose=5), BOX)
     assert abs(scene.table.normal[0]) == pytest.approx(1.0)
