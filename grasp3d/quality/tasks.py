@@ -71,6 +71,12 @@ class Task(ABC):
         """The largest mass that it is for [kg]; None where it has none, as given wrenches."""
         return max((term.mass for term in self.terms() if term.mass is not None), default=None)
 
+    @property
+    def in_all_directions(self) -> bool:
+        """Whether it has a force in every direction, as weight has."""
+        rows = self.arrays().rows
+        return bool(((rows[:, 0] == kernels.ANY_DIRECTION) & (rows[:, kernels.SIZE] > 0.0)).any())
+
     def farthest_for(self, masses: Floats | None, directions: Floats) -> Floats:
         """`farthest` for masses (b,) in place of its own, along directions (b, 6)."""
         if masses is None:

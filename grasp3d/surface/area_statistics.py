@@ -83,7 +83,7 @@ def held_fractions(labels: VertexGrasps) -> dict[str, float] | None:
         >>> load = grasp3d.Load(mass=0.5, grip_force=40.0)
         >>> labels = grasp3d.label_surface(mesh, model, load=load)
         >>> {name: round(part, 1) for name, part in held_fractions(labels).items()}
-        {'S': 0.5, 'M': 0.1, 'U': 0.3}
+        {'S': 0.5, 'M': 0.5, 'U': 0.0}
     """
     codes = _load_result(labels).label
     if codes is None:

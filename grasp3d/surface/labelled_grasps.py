@@ -103,7 +103,8 @@ class LabelledGrasps:
     def letter(self) -> Bytes:
         """`Label` codes of everything that is stated.
 
-        With a load whose mass and force are known, whether it is held. Where one of these is not
+        With a load whose mass and force are known, whether it is held; weight in any direction only
+        as surely as the contacts are force-closed, as points. Where one of these is not
         known, a grasp that no force surely makes hold it is M at most, and U where none does at
         any normals; without a load it is `label`.
         """
@@ -111,7 +112,9 @@ class LabelledGrasps:
         if load_result is None:
             return self.label
         if load_result.label is not None:
-            return load_result.label
+            # Forces in all directions are resisted by contacts that are force-closed as points.
+            most = self.label if load_result.case.task.in_all_directions else load_result.label
+            return locked(np.minimum(load_result.label, most))
         most = np.where(np.isfinite(load_result.grip_force_largest), Label.S, Label.M)
         most[~np.isfinite(load_result.grip_force_least)] = Label.U
         return locked(np.minimum(self.label, most).astype(np.uint8))

@@ -291,3 +291,15 @@ def test_a_load_that_cannot_be_meant_is_refused_before_the_search() -> None:
     with pytest.raises(SettingError, match="unit"):
         label_surface(unitless, load=Load(task="wrench 0,0,0,0,0,1"))
     assert label_surface(unitless, load=Load(mass=MASS)).load is not None
+
+
+def test_weight_in_any_direction_is_held_only_as_surely_as_points_close() -> None:
+    anywhere = labels()
+    held = anywhere.load_result
+    assert held is not None
+    assert held.label is not None
+    assert (anywhere.letter == np.minimum(held.label, anywhere.label)).all()
+    assert (held.label > anywhere.label).any()  # by torsion, or not known
+    down = anywhere.using(load=DOWN)
+    assert down.load_result is not None
+    assert (down.letter == down.load_result.label).all()
