@@ -134,6 +134,8 @@ def _module(command: object) -> Any:
     try:
         return import_module(f"{__name__}.{type(command).__name__.lower()}")
     finally:
+        if not gc.get_freeze_count():  # once: later there may be garbage among them
+            gc.freeze()
         gc.enable()
 
 
