@@ -155,8 +155,8 @@ def _least(contacts: Contacts, tilts: Floats, options: ForceOptions, bound: Forc
     points = np.where(soft[:, None, None], 0.0, contacts.points)
     known = ~soft | (not options.has_torques)
     rows = np.flatnonzero(known & (widest < RIGHT_ANGLE).all(axis=1))
-    groups = None if soft.any() else contacts.groups
-    wide = Contacts(points[rows], contacts.normals[rows], np.tan(widest[rows]), groups=groups)
+    cones = np.tan(widest[rows])
+    wide = Contacts(points[rows], contacts.normals[rows], cones, groups=contacts.groups)
     problem = ForceProblem.of_contacts(wide, size="length", total=bound == "total")
     least[rows] = options.take(rows).found(problem)[0].lower
     if bound == "norm":
