@@ -123,7 +123,7 @@ def _print_sweeps(report: Report, sweeps: Sequence[Fractions], required: list[fl
             escaped(sweep.name),
             f"{friction:.4g}",
             *(_percents(sweep, row, one) for one in some),
-            *(angle_text(sweep.required_resolution(one)[row]) for one in required),
+            *(angle_text(sweep.required_resolution(one)[row] or math.inf) for one in required),
         ]
         for sweep in sweeps
         for row, friction in enumerate(sweep.friction)

@@ -97,7 +97,15 @@ def test_a_folder_with_a_broken_mesh_has_the_mean_of_the_others(tmp_path: Path) 
 
 @pytest.mark.slow
 def test_shapes_have_fractions_in_closed_form(tmp_path: Path) -> None:
-    text = printed("sweep", "circle", "square", "sphere", "--fraction", "0.1", cwd=tmp_path)
+    text = printed(
+        "sweep", "circle", "square", "sphere",
+        "--friction", "0.1:1:0.1", "--fraction", "0.1", cwd=tmp_path,
+    )  # fmt: skip
+    required = {
+        line.split()[1]: line.split()[-1] for line in text.splitlines() if "circle " in line
+    }
+    assert required["0.1"] == "–"  # 6.3 % of the circle are S with exact normals
+    assert required["0.2"] == "4.6°"  # 2 atan(0.2) - pi / 10
     assert "U surely unstable" in text
     assert "no grasp found" not in text
     rows = rows_of(tmp_path / "sweep.csv")
