@@ -259,16 +259,13 @@ def _quantiles(name: str, levels: Iterable[float], values: Iterable[float]) -> d
 
 
 def _angles_of(labels: "SurfaceLabels") -> AngleDistribution:
-    """Distribution of the bounds of critical angles, to be compared with the thresholds of a model.
-
-    They depend on the model's location error.
-    """
+    """Distribution of the critical angles, to be compared with the thresholds of a model."""
     from grasp3d.surface.area_statistics import vertex_weights
 
     weights = vertex_weights(labels.mesh, "area")
     counted = weights > 0.0
-    worst, best = labels.critical_angle_bounds
-    return SampledAngles(worst[counted], best[counted], weights[counted], limit=labels.search.cone)
+    worst, best = labels.critical_angle[counted], labels.critical_angle_best[counted]
+    return SampledAngles(worst, best, weights[counted], limit=labels.search.cone)
 
 
 def _best_of(labels: "SurfaceLabels", count: int) -> "GraspTable | EvaluatedPoses | None":

@@ -29,7 +29,7 @@ from grasp3d.surface.fields import AREA, LENGTH, Array
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.load_result import LoadResult
-from grasp3d.surface.vertex_fields import ANGLE_BOUNDS, unpacked_bits
+from grasp3d.surface.vertex_fields import unpacked_bits
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.documents import parse_json
 from grasp3d.system.limited_reading import read_file
@@ -121,9 +121,6 @@ def _labels(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Surface
         "label": _value(stored, "label"),
         "epsilon_range": EpsilonRange(*(_floats(stored, f"epsilon{end}") for end in _ENDS)),
         "load_result": _load_result(stored, settings, mesh),
-        "critical_angle_bounds": tuple(_floats(stored, field.name) for field in ANGLE_BOUNDS)
-        if settings.model.location_error
-        else None,
     }  # fmt: skip
     worst, best = (_floats(stored, f"critical_angle{end}") for end in ("", "_best"))
     return SurfaceLabels.of_vertices(

@@ -35,7 +35,7 @@ from grasp3d.stability.label import Mode
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.fields import FLOAT, MARGIN, Array, Arrays, Field
 from grasp3d.surface.label_settings import GIVEN_ANGLE, SETTING
-from grasp3d.surface.vertex_fields import ANGLE_BOUNDS, SURFACE, VERTICES
+from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from grasp3d.surface.vertex_grasps import Reason, SearchReport
 from grasp3d.system.documents import parse_json, problem_of_file
 from grasp3d.system.limited_reading import read_file
@@ -294,7 +294,6 @@ def check_stored(stored: Stored, settings: FileSettings) -> None:
     """
     present = {
         "always": True,
-        "errors": settings.model.location_error != 0.0,
         "gripper": settings.scene is not None,
         "load": settings.load is not None,
     }
@@ -376,15 +375,10 @@ def _check_surface(stored: Stored) -> None:
 
 
 def _check_labels(stored: Stored, model: GraspModel) -> None:
-    """Compare angles, margins and labels.
-
-    Bounds of angles have no order of their own: each is compared with another threshold.
-    """
+    """Compare angles, margins and labels."""
     worst, best = (stored.field(f"critical_angle{end}") for end in ("", "_best"))
     if not (best <= worst + ROUNDING).all():
         stored.reject("its critical_angle_best is above its critical_angle")
-    if model.location_error != 0.0:
-        worst, best = (stored.field(field.name) for field in ANGLE_BOUNDS)
     expected, label = model.sure_angle - worst, stored.field("label")
     margin = stored.values.get(MARGIN.name, expected)
     with np.errstate(invalid="ignore"):  # inf - inf

@@ -32,7 +32,6 @@ from grasp3d.mesh.object_mesh import scale_of
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
-from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.loads import GivenLoad, Load
 from grasp3d.settings import (
     MAX_FINGERS,
@@ -315,7 +314,7 @@ def evaluate_contacts(
         contacts, distances = _on_surface(mesh, positions, limit)
     end = ANGLES_COMPUTED if own_model.method == "extremes" else 1.0
     with within(PROJECTED, end):
-        angles = critical_angles(contacts)
+        angles = critical_angles(contacts, location_error=own_model.location_error)
     outside = ~allowed_contacts(mesh, contacts.points)
     worst, best = (locked(np.where(outside, math.inf, one)) for one in angles)
     grasps = GraspTable(
@@ -482,16 +481,16 @@ def closed_at(
     held = jaws.closed if object_motion == "fixed" else np.zeros(start.count, dtype=np.bool_)
     colliding, shift = _blocked(mesh, start, jaws, held, scene, most)
     jaws = replace(jaws, shift=locked(shift))
-    contacts, angles = JawContacts.of(mesh, jaws), np.full(start.count, math.nan)
+    contacts, angles = JawContacts.of(mesh, jaws), np.full((2, start.count), math.nan)
     if contacts.size:
-        found = critical_friction_angle(contacts.contacts(model))
+        found = critical_angles(contacts, location_error=model.location_error)
         allowed = allowed_contacts(mesh, contacts.points)
-        angles[jaws.closed] = np.where(allowed, found, math.inf)
+        angles[:, jaws.closed] = np.where(allowed, found, math.inf)
     return EvaluatedPoses(
         contacts=JawContacts(mesh, jaws),
         model=model,
-        critical_angle=locked(angles),
-        critical_angle_best=locked(angles),
+        critical_angle=locked(angles[0]),
+        critical_angle_best=locked(angles[1]),
         scene=scene,
         load=load,
         given=start,

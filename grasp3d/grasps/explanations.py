@@ -43,10 +43,9 @@ class Case:
     code: int
     """Label, or `UNSEARCHED`."""
     worst: float
-    """Critical friction angle over the worst normals [rad]; inf: no grasp. With uncertain contact
-    locations or different fingers its upper bound."""
+    """Critical friction angle over the worst normals and locations [rad]; inf: no grasp."""
     best: float
-    """The same over the best normals [rad]."""
+    """The same over the best ones [rad]."""
     cone: float
     """Largest critical friction angle that was searched [rad]."""
     cause: Cause | None
@@ -57,19 +56,16 @@ class Case:
     """Indices of the fingers that are known to be on sharp edges (creases), from 0."""
     hand: str | None = None
     """Name of the gripper that must reach the grasp; None: ideal points."""
-    perceived: tuple[float, float] | None = None
-    """Critical friction angles at the perceived contact points, over the worst and over the best
-    normals [rad]; None: `worst` and `best`, as these points are exact and the fingers alike."""
 
     @property
-    def angles(self) -> tuple[float, float]:
-        """Critical friction angles at the perceived contact points, worst and best normals."""
-        return (self.worst, self.best) if self.perceived is None else self.perceived
+    def located(self) -> bool:
+        """Whether contact points are uncertain."""
+        return self.model.location_error != 0.0
 
     @property
     def smooth(self) -> bool:
         """Whether every finger has a single normal, as far as the angles show."""
-        return self.angles[0] - self.angles[1] < SAME
+        return not self.creases and (self.located or self.worst - self.best < SAME)
 
     @property
     def margin(self) -> float:
@@ -126,7 +122,7 @@ def _limit(case: Case, limit: float, sign: str) -> str:
 
 def _cause(case: Case, limit: float) -> str:
     """What decides when every finger has one normal: one finger's normal, or the whole grasp."""
-    line, worst = case.off_line, case.angles[0]
+    line, worst = case.off_line, case.worst
     angle = angle_text(worst, limit)
     if line is None or abs(max(line) - worst) >= SAME:
         return f"the grasp is force-closed for friction angles above β* = {angle}"
@@ -136,11 +132,12 @@ def _cause(case: Case, limit: float) -> str:
     return f"the {finger} finger's normal is {angle} off the line through the contacts"
 
 
-def _with_locations(case: Case, text: str) -> str:
-    """What uncertain contact locations make of a critical angle."""
-    if case.perceived is None:
-        return ""
-    return f"; with the contact points anywhere within their location errors {text}"
+def _uncertain(case: Case, mark: str) -> tuple[str, str]:
+    """Where fingers are on sharp edges, and of what the angles are those of the worst and best."""
+    crease = "" if case.smooth else f"{_crease(case)}{mark} "
+    what = ["these normals"] * (not case.smooth)
+    what += ["the contact points within their location errors"] * case.located
+    return crease, " and of ".join(what)
 
 
 def _all_true(model: GraspModel) -> str:
@@ -175,13 +172,13 @@ def _crease(case: Case) -> str:
 
 
 def _stable(case: Case) -> str:
-    angle = angle_text(case.angles[0], case.model.sure_angle)
+    angle = angle_text(case.worst, case.model.sure_angle)
     cause = _cause(case, case.model.sure_angle)
-    if not case.smooth:
-        cause = f"{_crease(case)}; for the worst of these normals β* is {angle}"
+    crease, several = _uncertain(case, ";")
+    if several:
+        cause = f"{crease}for the worst of {several} β* is {angle}"
     elif " off the line " in cause:
         cause = f"no contact normal is more than {angle} off the line through the contacts"
-    cause += _with_locations(case, f"β* is {angle_text(case.worst, case.model.sure_angle)}")
     return f"{cause}, below {_stable_limit(case)}: the grasp is stable for {_all_true(case.model)}"
 
 
@@ -193,8 +190,7 @@ def _unstable(case: Case) -> str:
     if not case.smooth:
         edge = "the first finger's sharp edge" if 0 in case.creases else "a sharp edge"
         needs += f" even with the best normals on {edge}"
-    if case.perceived is not None:
-        needs += " and the best true contact points" if case.model.location_error else ""
+    needs += " with the best true contact points" * case.located
     limit = _unstable_limit(case)
     if case.model.tilt == 0.0:
         return f"{needs}, and the friction allows no more than {limit}"
@@ -214,24 +210,16 @@ def _ambiguous(case: Case) -> str:
         unstable = (
             f"no grasp of this number of fingers is surely unstable, as {limit} is not below 90°"
         )
-    if case.smooth:
+    crease, several = _uncertain(case, ":")
+    if not several:
         nearer = min(
             (case.model.sure_angle, case.model.possible_angle),
             key=lambda limit: abs(limit - case.worst),
         )
-        between = (
-            f"β* is from {angle_text(case.best, case.model.possible_angle)} to "
-            f"{_bounded(case.worst, case.model.sure_angle)}"
-        )
-        return f"{_cause(case, nearer)}{_with_locations(case, between)}: {sure}, {unstable}"
-    worst, best = case.angles
-    lowest = angle_text(case.best, case.model.possible_angle)
-    locations = _with_locations(
-        case, f"from {lowest} to {_bounded(case.worst, case.model.sure_angle)}"
-    )
+        return f"{_cause(case, nearer)}: {sure}, {unstable}"
     return (
-        f"{_crease(case)}: β* is {_bounded(worst, case.model.sure_angle)} for the worst and "
-        f"{angle_text(best, case.model.possible_angle)} for the best of these normals{locations}; "
+        f"{crease}β* is {_bounded(case.worst, case.model.sure_angle)} for the worst and "
+        f"{angle_text(case.best, case.model.possible_angle)} for the best of {several}; "
         f"{sure}, {unstable}"
     )
 

@@ -24,12 +24,12 @@ from grasp3d.hand.choices import ContactRule
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
+from grasp3d.mesh.turns import turns_beside
 from grasp3d.quality.loads import load_settings
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import GraspModel
 from grasp3d.settings.units import GivenLength
 from grasp3d.stability.contact_sets import ContactSets, SetLabels, contact_margins, label_sets
-from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import max_resolution
 from grasp3d.surface.fields import HAND_GRASPS, Arrays, columns_of
 from grasp3d.surface.grasp_numbers import EPSILON_RTOL
@@ -101,11 +101,15 @@ class EvaluatedHandGrasps(GivenGrasps):
     def sets(self) -> ContactSets:
         """The contacts relative to the centre of mass, of poses at which two links touch."""
         contacts, chosen = self.contacts, self._counted
+        points, normals = contacts.points[chosen], contacts.normals[chosen]
+        error = self.model.location_error
         return ContactSets(
             size=self.size,
             row=contacts.row[chosen],
-            points=contacts.points[chosen] - self.mesh.center_mass,
-            normals=contacts.normals[chosen],
+            points=points - self.mesh.center_mass,
+            normals=normals,
+            location_error=error,
+            turns=turns_beside(self.mesh, points, normals, error) if error > 0.0 else None,
         )
 
     @cached_property
@@ -149,7 +153,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         return HandLoadResult(
             load=self.to_hold, hand=self.hand, torques=torques,
             friction=(low, self.model.nominal_friction, high), sets=self.sets,
-            jacobians=self.jacobians, tilts=self.tilts_of_links[self._link],
+            jacobians=self.jacobians, tilts=self.sets.tilts(self.tilts_of_links[self._link]),
             postures=self.contacts.posture, link_loads=self._link_loads,
         )  # fmt: skip
 
@@ -182,13 +186,13 @@ class EvaluatedHandGrasps(GivenGrasps):
 
     @property
     def critical_angle(self) -> Floats:
-        """Critical friction angles at the perceived normals [rad], shape (k,)."""
-        return self._labels.critical_angle
+        """Critical friction angles at the worst locations of the contacts [rad], shape (k,)."""
+        return self.sets.critical_angles[0]
 
     @property
-    def critical_angle_bounds(self) -> WorstAndBest:
-        """The same, as other grasps have them."""
-        return self.critical_angle, self.critical_angle
+    def critical_angle_best(self) -> Floats:
+        """The same at the best locations, shape (k,)."""
+        return self.sets.critical_angles[1]
 
     @property
     def margin(self) -> Floats:
@@ -437,7 +441,6 @@ def _refuse(hand: ArticulatedHand, scene: Scene, model: GraspModel, load: LoadCa
     refused = {
         "fingers: a hand touches with as many links as it happens to": model.fingers != 2,
         "method extremes: its labels are exact": model.method != "exact",
-        "location_error: its contacts follow from pose and posture": model.location_error != 0.0,
         "pose_error: that is for parallel grippers": bool(scene.pose_error),
         "torsion_radius with a load: what motors hold is that of points": load is not None
         and model.torsion_radius != 0.0,

@@ -402,7 +402,7 @@ def _remedies(grasps: GraspTable | EvaluatedPoses, load: LoadVerdict | None) -> 
 def _candidates(grasps: GraspTable | EvaluatedPoses) -> Ints:
     """A few grasps, of which one is the first to become S: those that need least."""
     rows = np.flatnonzero(grasps.letter == grasps.letter.max())
-    values = [-grasps.score, -grasps.max_resolution, grasps.critical_angle_bounds[0]]
+    values = [-grasps.score, -grasps.max_resolution, grasps.critical_angle]
     needed = needed_force(grasps)
     if needed is not None:
         values += [needed, np.where(grasps.margin > 0.0, needed, math.inf)]

@@ -10,6 +10,7 @@ from grasp3d._kernels.hands.touched_surface import TouchedSurface
 from grasp3d._kernels.surface.box_tree import BoxTree, box_tree
 from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
 from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
+from grasp3d._kernels.surface.turns import EXACT
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows, used_indices
 from grasp3d.mesh.measures import face_areas, paired_edges
 from grasp3d.mesh.normals import CornerNormals, crease_twins, normal_sets
@@ -272,6 +273,7 @@ class ObjectMesh:
             corners=corners.corners,
             normals=normals,
             twins=twins,
+            turns=EXACT,
         )
 
     @cached_property

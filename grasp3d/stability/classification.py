@@ -34,12 +34,12 @@ class Uncertain(NamedTuple):
     """The same contacts with the smallest friction they may have."""
     high: Contacts
     """The same contacts with the largest friction they may have."""
-    creases: Creases
     location: Floats
     """Largest distance between true and perceived contact points, shape (b, n)."""
-    method: Method
-    extreme_normals: int
-    options: EpsilonOptions
+    creases: Creases = {}  # noqa: RUF012, never written
+    method: Method = "exact"
+    extreme_normals: int = 8
+    options: EpsilonOptions = EpsilonOptions()
 
     @property
     def thresholds(self) -> Thresholds:
@@ -75,6 +75,11 @@ class Uncertain(NamedTuple):
         labels[high.unstable] = Label.U
         labels[low.stable] = Label.S
         return labels
+
+    def margin(self) -> Floats:
+        """Angle by which the grasps are S [rad], shape (b,)."""
+        worst, _ = self.angles(1e-4)
+        return self.thresholds.sure_angle - worst
 
     def enumerated(self, options: EpsilonOptions | None) -> tuple[Extremes, Extremes]:
         """The combinations of extreme normals, with the smallest and the largest friction."""
@@ -126,8 +131,7 @@ class Stability:
         With method exact a grasp is S iff it is above 0. Of the finger with the least; beta at the
         smallest friction. -inf for one contact, and for two that may be at one point.
         """
-        worst, _ = self._grasps.angles(1e-4)
-        return self._shaped(self._grasps.thresholds.sure_angle - worst)
+        return self._shaped(self._grasps.margin())
 
     @cached_property
     def epsilon(self) -> Floats:
@@ -195,9 +199,9 @@ def classify(
             each above 0, one number or of shape (..., n), with the contacts' friction between them;
             None: the contacts' friction alone. S is decided by the smallest, U by the largest.
         location_error: Largest distance between true and perceived contacts, in the unit of the
-            points, at least 0: one value, or shape (..., n). Normals do not change with the
-            location. Method exact only. Two contacts: S is exact, every U is correct; more: every S
-            is correct, and nothing is U.
+            points, at least 0: one value, or shape (..., n). How far the surface turns within it
+            is stated as a larger `sensor_resolution`, by twice that angle. Method exact only. Two
+            contacts: S is exact, every U is correct; more: every S is correct, and nothing is U.
         creases: For contacts on creases and corners, by number: inward normals of the faces that
             meet there, shape (k, 3) or (..., k, 3). The contact may have any normal between them,
             tilted by up to alpha/2. They affect labels, and with method extremes epsilon. Method

@@ -13,12 +13,13 @@ import numpy as np
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts
 from grasp3d.quality.closure import force_closure
-from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.ferrari_canny import epsilon_with
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import MAX_FINGERS
-from grasp3d.stability.classification import classify
+from grasp3d.stability.classification import Uncertain
 from grasp3d.stability.label import Label
+from grasp3d.stability.normal_sets import NormalSets, WorstAndBest
+from grasp3d.stability.uncertain_angles import uncertain_angles
 
 WIDEST = RIGHT_ANGLE - 1e-6
 """Widest cone that `contact_margins` tries [rad]."""
@@ -39,6 +40,11 @@ class ContactSets:
     """Relative to the centre of mass [m], shape (c, 3)."""
     normals: Floats
     """Perceived unit normals into the object, shape (c, 3)."""
+    location_error: float = 0.0
+    """Largest distance between true and perceived points [m]."""
+    turns: Floats | None = None
+    """How far the surface turns within it at each contact [rad], shape (c,); None: locations are
+    exact."""
 
     __repr__ = short_repr
 
@@ -74,15 +80,29 @@ class ContactSets:
         return Contacts(self.points[index], self.normals[index], friction, torsion_radius)
 
     @cached_property
-    def critical_angle(self) -> Floats:
-        """Critical friction angles at the perceived normals [rad], shape (k,).
+    def critical_angles(self) -> WorstAndBest:
+        """Critical friction angles at the worst and the best locations [rad], shape (k,) each.
 
         nan where a grasp is not evaluated.
         """
-        angles = np.full(self.size, math.nan)
+        worst, best = np.full((2, self.size), math.nan)
         for grasps, index in self.groups():
-            angles[grasps] = critical_friction_angle(self.contacts(index))
-        return locked(angles)
+            contacts, turns = self.contacts(index), self.turns
+            worst[grasps], best[grasps] = uncertain_angles(
+                contacts.points,
+                NormalSets.of_contacts(contacts, {}),
+                location=None if turns is None else np.full(index.shape, self.location_error),
+                turns=None if turns is None else turns[index],
+            )
+        return locked(worst), locked(best)
+
+    def tilts(self, tilt: Floats) -> Floats:
+        """Largest angles between true and perceived normals at the true locations [rad], (c,).
+
+        Args:
+            tilt: The same at the perceived ones, shape (c,).
+        """
+        return tilt if self.turns is None else tilt + self.turns
 
     @cached_property
     def rank(self) -> Ints:
@@ -111,13 +131,11 @@ class ContactSets:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SetLabels:
-    """Labels of `ContactSets`, with the angles that they follow from."""
+    """Labels of `ContactSets`, and how sure they are."""
 
     label: Bytes
     """`Label` codes, shape (k,). U where there are fewer than two contacts, M where there are more
     than `MAX_FINGERS`, of which nothing is computed."""
-    critical_angle: Floats
-    """At the perceived normals [rad], shape (k,); nan: fewer than two contacts or too many."""
     margin: Floats
     """Angle by which the grasp is S [rad], shape (k,): S where it is above 0; nan as above."""
 
@@ -129,7 +147,8 @@ def label_sets(sets: ContactSets, tilt: Floats, friction_angles: tuple[float, fl
 
     Args:
         sets: The contacts.
-        tilt: Largest angle between the true and the perceived normal [rad], shape (c,).
+        tilt: Largest angle between the true and the perceived normal, at one location [rad],
+            shape (c,).
         friction_angles: At the smallest and at the largest friction [rad].
 
     Example:
@@ -151,11 +170,16 @@ def label_sets(sets: ContactSets, tilt: Floats, friction_angles: tuple[float, fl
     label = np.where(sets.counts < 2, Label.U, Label.M).astype(np.uint8)
     margin = np.full(sets.size, math.nan)
     for grasps, index in sets.groups():
-        found = classify(
-            sets.contacts(index, least), 2.0 * tilt[index], friction_interval=(least, largest)
+        low = sets.contacts(index, least)
+        found = Uncertain(
+            contacts=low,
+            tilt=sets.tilts(tilt)[index],
+            low=low,
+            high=low.with_friction(largest),
+            location=np.full(index.shape, sets.location_error),
         )
-        label[grasps], margin[grasps] = found.label, found.margin
-    return SetLabels(label=locked(label), critical_angle=sets.critical_angle, margin=locked(margin))
+        label[grasps], margin[grasps] = found.labels(), found.margin()
+    return SetLabels(label=locked(label), margin=locked(margin))
 
 
 def contact_margins(sets: ContactSets, tilt: Floats, friction_angle: float) -> Floats:
@@ -182,10 +206,10 @@ def contact_margins(sets: ContactSets, tilt: Floats, friction_angle: float) -> F
         >>> contact_margins(sets, np.array([0.1, 0.2, 0.3, 0.4]), 0.5).round(2).tolist()
         [0.4, 0.3, 0.2, 0.1]
     """
-    margins = np.full(len(tilt), -math.inf)
+    margins, tilt = np.full(len(tilt), -math.inf), sets.tilts(tilt)
     cones = np.clip(friction_angle - tilt, 0.0, None)
     for grasps, group in sets.groups():
-        index, count = group[np.isfinite(sets.critical_angle[grasps])], group.shape[1]
+        index, count = group[np.isfinite(sets.critical_angles[0][grasps])], group.shape[1]
         variants, own = (
             np.repeat(index, count, axis=0),
             np.tile(np.eye(count, dtype=bool), (len(index), 1)),

@@ -104,24 +104,20 @@ def margins(worst: Floats, model: GraspModel) -> Floats:
     return np.asarray(model.sure_angle - worst)
 
 
-def margin_budget(
-    model: GraspModel, critical_angle: ArrayLike, upper: ArrayLike | None = None
-) -> dict[str, Floats]:
+def margin_budget(model: GraspModel, critical_angle: ArrayLike) -> dict[str, Floats]:
     """Parts of the friction angle of each grasp, whose last one, the margin, decides on the label.
 
     They add up to the friction angle at the middle of the friction interval.
 
     Args:
         model: Friction, sensor resolution and errors.
-        critical_angle: Critical friction angle over the worst normals [rad], shape (...); inf: no
-            grasp.
-        upper: Its upper bound with uncertain locations, such as
-            `SurfaceLabels.critical_angle_bounds[0]`; None: locations are exact.
+        critical_angle: Critical friction angle over the worst normals and locations [rad], shape
+            (...); inf: no grasp.
 
     Returns:
-        The critical angle, what friction, sensor resolution and the location take, and the margin
-        [rad], by name, shape (...) each. The margin is
-        `model.sure_angle` minus the upper bound, and -inf where there is no grasp.
+        The critical angle, what friction and sensor resolution take, and the margin [rad], by name,
+        shape (...) each. The margin is `model.sure_angle` minus the critical angle, and -inf where
+        there is no grasp.
 
     Example:
         >>> import grasp3d
@@ -132,7 +128,6 @@ def margin_budget(
         critical angle: 0.300
         friction: 0.083
         sensor resolution: 0.100
-        location: 0.000
         margin: -0.019
     """
     smallest, largest = model.friction_interval
@@ -141,15 +136,7 @@ def margin_budget(
     parts: dict[str, Any] = {
         "friction": beta - math.atan(smallest),
         "sensor resolution": model.sensor_resolution / 2.0,
-        "location": _difference(critical, upper),
     }
     margin = beta - sum(parts.values()) - critical
     stack = {"critical angle": critical, **parts, "margin": margin}
     return {name: np.broadcast_to(angle, critical.shape)[()] for name, angle in stack.items()}
-
-
-def _difference(critical: Floats, upper: ArrayLike | None) -> Floats:
-    if upper is None:
-        return np.zeros(critical.shape)
-    finite = np.isfinite(critical)
-    return np.where(finite, np.asarray(upper) - np.where(finite, critical, 0.0), 0.0)

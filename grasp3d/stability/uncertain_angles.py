@@ -8,11 +8,12 @@ smallest angle between the line through them and the set. More: the set lies in 
 middle, of radius r; a cone that is narrower by r holds for each of its normals, one that is wider
 by r covers all.
 
-*Locations.* A contact is anywhere within its location error d of the perceived point; normals do
-not change with the location. Two contacts: the line between them turns by up to
-eta = asin((d1 + d2) / opening), in every direction. The worst angle is beta* + eta, which is exact;
-the best is at least beta* - eta. More: see `displacement` of `quality.critical_angle`; the best
-angle is 0.
+*Locations.* A contact is anywhere within its location error d of the perceived point, where the
+normal turns by up to omega from the set of normals; see `mesh.turns`. Two contacts: the line
+between them turns by up to eta = asin((d1 + d2) / opening), in every direction: the worst angle is
+at most the larger of both, each with its omega, plus eta; the best at least the same with both
+subtracted. More: cones are narrower by omega, and for the rest see `displacement` of
+`quality.critical_angle`; the best angle is 0.
 """
 
 import math
@@ -33,6 +34,7 @@ def uncertain_angles(
     *,
     wider: tuple[Floats, Floats] | None = None,
     location: Floats | None = None,
+    turns: Floats | None = None,
     first: tuple[Floats, Floats] | None = None,
     tolerance: float = 1e-4,
 ) -> WorstAndBest:
@@ -44,6 +46,7 @@ def uncertain_angles(
         wider: Where cones differ, what each has more than the friction angle in the worst and in
             the best case [rad], shape (b, n) each.
         location: Location error of each contact, in the unit of the points, shape (b, n).
+        turns: How far the surface turns within it [rad], shape (b, n); None: normals stay.
         first: Three contacts and more: the angles in question [rad], shape (b,) each. Whether the
             worst is below the first of them, and the best at least the second, is then exact,
             whatever the tolerance is.
@@ -61,6 +64,8 @@ def uncertain_angles(
     if count == 1:
         return np.full(size, math.inf), np.full(size, math.inf)
     inner, outer = wider or np.zeros((2, size, count))
+    if turns is not None:
+        inner, outer = inner - turns, outer + turns
     if count == 2:
         return _of_pairs(points, sets, inner, outer, location)
     middles, radii = sets.middles, sets.radii
@@ -93,7 +98,7 @@ def _of_pairs(
     best = np.minimum((smallest - outer).max(1), (math.pi - largest - outer).max(1))
     if location is not None:
         turn = line_turns(points, location.sum(axis=1))
-        worst, best = worst + turn, best - turn
+        worst, best = np.minimum(worst + turn, math.pi), best - turn
     # Contacts at one point push along any line that lies in both cones.
     together = np.isinf(largest[:, 0])
     one, other = sets.middles[together].swapaxes(0, 1)

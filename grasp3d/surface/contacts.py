@@ -6,7 +6,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.surface.surface_contacts import HEMISPHERE, write_normals_of_all
+from grasp3d._kernels.surface.surface_contacts import (
+    HEMISPHERE,
+    ContactNormals,
+    write_normals_of_all,
+)
 from grasp3d.arrays import (
     RIGHT_ANGLE,
     ArrayLike,
@@ -22,6 +26,7 @@ from grasp3d.contact.contacts import Contacts
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.mesh.turns import normal_turns, turns_beside
 from grasp3d.settings import GraspModel
 
 WIDEST = RIGHT_ANGLE - 1e-9
@@ -114,10 +119,11 @@ class GraspContacts:
     def tilts(self, model: GraspModel) -> ArrayLike:
         """Largest angle between the nominal normal of each contact and any that may be true (b, n).
 
-        On creases the true normal is within the sensor's resolution of any normal of the set.
+        On creases the true normal is within the sensor's resolution of any normal of the set, and
+        with a location error of any normal nearby.
 
         Args:
-            model: The resolution.
+            model: The resolution and the location error.
         """
         counts = np.diff(self.set_start)
         middles = np.repeat(self.normals.reshape(-1, 3), counts, axis=0)
@@ -125,7 +131,21 @@ class GraspContacts:
         spread = np.maximum.reduceat(angles, self.set_start[:-1]) if len(angles) else angles
         spread = np.where(self.on_crease, spread.reshape(self.size, self.count), 0.0)
         spread = np.where(self.any_normal, WIDEST, spread)
+        if model.location_error > 0.0:
+            spread += self.turns(model.location_error)
         return np.asarray(np.minimum(spread + model.tilt, WIDEST))
+
+    def turns(self, location_error: float) -> Floats:
+        """How far the surface turns within a location error of each contact [rad], shape (b, n).
+
+        Args:
+            location_error: Largest distance between true and perceived contacts [m].
+        """
+        points, faces = self.points.reshape(-1, 3), self.surface_points.faces.ravel()
+        counts = np.where(self.any_normal.ravel(), 0, np.diff(self.set_start))
+        sets = ContactNormals(self.set_start, counts, self.set_normals)
+        turns = normal_turns(self.mesh, points, faces, sets, location_error)
+        return turns.reshape(self.size, self.count)
 
     def contacts(self, model: GraspModel) -> Contacts:
         """The contacts at their `normals`, relative to the mesh's centre of mass.
@@ -193,7 +213,15 @@ class JawContacts(GraspContacts):
 
     def tilts(self, model: GraspModel) -> ArrayLike:
         """Largest angle between the normal of each contact and any that may be true [rad]."""
-        return model.tilt
+        if model.location_error == 0.0:
+            return model.tilt
+        return np.asarray(np.minimum(self.turns(model.location_error) + model.tilt, WIDEST))
+
+    def turns(self, location_error: float) -> Floats:
+        """The same about the middles of the patches, which need not be on the surface."""
+        points, normals = self.points.reshape(-1, 3), self.normals.reshape(-1, 3)
+        turns = turns_beside(self.mesh, points, normals, location_error)
+        return turns.reshape(self.size, self.count)
 
     def take(self, which: slice | Ints | Bools) -> "JawContacts":
         """The chosen grasps."""

@@ -36,7 +36,8 @@ def critical_angles(
 
     Args:
         contacts: Grasps on a surface.
-        location_error: Largest distance between true and perceived contact points [m]; see
+        location_error: Largest distance between true and perceived contact points [m]: lines
+            between them turn, and normals as the surface does nearby; see
             `stability.uncertain_angles`.
         tolerance: Three contacts and more: as in `critical_friction_angle` [rad].
 
@@ -65,6 +66,10 @@ def critical_angles(
 def _angles(contacts: GraspContacts, location_error: float, tolerance: float) -> WorstAndBest:
     counts = np.where(contacts.any_normal.ravel(), 0, np.diff(contacts.set_start))
     sets = NormalSets.about(contacts.set_start, counts, contacts.set_normals, contacts.normals)
-    errors = np.full(contacts.points.shape[:2], location_error)
-    location = errors if location_error > 0.0 else None
-    return uncertain_angles(contacts.points, sets, location=location, tolerance=tolerance)
+    location = turns = None
+    if location_error > 0.0:
+        location = np.full(contacts.points.shape[:2], location_error)
+        turns = contacts.turns(location_error)
+    return uncertain_angles(
+        contacts.points, sets, location=location, turns=turns, tolerance=tolerance
+    )

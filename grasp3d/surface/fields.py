@@ -20,7 +20,7 @@ from grasp3d.stability.label import Label
 
 Array = npt.NDArray[Any]
 Arrays = dict[str, Array]
-When = Literal["always", "errors", "gripper", "load", "pose error"]
+When = Literal["always", "gripper", "load", "pose error"]
 
 RADIANS, LENGTH, AREA, NEWTONS, KILOGRAMS = "rad", "m", "m²", "N", "kg"
 XYZ = ("x", "y", "z")
@@ -63,8 +63,7 @@ class Field:
     kind: str = "f8"
     """NumPy type of the values, as NPZ, VTP and Parquet hold them."""
     when: When = "always"
-    """What it takes for the field to be there: nothing; a location error; a gripper; a load; an
-    error of poses."""
+    """What it takes for the field to be there: nothing; a gripper; a load; an error of poses."""
     columns: tuple[str, ...] = ()
     """Names of its parts where a file or table has numbers alone; empty: with the axes as ends."""
     each: str = ""

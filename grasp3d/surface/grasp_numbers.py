@@ -1,4 +1,4 @@
-"""Numbers of grasps on a surface: bounds of angles, epsilon, grip forces, quality measures.
+"""Numbers of grasps on a surface: epsilon, grip forces, quality measures.
 
 With method extremes they come from an enumeration of extreme normals (Wan & Howe 2018).
 """
@@ -20,10 +20,8 @@ from grasp3d.settings import GraspModel
 from grasp3d.stability.classification import classify
 from grasp3d.stability.extremes import Extremes, check_combinations, extremes, rings_needed
 from grasp3d.stability.label import Label
-from grasp3d.stability.normal_sets import Creases, WorstAndBest
-from grasp3d.stability.uncertain_angles import line_turns
+from grasp3d.stability.normal_sets import Creases
 from grasp3d.surface.contacts import GraspContacts, JawContacts
-from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.load_result import LoadResult, load_result_of
 from grasp3d.system.context import report_progress
@@ -167,31 +165,6 @@ EPSILON_RTOL = 1e-2
 
 BOUND_RTOL = 3e-2
 """The same for the largest epsilon, itself only a bound; saves most time for symmetric grasps."""
-
-
-def angle_bounds_of(grasps: GraspContacts, angles: WorstAndBest, model: GraspModel) -> WorstAndBest:
-    """Bounds of the critical angles of grasps on a surface, over all true contact points.
-
-    Args:
-        grasps: The grasps, shape (b, n).
-        angles: Their critical angles over the worst and the best normals [rad], shape (b,) each.
-        model: What is known about the contacts.
-
-    Returns:
-        (worst, best) [rad], shape (b,) each; inf where there is no grasp.
-    """
-    if model.location_error == 0.0:
-        return angles
-    error = model.location_error
-    if grasps.count == 2:
-        worst, best = angles
-        turned = line_turns(grasps.points, 2.0 * error)
-        return locked(worst + turned), locked(np.maximum(best - turned, 0.0))
-    bounds = np.array(angles)
-    rows = np.flatnonzero(np.isfinite(bounds[0]))
-    bounds[1, np.isfinite(bounds[1])] = 0.0
-    bounds[:, rows] = critical_angles(grasps.take(rows), location_error=error)
-    return locked(bounds[0]), locked(bounds[1])
 
 
 def surface_epsilons(grasps: GraspContacts, model: GraspModel) -> EpsilonRange:

@@ -29,14 +29,12 @@ from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import MEANING, Label
-from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.contacts import GraspContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.fields import CONTACTS, GRASPS, Field, columns_of, present
 from grasp3d.surface.grasp_numbers import (
     EPSILON_RTOL,
-    angle_bounds_of,
     hull_labels,
     surface_epsilons,
     surface_load_result,
@@ -96,13 +94,14 @@ class GraspRows(LabelledGrasps):
     model: GraspModel
     """Friction and sensor resolution; `fingers` is the number of contacts."""
     critical_angle: Floats
-    """Critical friction angle over the worst normals of the contacts [rad], shape (b,).
+    """Critical friction angle over the worst normals and locations of the contacts [rad], (b,).
 
     inf where there is no grasp, or all contacts are at one point; nan at poses whose jaws do not
     close.
     """
     critical_angle_best: Floats
-    """The same over the best normals, shape (b,); different only for contacts on creases."""
+    """The same over the best ones, shape (b,); different only for contacts on creases, and where
+    locations are uncertain."""
     points: Floats | None = None
     """Positions of the contacts as a search has found them, in the mesh's frame, shape
     (b, n, 3); None: `contacts.points`, from which they differ by rounding."""
@@ -119,7 +118,7 @@ class GraspRows(LabelledGrasps):
     """What is known of `COMPUTED` already, by name."""
 
     COMPUTED: ClassVar[tuple[str, ...]] = (
-        "critical_angle_bounds", "label", "epsilon_range", "load_result",
+        "label", "epsilon_range", "load_result",
     )  # fmt: skip
     """What is computed when it is first read, a row for each grasp."""
 
@@ -179,27 +178,14 @@ class GraspRows(LabelledGrasps):
         return LoadCase.of(self.load, self.mesh, self.model, hand)
 
     @Deferred
-    def critical_angle_bounds(self) -> WorstAndBest:
-        """Bounds of the critical angles, over all that is not known about the contacts [rad].
-
-        Uncertain contact locations turn the line between two contacts; see
-        `stability.uncertain_angles`. Without them they are `critical_angle` and
-        `critical_angle_best`. The label is S iff the worst is below
-        `model.sure_angle`, U iff the best is at least `model.unstable_from`. Two
-        contacts: every S is exact, every U correct; more: every S is correct, nothing is U.
-        """
-        angles, rows = (self.critical_angle, self.critical_angle_best), self.distinct
-        if self.model.location_error == 0.0 or not len(rows):
-            return angles
-        own = angles[0][rows], angles[1][rows]
-        worst, best = angle_bounds_of(self.distinct_contacts, own, self.model)
-        return self.spread(worst, math.inf), self.spread(best, math.inf)
-
-    @Deferred
     def label(self) -> Bytes:
-        """`Label` codes by `model.method`: 0 U, 1 M, 2 S; shape (b,)."""
+        """`Label` codes by `model.method`: 0 U, 1 M, 2 S; shape (b,).
+
+        With method exact it is S iff `critical_angle` is below `model.sure_angle`, and U iff
+        `critical_angle_best` is at least `model.unstable_from`.
+        """
         if self.model.method == "exact":
-            worst, best = self.critical_angle_bounds
+            worst, best = self.critical_angle, self.critical_angle_best
             return locked(label_angles(worst, best, self.model))
         codes = np.full(self.size, Label.U, dtype=np.uint8)
         rows = self.distinct[np.isfinite(self.critical_angle[self.distinct])]
@@ -266,8 +252,7 @@ class GraspRows(LabelledGrasps):
         """The same grasps with another model or load, without checks or a new search.
 
         Args:
-            changed: Fields by name. Bounds of angles that stay the same are kept: other frictions
-                and resolutions have the same, which take many closure tests for three fingers.
+            changed: Fields by name; a model has the same location error, which is in the angles.
 
         Raises:
             SettingError: Another scene, but how the gripper reaches them is known for this one.
@@ -277,11 +262,7 @@ class GraspRows(LabelledGrasps):
                 "how a gripper reaches grasps is known for its own scene only; label the surface "
                 "with the other one (in Python label_surface(..., scene=...))"
             )
-        angles = self.computed("critical_angle_bounds")
-        model = changed.get("model", self.model)
-        if angles is None or model.location_error != self.model.location_error:
-            return replace(self, **changed)
-        return replace(self, **changed, known={"critical_angle_bounds": angles})
+        return replace(self, **changed)
 
     def settings(self) -> dict[str, Any]:
         """Settings that the grasps were evaluated with, as files have them; angles in radians."""
@@ -391,7 +372,8 @@ class GraspTable(GraspRows):
 
         Epsilon, which is that of the contacts, stays.
         """
-        worst, best = critical_angles(self.contacts)
+        error = self.model.location_error
+        worst, best = critical_angles(self.contacts, location_error=error)
         epsilon = self.computed("epsilon_range")
         return replace(
             self, critical_angle=worst, critical_angle_best=best, points=None,

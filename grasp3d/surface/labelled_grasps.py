@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from grasp3d.quality.loads import Load
     from grasp3d.quality.tilting import EpsilonRange
     from grasp3d.settings import GraspModel
-    from grasp3d.stability.normal_sets import WorstAndBest
     from grasp3d.surface.load_result import LoadResult
 
 
@@ -40,8 +39,6 @@ class LabelledGrasps:
         def label(self) -> Bytes: ...  # noqa: D102
         @property
         def critical_angle(self) -> Floats: ...  # noqa: D102
-        @property
-        def critical_angle_bounds(self) -> WorstAndBest: ...  # noqa: D102
         @property
         def epsilon_range(self) -> EpsilonRange: ...  # noqa: D102
         def to_table(self) -> Any: ...  # noqa: D102
@@ -142,7 +139,7 @@ class LabelledGrasps:
         S iff above 0 (with method exact); the angle by which friction may be smaller, or normals
         less certain, and the grasp is still surely stable. -inf where there is no grasp.
         """
-        return locked(margins(self.critical_angle_bounds[0], self.model))
+        return locked(margins(self.critical_angle, self.model))
 
     @cached_property
     def max_resolution(self) -> Floats:
@@ -150,7 +147,7 @@ class LabelledGrasps:
 
         With the other uncertainties of the model as they are.
         """
-        return locked(max_resolution(self.critical_angle_bounds[0], self.model))
+        return locked(max_resolution(self.critical_angle, self.model))
 
     @cached_property
     def epsilon(self) -> Floats:

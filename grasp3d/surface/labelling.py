@@ -264,15 +264,22 @@ def label_pairs(
         scene: The gripper that must reach each grasp; None: ideal points.
     """
     cone = search_cone(model, sampling)
-    pairs = best_pairs(mesh, sampling, cone, scene=scene)
+    error = model.location_error
+    pairs = best_pairs(mesh, sampling, cone, scene=scene, location_error=error)
     points, reasons, reach = pairs.partner_points, pairs.reason, pairs.reach
     if scene is not None and reach is None:
         reasons, reach = _reach_of(mesh, points, reasons, scene, grip=pairs.grip)
-    lost = reasons != pairs.reason
+    lost, angles = reasons != pairs.reason, np.stack([pairs.worst, pairs.best])
+    if error > 0.0:  # the search knows these about
+        vertices = np.unique(mesh.canonical[(reasons == Reason.FOUND) & mesh.on_surface])
+        angles[:, vertices] = critical_angles(
+            grasps_at(mesh, points, vertices), location_error=error
+        )
+    angles[:, lost] = math.inf
     return SurfaceLabels.of_vertices(
         mesh,
         model,
-        angles=(np.where(lost, math.inf, pairs.worst), np.where(lost, math.inf, pairs.best)),
+        angles=(angles[0], angles[1]),
         partners=np.where(lost[:, None], math.nan, pairs.partner)[:, None],
         partner_points=points,
         grip=np.where(lost, 0, pairs.grip),
@@ -301,7 +308,7 @@ def label_multifinger(
     """
     cone, count = search_cone(model, sampling), len(mesh.vertices)
     with within(0.0, BEFORE_ANGLES):
-        result = search(mesh, model.fingers, sampling, cone)
+        result = search(mesh, model.fingers, sampling, cone, model.location_error)
     points, reasons, reach = result.partner_points, result.reason, None
     if scene is not None:
         reasons, reach = _reach_of(mesh, points, reasons, scene)
@@ -309,7 +316,7 @@ def label_multifinger(
     grasps = grasps_at(mesh, points, vertices)
     angles = np.full((2, count), math.inf)
     with within(BEFORE_ANGLES, 1.0):
-        angles[:, vertices] = critical_angles(grasps)
+        angles[:, vertices] = critical_angles(grasps, location_error=model.location_error)
     partners = np.full((count, model.fingers - 1, 3), math.nan)
     partners[vertices] = grasps.points[:, 1:]
     report_progress(1.0)

@@ -10,7 +10,6 @@ from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.settings import ANGLE_ROUNDING, check_choice, search_cone
 from grasp3d.settings.model_text import model_line
 from grasp3d.settings.sampling import not_covered
-from grasp3d.settings.units import GivenLength
 from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.surface.area_statistics import Weights, label_fractions, quantiles, vertex_weights
 from grasp3d.surface.conversions import labels_to_polydata, labels_to_table, labels_to_trimesh
@@ -61,18 +60,15 @@ class SurfaceLabels(VertexGrasps):
         *,
         friction: float | tuple[float, float] | None = None,
         sensor_resolution: float | None = None,
-        location_error: GivenLength | None = None,
     ) -> "SurfaceLabels":
-        """Label the same grasps for another friction, resolution or error, without a new search.
+        """Label the same grasps for another friction or resolution, without a new search.
 
         Epsilon and grip forces are those of the new model at the same grasps. With method extremes
-        the hulls are enumerated again. The grasps have the smallest critical angles: with a
-        location error others, with a larger opening, may have more margin.
+        the hulls are enumerated again.
 
         Args:
             friction: Coulomb coefficient or interval; None: unchanged.
             sensor_resolution: Resolution alpha [rad]; None: unchanged.
-            location_error: As in `GraspModel`; None: unchanged.
 
         Raises:
             SearchCoverageError: The search cone was too narrow for the new values.
@@ -88,11 +84,7 @@ class SurfaceLabels(VertexGrasps):
             >>> labels.relabel(sensor_resolution=0.1)
             <SurfaceLabels of trimesh.Trimesh: 482 ...; S 68.0%, M 19.0%, U 13.0%>
         """
-        fields = {
-            "friction": friction,
-            "sensor_resolution": sensor_resolution,
-            "location_error": location_error,
-        }
+        fields = {"friction": friction, "sensor_resolution": sensor_resolution}
         changed: dict[str, Any] = {name: one for name, one in fields.items() if one is not None}
         model = replace(self.model, **changed)
         self.mesh.check_units(model)
@@ -121,7 +113,7 @@ class SurfaceLabels(VertexGrasps):
         """Distribution of critical angles: fractions S, M and U at any friction and resolution.
 
         They are those of method exact, whatever `model.method` is. Settings that need a wider cone
-        than was searched raise SearchCoverageError. The angles are `critical_angle_bounds`.
+        than was searched raise SearchCoverageError.
 
         Args:
             weights: As in `fractions`.
@@ -138,7 +130,7 @@ class SurfaceLabels(VertexGrasps):
         """
         values = self._weights(weights)
         weighted = values > 0.0
-        worst, best = self.critical_angle_bounds
+        worst, best = self.critical_angle, self.critical_angle_best
         return SampledAngles(
             worst=locked(worst[weighted]),
             best=locked(best[weighted]),

@@ -33,7 +33,8 @@ from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
 from grasp3d.stability.thresholds import label_angles, margins
 from grasp3d.surface.contacts import JawContacts
-from grasp3d.surface.grasp_numbers import angle_bounds_of, hull_labels
+from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.surface.grasp_numbers import hull_labels
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.context import unreported
 
@@ -93,13 +94,14 @@ class ClosedNumbers:
         force, score = np.full(shape, math.inf), np.full(shape, LOST)
         if contacts.size:
             allowed = allowed_contacts(mesh, contacts.points)
-            angles = np.where(allowed, critical_friction_angle(found), math.inf)
-            upper, _ = both = angle_bounds_of(contacts, (angles, angles), model)
+            nominal = np.where(allowed, critical_friction_angle(found), math.inf)
+            angles = critical_angles(contacts, location_error=model.location_error)
+            worst, best = (np.where(allowed, one, math.inf) for one in angles)
             exact = model.method == "exact"
-            codes = label_angles(*both, model) if exact else hull_labels(contacts, model)
-            margin[closes] = margins(upper, model)
+            codes = label_angles(worst, best, model) if exact else hull_labels(contacts, model)
+            margin[closes] = margins(worst, model)
             patches = _Patches.of(contacts, model, case)
-            held[closes], force[closes], ratio, score[closes] = patches.numbers(angles)
+            held[closes], force[closes], ratio, score[closes] = patches.numbers(nominal)
             label[closes] = patches.label(codes, ratio)
             outside = np.flatnonzero(closes)[~allowed]
             label[outside], score[outside] = Label.U, LOST

@@ -69,9 +69,11 @@ def scan_surface(mesh: MeshSource, model: GivenModel = None, *, fixed: ArrayLike
     searched = BEFORE_ENUMERATION if own_model.method == "extremes" and len(points) > 1 else 0.0
     if len(points) == 1:
         angles, grip = _scan_pairs(fixed_contacts, positions[0])
+        if own_model.location_error > 0.0:
+            angles = _scan_given(fixed_contacts, positions, own_model.location_error)
     else:
         with within(0.0, searched or 1.0):
-            angles = _scan_multifinger(fixed_contacts, positions)
+            angles = _scan_given(fixed_contacts, positions, own_model.location_error)
         grip = np.zeros(count, dtype=np.int8)
     # No finger fits where another one is, whatever their normals.
     angles[1, np.isinf(angles[0])] = math.inf
@@ -117,8 +119,8 @@ def _scan_pairs(fixed: SurfaceContacts, position: Floats) -> tuple[Floats, npt.N
     return angles, grip
 
 
-def _scan_multifinger(fixed: SurfaceContacts, positions: Floats) -> Floats:
-    """Angles (2, V) of every vertex with several fixed fingers."""
+def _scan_given(fixed: SurfaceContacts, positions: Floats, location_error: float) -> Floats:
+    """Angles (2, V) of the grasps that every vertex makes with the fixed fingers."""
     mesh = fixed.mesh
     vertices = used_indices(mesh.faces)
     distances = np.linalg.norm(mesh.normalized[vertices, None] - positions, axis=2).min(axis=1)
@@ -127,5 +129,5 @@ def _scan_multifinger(fixed: SurfaceContacts, positions: Floats) -> Floats:
     weights = np.broadcast_to(fixed.surface_points.weights, (*others.shape, 3))
     grasps = grasps_at(mesh, SurfacePoints(others, weights), vertices)
     angles = np.full((2, len(mesh.vertices)), math.inf)
-    angles[:, vertices] = critical_angles(grasps)
+    angles[:, vertices] = critical_angles(grasps, location_error=location_error)
     return angles

@@ -1,6 +1,5 @@
 """The fields of the vertices of a labelled surface, and the arrays of the surface itself."""
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from operator import attrgetter
@@ -14,7 +13,6 @@ from grasp3d.stability.label import COLORS, GREY, Label
 from grasp3d.surface.fields import (
     APPROACH_MARGIN,
     AREA,
-    CRITICAL_ANGLE,
     DECIDED,
     DEPTH,
     DOUBLE,
@@ -57,13 +55,6 @@ def unpacked_bits(numbers: Array, count: int) -> Bools:
     return (bits & np.uint64(1)).astype(np.bool_)
 
 
-def _angle_bound(number: int) -> Callable[[VertexGrasps], Array | None]:
-    """A bound of the critical angle; None where the labels follow from the critical angles."""
-    return lambda labels: (
-        None if labels.model.location_error == 0.0 else labels.critical_angle_bounds[number]
-    )
-
-
 def _pose(column: int) -> Callable[[VertexGrasps], Array | None]:
     """An axis of the gripper's poses, or their origin."""
     return lambda labels: None if labels.reach is None else labels.reach.poses[:, :3, column]
@@ -77,11 +68,6 @@ def _free_angles(labels: VertexGrasps) -> Array | None:
 
 INDEX = Allowed(0)
 
-ANGLE_BOUNDS = (
-    replace(CRITICAL_ANGLE, name="critical_angle_upper", of=_angle_bound(0), when="errors",
-            allowed=Allowed(0.0, 2.0 * math.pi, math.inf)),
-    replace(CRITICAL_ANGLE, name="critical_angle_lower", of=_angle_bound(1), when="errors"),
-)  # fmt: skip
 PARTNERS = (
     Field("partners", LENGTH, ("n-1", 3), KNOWN_OR_NAN, each="partner_{}", ply=DOUBLE),
     Field("partner_normals", "", ("n-1", 3), NORMAL_OR_NAN, outward=True,
@@ -128,7 +114,6 @@ VERTICES = (
     OPENING,
     Field("grip", "", (), NORMAL, kind="i1"),
     Field("reason", kind="u1", ply="u1", texts=names_of(Reason)),
-    *ANGLE_BOUNDS,
     *PARTNERS,
     *POSES,
     *FORCES,

@@ -83,7 +83,8 @@ class Evaluation:
             for one in [closed, *(each for each, _ in parts)] if not low else ():
                 warnings |= dict.fromkeys(one.warnings)
             for evaluated, part in parts:
-                scores, (worst, best) = scores_of(evaluated), evaluated.critical_angle_bounds
+                scores = scores_of(evaluated)
+                worst, best = evaluated.critical_angle, evaluated.critical_angle_best
                 self.disagreements.add(evaluated, scores, first + part)
                 own.append(
                     ScoredGrasps(

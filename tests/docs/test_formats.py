@@ -115,7 +115,7 @@ def labels_with(added: str) -> SurfaceLabels:
     if added == "points":
         return labels()
     if added == "errors":
-        return labels().relabel(location_error=0.01)
+        return label_surface(labels().mesh, GraspModel(location_error=0.01))
     return with_gripper().using(load=Load(mass=0.5)) if added == "load" else with_gripper()
 
 

@@ -40,6 +40,14 @@ def labels() -> SurfaceLabels:
 
 
 @cache
+def located(location_error: float) -> SurfaceLabels:
+    """The same with a location error."""
+    exact = labels()
+    model = replace(exact.model, location_error=location_error)
+    return label_surface(exact.mesh, model, sampling=exact.sampling)
+
+
+@cache
 def box() -> SurfaceLabels:
     return label_surface(load_mesh(shapes.box(), max_edge=0.5))
 

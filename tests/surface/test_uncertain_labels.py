@@ -28,10 +28,10 @@ from tests.helpers import shapes
 
 MESHES = Path(__file__).parents[2] / "meshes"
 WIDE = Sampling(search_angle=1.2)
+ERROR = 0.03
 ERRORS: dict[str, Callable[[float], Any]] = {
     "friction": lambda part: (0.5 - 0.15 * part, 0.5 + 0.15 * part),
     "sensor_resolution": lambda part: GraspModel().sensor_resolution + 0.16 * part,
-    "location_error": lambda part: 0.1 * part,
 }
 
 
@@ -41,14 +41,19 @@ def labels() -> SurfaceLabels:
     return label_surface(load_mesh(shapes.lopsided()), sampling=WIDE)
 
 
+@pytest.fixture(scope="module")
+def located(labels: SurfaceLabels) -> SurfaceLabels:
+    """The same with a location error."""
+    return label_surface(labels.mesh, GraspModel(location_error=ERROR), sampling=WIDE)
+
+
 @pytest.mark.slow
 def test_zero_errors_change_nothing(labels: SurfaceLabels) -> None:
     model = GraspModel(friction=(0.5, 0.5), location_error=0.0)
     again = label_surface(labels.mesh, model, sampling=WIDE)
     assert again.label.tolist() == labels.label.tolist()
     assert again.critical_angle.tolist() == labels.critical_angle.tolist()
-    assert again.critical_angle_bounds[0].tolist() == labels.critical_angle.tolist()
-    relabelled = labels.relabel(friction=(0.5, 0.5), location_error=0.0)
+    relabelled = labels.relabel(friction=(0.5, 0.5))
     assert relabelled.label.tolist() == labels.label.tolist()
 
 
@@ -65,23 +70,53 @@ def test_less_knowledge_turns_labels_to_m_only(labels: SurfaceLabels, name: str)
     assert (before.label != labels.label).any()
 
 
-def test_labels_are_those_of_the_same_grasps_as_contacts(labels: SurfaceLabels) -> None:
-    """Smooth contacts: `classify` with the same errors."""
-    found = labels.relabel(friction=(0.4, 0.6), location_error=0.05)
+def test_labels_are_those_of_the_same_grasps_as_contacts(located: SurfaceLabels) -> None:
+    """Smooth contacts: `classify` with the turns of the surface added to the resolution."""
+    found = located.relabel(friction=(0.4, 0.6))
     vertices = np.flatnonzero(found.reason == Reason.FOUND)
     grasps = grasps_at(found.mesh, found.partner_points, vertices)
-    smooth = np.asarray(~grasps.on_crease.any(axis=1))
+    turns = grasps.turns(ERROR)
+    smooth = ~grasps.on_crease.any(axis=1) & (turns.max(axis=1) < 1.2)
     assert smooth.sum() > 50
-    chosen = grasps.take(smooth)
     expected = classify(
-        chosen.contacts(found.model),
-        found.model.sensor_resolution,
+        grasps.take(smooth).contacts(found.model),
+        found.model.sensor_resolution + 2.0 * turns[smooth],
         friction_interval=(0.4, 0.6),
-        location_error=0.05,
+        location_error=ERROR,
     )
     assert found.label[vertices[smooth]].tolist() == expected.label.tolist()
     assert len(np.unique(expected.label)) > 1
     assert found.margin[vertices[smooth]] == pytest.approx(expected.margin, abs=1e-9)
+
+
+def test_a_location_error_only_takes_away(labels: SurfaceLabels, located: SurfaceLabels) -> None:
+    """The search finds no grasp that is better than the best one with exact locations."""
+    assert (located.critical_angle >= labels.critical_angle - 1e-6).all()
+    assert not ((located.label == Label.S) & (labels.label != Label.S)).any()
+    assert (located.label == Label.S).any()
+
+
+def test_the_search_knows_what_location_errors_cost(
+    labels: SurfaceLabels, located: SurfaceLabels
+) -> None:
+    """Of the pairs of vertices, and of the best grasp for exact locations, none is better."""
+    mesh, cone = labels.mesh, located.search.cone
+    vertices = np.unique(mesh.canonical[located.reason == Reason.FOUND])
+    smooth = np.flatnonzero(mesh.contact_normals.counts == 1)
+    turns = grasps_at(mesh, labels.partner_points, smooth).turns(ERROR)[:, 0]
+    gains = []
+    for vertex in vertices[:: len(vertices) // 25]:
+        if mesh.contact_normals.counts[vertex] != 1:
+            continue
+        line = mesh.vertices[smooth] - mesh.vertices[vertex]
+        length = np.maximum(np.linalg.norm(line, axis=1), 1e-12)
+        own = np.arccos(np.clip(line @ mesh.normals[vertex] / length, -1.0, 1.0))
+        other = np.arccos(np.clip(-(line * mesh.normals[smooth]).sum(axis=1) / length, -1.0, 1.0))
+        turn = turns[smooth == vertex][0]
+        worst = np.maximum(own + turn, other + turns)
+        worst += np.arcsin(np.minimum(2.0 * ERROR / length, 1.0))
+        gains.append(min(located.critical_angle[vertex], cone) - min(worst.min(), cone))
+    assert max(gains) < math.radians(1.0)
 
 
 def test_another_friction_replaces_the_interval(labels: SurfaceLabels) -> None:
@@ -102,9 +137,8 @@ def test_the_margin_of_a_box() -> None:
     assert labels.margin[middle] == pytest.approx(expected, abs=1e-6)
 
 
-def test_max_resolution_is_where_the_label_changes(labels: SurfaceLabels) -> None:
-    model = replace(labels.model, friction=(0.4, 0.6), location_error=0.03)
-    found = labels.using(model=model)
+def test_max_resolution_is_where_the_label_changes(located: SurfaceLabels) -> None:
+    found = located.relabel(friction=(0.4, 0.6))
     limit = found.max_resolution
     chosen = np.flatnonzero(limit > 0.1)[:: max(1, (limit > 0.1).sum() // 5)]
     for vertex in chosen:
@@ -114,8 +148,10 @@ def test_max_resolution_is_where_the_label_changes(labels: SurfaceLabels) -> Non
         assert coarser.label[vertex] != Label.S
 
 
-def test_distributions_have_the_fractions_of_the_labels(labels: SurfaceLabels) -> None:
-    found = labels.relabel(location_error=0.05)
+def test_distributions_have_the_fractions_of_the_labels(
+    labels: SurfaceLabels, located: SurfaceLabels
+) -> None:
+    found = located
     distribution = found.angle_distribution()
     model = found.model
     expected = distribution.fractions(
@@ -129,16 +165,15 @@ MODELS: tuple[dict[str, Any], ...] = (
     {},
     {"friction": (0.4, 0.6)},
     {"sensor_resolution": 0.3},
-    {"location_error": 0.03, "friction": (0.4, 0.6)},
-    {"location_error": 0.05, "friction": (0.3, 0.9)},
+    {"friction": (0.3, 0.9)},
 )
 
 
 @pytest.mark.parametrize("changes", MODELS, ids=str)
 def test_distributions_have_the_fractions_of_every_model(
-    labels: SurfaceLabels, changes: dict[str, Any]
+    located: SurfaceLabels, changes: dict[str, Any]
 ) -> None:
-    found = labels.relabel(**changes)
+    found = located.relabel(**changes)
     model, expected = found.model, found.fractions()
     assert 0.0 < expected["S"] < 1.0
     distribution = found.angle_distribution()
@@ -155,15 +190,14 @@ def test_distributions_have_the_fractions_of_every_model(
         assert above <= 0.3 + 1e-12 <= below + 2e-12
 
 
-def test_a_sweep_has_the_location_error_of_the_labels(labels: SurfaceLabels) -> None:
-    found = labels.relabel(location_error=0.05)
-    swept = sweep(found.angle_distribution(), friction=0.5, sensor_resolution=0.2)
-    expected = labels.relabel(sensor_resolution=0.2, location_error=0.05).fractions()
+def test_a_sweep_has_the_location_error_of_the_labels(located: SurfaceLabels) -> None:
+    swept = sweep(located.angle_distribution(), friction=0.5, sensor_resolution=0.2)
+    expected = located.relabel(sensor_resolution=0.2).fractions()
     assert swept.stable[0, 0] == pytest.approx(expected["S"], abs=1e-12)
 
 
 def test_epsilon_covers_the_interval_of_friction(labels: SurfaceLabels) -> None:
-    found = labels.relabel(friction=(0.4, 0.6), location_error=0.02)
+    found = labels.relabel(friction=(0.4, 0.6))
     chosen = np.flatnonzero(np.isfinite(labels.epsilon))
     assert (found.epsilon[chosen] == labels.epsilon[chosen]).all()
     assert (found.epsilon_min[chosen] <= labels.epsilon_min[chosen] * 1.01).all()
@@ -176,25 +210,29 @@ def test_given_grasps_and_scans(labels: SurfaceLabels) -> None:
     vertices = np.flatnonzero(scan.reason == Reason.FOUND)[:40]
     points = np.stack([scan.mesh.vertices[vertices], scan.partners[vertices, 0]], axis=1)
     given = evaluate_grasps(labels.mesh, points, model)
-    assert given.margin == pytest.approx(scan.margin[vertices], abs=1e-6)
-    clear = np.abs(given.margin) > 1e-4
+    assert given.margin == pytest.approx(scan.margin[vertices], abs=2e-3)
+    clear = np.abs(given.margin) > 3e-3
     assert given.label[clear].tolist() == scan.label[vertices][clear].tolist()
 
 
 @pytest.mark.slow
 def test_three_fingers_are_safe() -> None:
     mesh = load_mesh(shapes.sphere(2), max_edge=9.0)
-    known = label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(candidates=8))
-    unsure = known.relabel(location_error=0.02 * mesh.size)
-    assert ((unsure.label == known.label) | (unsure.label == Label.M)).all()
-    assert (unsure.label == Label.S).any()
-    assert (unsure.margin < known.margin)[np.isfinite(known.margin)].all()
+    error = 0.02 * mesh.size
+    model = GraspModel(fingers=3, friction=0.8, sensor_resolution=0.2, location_error=error)
+    unsure = label_surface(mesh, model, sampling=Sampling(candidates=8))
+    assert not (unsure.label == Label.U).any()
     vertices = np.flatnonzero(unsure.label == Label.S)[:20]
+    assert len(vertices) == 20
     rng = np.random.default_rng(0)
     contacts = grasps_at(mesh, unsure.partner_points, vertices).contacts(unsure.model)
     shift = rng.normal(size=contacts.points.shape)
-    shift *= 0.02 * mesh.size / np.linalg.norm(shift, axis=2, keepdims=True)
-    moved = Contacts(contacts.points + shift, contacts.normals, contacts.friction)
+    shift *= error / np.linalg.norm(shift, axis=2, keepdims=True)
+    places = contacts.points + shift
+    places /= np.linalg.norm(places, axis=2, keepdims=True)  # on the sphere, nearer than before
+    places *= np.linalg.norm(contacts.points, axis=2, keepdims=True)
+    assert (np.linalg.norm(places - contacts.points, axis=2) <= 1.03 * error).all()
+    moved = Contacts(places, -places, contacts.friction)
     assert (classify(moved, unsure.model.sensor_resolution).label == Label.S).all()
 
 
@@ -210,14 +248,18 @@ class TestErrors:
 
 @pytest.mark.slow
 def test_fractions_of_a_sphere_have_a_closed_form() -> None:
-    """Lines at beta* = x turn by y = asin(d / (R cos x)): x + y decides on S, x - y on U."""
+    """Lines at beta* = x turn by y = asin(d / (R cos x)), normals by z = 2 asin(d / 2 R).
+
+    x + y + z decides on S, x - y - z on U.
+    """
     mesh = load_mesh(shapes.sphere(5))
-    radius = float(np.linalg.norm(mesh.vertices, axis=1).max())
-    model = GraspModel(friction=(0.5, 0.7), sensor_resolution=0.3, location_error=0.1 * radius)
+    radius, part = float(np.linalg.norm(mesh.vertices, axis=1).max()), 0.05
+    model = GraspModel(friction=(0.5, 0.7), sensor_resolution=0.3, location_error=part * radius)
     found = scan_surface(mesh, model, fixed=(0.0, 0.0, radius)).fractions()
-    least, widest = math.atan(0.5) - 0.15, math.atan(0.7) + 0.15
-    stable = math.sin(0.5 * (least + math.asin(math.sin(least) - 2.0 * 0.1))) ** 2
-    turned = math.asin(math.sin(widest) + 2.0 * 0.1)
+    turn = 2.0 * math.asin(0.5 * part)
+    least, widest = math.atan(0.5) - 0.15 - turn, math.atan(0.7) + 0.15 + turn
+    stable = math.sin(0.5 * (least + math.asin(math.sin(least) - 2.0 * part))) ** 2
+    turned = math.asin(math.sin(widest) + 2.0 * part)
     nearest, farthest = 0.5 * (widest + turned), 0.5 * (widest + math.pi - turned)
     unstable = math.sin(farthest) ** 2 - math.sin(nearest) ** 2
     exact = {"S": stable, "M": 1.0 - stable - unstable, "U": unstable}

@@ -132,7 +132,7 @@ def test_labels_by_threshold_are_those_of_an_evaluation(error: float) -> None:
     for friction, resolution in ((0.2, 0.0), (0.5, 0.4), (1.0, 0.7)):
         used = replace(model, friction=friction, sensor_resolution=resolution)
         expected = fixed(used).robustness.label
-        worst, best = given.critical_angle_bounds
+        worst, best = given.critical_angle, given.critical_angle_best
         codes = labels_at(worst, best, model, friction, resolution)
         assert (codes == expected).all()
         seen |= set(codes.tolist())

@@ -82,6 +82,7 @@ def test_every_pixel_of_a_labelled_sphere_agrees_with_the_closed_form(
     inside = np.hypot(y, z) < 0.98
     critical = np.arccos(np.clip(z, -1.0, 1.0)) / 2.0  # half the angle from the opposite pole
     turn = np.arcsin(np.minimum(location / np.cos(critical), 1.0))  # contacts 2 cos apart
+    turn += 2.0 * np.arcsin(0.5 * location)  # of the normals
     expected = np.full(z.shape, int(Label.M))
     expected[critical + turn < model.friction_angle - model.tilt] = Label.S
     expected[critical - turn >= model.friction_angle + model.tilt] = Label.U

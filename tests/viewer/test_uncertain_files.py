@@ -15,10 +15,8 @@ from grasp3d import (
     write_ply,
 )
 from grasp3d.export.read_labels import read_labels
-from grasp3d.export.writers import writer_for
-from grasp3d.stability.thresholds import label_angles
 from grasp3d.viewer.session.painting import labels_at
-from grasp3d.viewer.subjects.subject import Subject, subject_of
+from grasp3d.viewer.subjects.subject import subject_of
 from tests.helpers import shapes
 from tests.helpers.viewing import read_subject
 
@@ -51,7 +49,7 @@ def test_the_viewer_and_files_have_the_labels_of_python(
 ) -> None:
     """Of grasps that were searched for a model, and of the same for another one."""
     found = searched(shape, model)
-    for labels in (found, _for_model(searched(shape, "alike"), model), _for_model(found, "alike")):
+    for labels in (found, found.relabel(friction=0.5, sensor_resolution=0.3)):
         shown = labels_at(subject_of(labels), labels.model)
         np.testing.assert_array_equal(shown, labels.label)
         write_ply(tmp_path / "labelled.ply", labels)
@@ -63,18 +61,9 @@ def test_the_viewer_and_files_have_the_labels_of_python(
         np.testing.assert_array_equal(labels_at(read, labels.model)[clear], labels.label[clear])
 
 
-def _for_model(labels: SurfaceLabels, name: str) -> SurfaceLabels:
-    model = MODELS[name]
-    return labels.relabel(
-        friction=model.friction,
-        sensor_resolution=model.sensor_resolution,
-        location_error=model.location_error,
-    )
-
-
 def _clear(labels: SurfaceLabels) -> np.ndarray:
     """Vertices whose label does not depend on the rounding to 32 bits."""
-    worst, best = labels.critical_angle_bounds
+    worst, best = labels.critical_angle, labels.critical_angle_best
     with np.errstate(invalid="ignore"):
         near = np.abs(worst - labels.model.sure_angle) < 1e-6
         return ~(near | (np.abs(best - labels.model.unstable_from) < 1e-6))
@@ -83,38 +72,7 @@ def _clear(labels: SurfaceLabels) -> np.ndarray:
 def test_three_fingers_are_read_as_they_were_written(tmp_path: Path) -> None:
     mesh = load_mesh(shapes.box(), max_edge=0.5)
     wide = Sampling(candidates=8, search_angle=1.2)
-    known = label_surface(mesh, GraspModel(fingers=3), sampling=wide)
-    labels = known.relabel(location_error=MODELS["location"].location_error)
+    labels = label_surface(mesh, GraspModel(fingers=3, location_error=0.02), sampling=wide)
     write_ply(tmp_path / "three.ply", labels)
     np.testing.assert_array_equal(read_labels(tmp_path / "three.ply").label, labels.label)
     np.testing.assert_array_equal(labels_at(subject_of(labels), labels.model), labels.label)
-
-
-@pytest.mark.parametrize("fingers", [2, 3])
-def test_the_angles_of_a_subject_decide_its_labels(tmp_path: Path, fingers: int) -> None:
-    """These labels are not those of the critical angles."""
-    labels = box(fingers).relabel(location_error=MODELS["far"].location_error)
-    plain = label_angles(labels.critical_angle, labels.critical_angle_best, labels.model)
-    assert (plain != labels.label).any()
-    assert_shown(subject_of(labels))
-    for suffix in ("ply", "npz"):
-        path = tmp_path / f"labelled.{suffix}"
-        writer_for(path)(path, labels)
-        assert_shown(subject_of(read_labels(path)))
-        assert_shown(read_subject(path))
-
-
-@cache
-def box(fingers: int) -> SurfaceLabels:
-    mesh, model = load_mesh(shapes.box(), max_edge=0.5), GraspModel(fingers=fingers, friction=0.3)
-    search = (
-        Sampling(search_angle=1.2) if fingers == 2 else Sampling(candidates=8, search_angle=1.2)
-    )
-    return label_surface(mesh, model, sampling=search)
-
-
-def assert_shown(subject: Subject) -> None:
-    """The angles of a subject decide the labels that its labels have."""
-    labels = subject.labels
-    shown = label_angles(*subject.angles(labels.model), labels.model)
-    np.testing.assert_array_equal(shown, labels.label)

@@ -20,6 +20,7 @@ from grasp3d._kernels.surface.surface_contacts import (
     smallest_angle,
     write_normals,
 )
+from grasp3d._kernels.surface.turns import line_turn, turn_at_vertex, turn_on_face
 from grasp3d._kernels.surface.vectors import copy, difference, dot, norm, scaled, triple
 
 TIE = 1e-7
@@ -48,9 +49,9 @@ class BestPairs(NamedTuple):
     """
 
     worst: Floats1
-    """Critical angle over the worst normals [rad]."""
+    """Critical angle over the worst normals and locations [rad]."""
     best: Floats1
-    """Critical angle of the same grasp over the best normals [rad]."""
+    """Critical angle of the same grasp over the best normals at the perceived locations [rad]."""
     closing: Floats2
     """Closing direction (V, 3)."""
     partner: Floats2
@@ -114,22 +115,24 @@ def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasp
     start, counts, normals = sets.start, sets.counts, sets.normals
     direction = scaled(sign / opening, difference(partner, surface.points[v]))
     x, y, z = direction
-    high = largest_angle(normals, start[v], counts[v], x, y, z)
+    low = largest_angle(normals, start[v], counts[v], x, y, z)
+    turn = line_turn(opening, surface.turns)
+    high = low + turn_at_vertex(v, surface.turns) + turn
     if high > grasps.start_angles[v, -1]:
         return  # worse than the whole cache
-    low = high
     if counts[v] != 1:
         low = smallest_angle(normals, start[v], counts[v], x, y, z)
+    turn += turn_on_face(face, weights, surface.turns)
     count, vertex = write_normals(face, weights, surface, sets, scratch)
     # The angles at the second contact, against the opposite direction; a vertex has its own set.
     if vertex >= 0:
         first, count = start[vertex], counts[vertex]
         low = max(low, smallest_angle(normals, first, count, -x, -y, -z))
-        high = max(high, largest_angle(normals, first, count, -x, -y, -z))
+        high = max(high, largest_angle(normals, first, count, -x, -y, -z) + turn)
         copy(normals[first], scratch[0])
     else:
         low = max(low, smallest_angle(scratch, 0, count, -x, -y, -z))
-        high = max(high, largest_angle(scratch, 0, count, -x, -y, -z))
+        high = max(high, largest_angle(scratch, 0, count, -x, -y, -z) + turn)
     if high < grasps.start_angles[v, -1]:
         _keep_start(v, direction, high, grasps)
     if high < grasps.worst[v] - TIE:

@@ -23,7 +23,9 @@ from grasp3d._kernels.search.antipodal_candidates import SMALLEST_OPENING, evalu
 from grasp3d._kernels.search.face_contacts import (
     INSIDE,
     aim,
+    cosine_at,
     longest_difference,
+    move_on_face,
     read_face,
     upper_bound,
 )
@@ -45,7 +47,8 @@ from grasp3d._kernels.surface.face_tree import (
     walk,
 )
 from grasp3d._kernels.surface.polygons import REGION_CORNERS
-from grasp3d._kernels.surface.vectors import copy, difference, dot, scaled, triple
+from grasp3d._kernels.surface.turns import line_turn, turn_at_vertex
+from grasp3d._kernels.surface.vectors import copy, difference, dot, norm, scaled, triple
 
 MOST_FACES = 2000
 """Faces on which a contact is computed, per vertex, before the best one so far is taken: a bound on
@@ -73,7 +76,7 @@ def rank(node, v, own, domain, cosine, sine):
     """
     bounds, limits = domain.tree.bounds[node], domain.limits
     radius, cos_spread, sin_spread = bounds[3], bounds[7], bounds[8]
-    if own.shape[0] != 1:
+    if own.shape[0] != 1 or domain.surface.turns.error > 0.0:
         return cosine - upper_bound(node, v, own, domain, cosine)
     normal, axis = triple(own[0], 0), scaled(-1.0, triple(bounds, 4))
     wide_cosine = cosine * cos_spread - sine * sin_spread
@@ -97,10 +100,13 @@ def rank(node, v, own, domain, cosine, sine):
 def best_of_face(face, v, cosine, own, domain, scratch):
     """Find the best contact of a vertex on a face; see `best_on_face`.
 
+    With location errors it is the best of that for exact locations and of the lattice's points,
+    moved on the face.
+
     Args:
         face: The face.
         v: The vertex.
-        cosine: Cosine of the limit, not below 0.
+        cosine: Cosine of the limit, not below 0 where locations are exact.
         own: Normals of the vertex (k, 3).
         domain: `PairDomain`.
         scratch: What `make_scratch` returns; the first array holds the contact's weights.
@@ -109,17 +115,49 @@ def best_of_face(face, v, cosine, own, domain, scratch):
         Cosine of the smallest critical angle, or `cosine`.
     """
     weights, lines, normals, polygon, nearest, part = scratch
-    limits = domain.limits
+    limits, turns, exact = domain.limits, domain.surface.turns, cosine
     if not aim(face, v, domain.centres, domain.surface, weights):
         return cosine
     read_face(face, v, domain.surface, lines, normals)
+    if turns.error > 0.0:  # what is left of the limit for exact locations
+        far = max(norm(lines[0]), norm(lines[1]), norm(lines[2]))
+        one, other = turn_at_vertex(v, turns), turns.least[face]
+        angle = math.acos(min(max(cosine, -1.0), 1.0)) - line_turn(far, turns)
+        if angle <= max(one, other):
+            return cosine
+        exact = max(math.cos(angle - min(one, other)), 0.0)
     bend = longest_difference(normals)
     if bend <= BENT:
-        return best_on_face(weights, cosine, lines, normals, own, limits, polygon, nearest)
-    parts = int(min(bend / BENT + 1.0, MOST_PARTS))
-    return best_on_bent_face(
-        weights, cosine, lines, normals, own, limits, parts, polygon, nearest, part
-    )
+        better = best_on_face(weights, exact, lines, normals, own, limits, polygon, nearest)
+    else:
+        parts = int(min(bend / BENT + 1.0, MOST_PARTS))
+        better = best_on_bent_face(
+            weights, exact, lines, normals, own, limits, parts, polygon, nearest, part
+        )
+    if not turns.error > 0.0:
+        return better
+    return _best_of_lattice(face, v, cosine, own, domain, scratch) if better > exact else cosine
+
+
+@part
+def _best_of_lattice(face, v, limit, own, domain, scratch):
+    """`best_of_face` with location errors, from its best contact for exact locations."""
+    weights, lines, normals, _, nearest, _ = scratch
+    parts = domain.surface.turns.levels[face]
+    cosine = cosine_at(triple(weights, 0), v, face, lines, normals, own, domain)
+    copy(weights, nearest)
+    for j in range(parts + 1):
+        for i in range(parts + 1 - j):
+            y = INSIDE + (1.0 - 3.0 * INSIDE) * i / parts
+            z = INSIDE + (1.0 - 3.0 * INSIDE) * j / parts
+            place = 1.0 - y - z, y, z
+            other = cosine_at(place, v, face, lines, normals, own, domain)
+            if other > cosine:
+                cosine = other
+                copy(place, nearest)
+    copy(nearest, weights)
+    cosine = move_on_face(weights, cosine, v, face, lines, normals, own, domain)
+    return max(cosine, limit)
 
 
 @kernel()
@@ -194,12 +232,13 @@ def _keep(v, face, weights, surface, sets, grasps, at_contact):
 def descend(vertices, cone, domain, grasps):
     """Find the opposing contact of each vertex with the smallest critical angle.
 
-    That over the worst normals of the vertex. The result depends on the order of the vertices by
-    less than `RESOLVED`; by more where more than `MOST_FACES` faces are about equally good.
+    That over the worst normals of the vertex, and the worst locations. The result depends on the
+    order of the vertices by less than `RESOLVED`; by more where more than `MOST_FACES` faces are
+    about equally good, and with location errors, which are known at points only.
 
     Args:
         vertices: Vertices (n,), neighbours one after the other.
-        cone: Largest angle that is searched for, at most pi / 2 [rad].
+        cone: Largest angle that is searched for, at most pi / 2, with location errors pi [rad].
         domain: `PairDomain`.
         grasps: `BestPairs`; written.
 

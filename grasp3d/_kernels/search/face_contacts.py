@@ -11,6 +11,7 @@ from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.search.antipodal_candidates import PairLimits
 from grasp3d._kernels.surface.face_tree import FaceTree
 from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
+from grasp3d._kernels.surface.turns import line_turn, turn_at_vertex, turn_on_face
 from grasp3d._kernels.surface.vectors import (
     combined,
     copy,
@@ -77,6 +78,26 @@ def upper_bound(node, v, own, domain, least):
     than `reach` to a point beyond a plane is within an angle of the plane's normal.
     Below `least`, the bound is not made tighter.
     """
+    bound = _upper_bound_of_normals(node, v, own, domain, least)
+    turns, ball = domain.surface.turns, domain.tree.bounds[node]
+    if turns.error > 0.0 and bound > least:
+        far = norm(difference(ball, domain.surface.points[v])) + ball[3]
+        turn = line_turn(min(far, domain.limits.largest), turns)
+        one, other = turn_at_vertex(v, turns), ball[10]
+        bound = min(_farther(bound, min(one, other)), math.cos(max(one, other)))
+        bound = _farther(bound, turn)
+    return bound
+
+
+@merged
+def _farther(cosine, angle):
+    """Cosine of an angle that is made larger by another one, but not above pi."""
+    return math.cos(min(math.acos(min(max(cosine, -1.0), 1.0)) + angle, math.pi))
+
+
+@merged
+def _upper_bound_of_normals(node, v, own, domain, least):
+    """`upper_bound` of the angles between lines and normals."""
     bounds, point, limits = domain.tree.bounds[node], domain.surface.points[v], domain.limits
     radius, cos_spread, sin_spread = bounds[3], bounds[7], bounds[8]
     axis = triple(bounds, 4)
@@ -129,21 +150,27 @@ def longest_difference(rows):
 
 
 @merged
-def cosine_at(weights, lines, normals, own, limits):
+def cosine_at(weights, v, face, lines, normals, own, domain):
     """Cosine of the critical angle of a vertex and a point inside a face.
 
     NONE outside the limits of openings.
     """
+    limits, turns = domain.limits, domain.surface.turns
     line = weighted_sum(weights, lines[0], lines[1], lines[2])
     normal = weighted_sum(weights, normals[0], normals[1], normals[2])
     opening, length = norm(line), norm(normal)
     if not limits.smallest <= opening <= limits.largest or length < 1e-12:
         return NONE
-    return min(-dot(normal, line) / (opening * length), own_cosine(own, line))
+    other, first = -dot(normal, line) / (opening * length), own_cosine(own, line)
+    if turns.error > 0.0:
+        turn = line_turn(opening, turns)
+        other = _farther(other, turn_on_face(face, weights, turns) + turn)
+        first = _farther(first, turn_at_vertex(v, turns) + turn)
+    return min(other, first)
 
 
 @part
-def move_on_face(weights, cosine, lines, normals, own, limits):
+def move_on_face(weights, cosine, v, face, lines, normals, own, domain):
     """Move a contact over its face in ever smaller steps while the angle falls; returns its cosine.
 
     Each step is the best of the six from one corner toward another, whatever the corners' order.
@@ -151,10 +178,12 @@ def move_on_face(weights, cosine, lines, normals, own, limits):
     Args:
         weights: Barycentric coordinates of the contact (3,); written.
         cosine: Cosine of its critical angle.
+        v: The vertex.
+        face: The face.
         lines: Lines from the vertex to the corners (3, 3).
         normals: Normals at the corners (3, 3).
         own: Normals of the vertex (k, 3).
-        limits: `PairLimits`.
+        domain: `PairDomain`.
     """
     for step in STEPS:
         best_giving, best_taking, best_moved = 0, 0, 0.0
@@ -165,7 +194,7 @@ def move_on_face(weights, cosine, lines, normals, own, limits):
                 continue
             weights[giving] -= moved
             weights[taking] += moved
-            changed = cosine_at(triple(weights, 0), lines, normals, own, limits)
+            changed = cosine_at(triple(weights, 0), v, face, lines, normals, own, domain)
             weights[giving] += moved
             weights[taking] -= moved
             if changed > cosine:

@@ -9,7 +9,7 @@ Faverjon 1995), without a hull.
 
 On a crease or at a corner a contact may have any normal of a set, which a cap about its centre
 contains: what the friction cone about the centre, narrower by the cap's radius, can do holds with
-every normal of the set.
+every normal of the set. A location error makes the cap wider by the turn of the contact.
 """
 
 import math
@@ -54,7 +54,7 @@ class Candidate(NamedTuple):
     normals: Floats2
     """Inward unit normals (n, 3), the centre of the set on creases."""
     radii: Floats1
-    """Largest angle from it to a normal that the contact may have [rad] (n,)."""
+    """Largest angle from it to a normal that the contact may have, its turn included [rad] (n,)."""
 
 
 class HullScratch(NamedTuple):

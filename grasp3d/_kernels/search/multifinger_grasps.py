@@ -23,6 +23,7 @@ from grasp3d._kernels.surface.surface_contacts import (
     point_on_face,
     write_normals,
 )
+from grasp3d._kernels.surface.turns import turn_at_vertex, turn_on_face
 from grasp3d._kernels.surface.vectors import copy, squared_distance, triple
 
 NO_CONTACT = -1
@@ -96,10 +97,10 @@ class SearchLimits(NamedTuple):
 @merged
 def set_vertex_contact(i, vertex, domain, candidate):
     """Place contact i of a candidate at a vertex; returns whether the vertex has a normal."""
-    candidate.radii[i] = domain.radii[vertex]
+    candidate.radii[i] = domain.radii[vertex] + turn_at_vertex(vertex, domain.surface.turns)
     copy(domain.surface.points[vertex], candidate.points[i])
     copy(domain.centres[vertex], candidate.normals[i])
-    return candidate.radii[i] >= 0.0
+    return domain.radii[vertex] >= 0.0
 
 
 @merged
@@ -107,7 +108,7 @@ def set_face_contact(i, face, weights, domain, candidate, face_normals):
     """Place contact i of a candidate on a face; returns whether the surface is smooth there."""
     weights = triple(weights, 0)
     count, vertex = write_normals(face, weights, domain.surface, domain.sets, face_normals)
-    candidate.radii[i] = 0.0
+    candidate.radii[i] = turn_on_face(face, weights, domain.surface.turns)
     copy(face_normals[0], candidate.normals[i])
     copy(point_on_face(face, weights, domain.surface), candidate.points[i])
     return count == 1 and vertex < 0
@@ -129,7 +130,8 @@ def set_point_contact(i, point, domain, candidate):
     if domain.on_vertices:
         return set_vertex_contact(i, domain.candidates.elements[point], domain, candidate)
     # Points are precomputed: neither interpolation nor crease tests in the innermost loops.
-    candidate.radii[i] = 0.0
+    element, weights = domain.candidates.elements[point], domain.candidates.weights[point]
+    candidate.radii[i] = turn_on_face(element, weights, domain.surface.turns)
     copy(domain.candidates.points[point], candidate.points[i])
     copy(domain.candidates.normals[point], candidate.normals[i])
     return True

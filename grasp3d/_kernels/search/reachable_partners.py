@@ -245,7 +245,7 @@ def search_reachable(vertices, limit, step, spacing, most_failed, domain, reachi
     Returns:
         Faces (n,), -1: none, and barycentric coordinates (n, 3) of the contacts.
     """
-    surface, sets, limits, tree = domain.surface, domain.sets, domain.limits, domain.tree
+    surface, sets, tree = domain.surface, domain.sets, domain.tree
     # The heap has the smallest key at the top: keys are cosines with the sign turned.
     keys, entries = np.empty(MOST_WAITING), np.empty(MOST_WAITING, dtype=np.int64)
     partner_faces = np.full(len(vertices), -1, dtype=np.int64)
@@ -280,7 +280,7 @@ def search_reachable(vertices, limit, step, spacing, most_failed, domain, reachi
                 beside = _passes_over(point, 0.0, FIRST_KEY, tested, until, failed, spacing)
                 if key > ACCURATE and beside < 0:
                     read_face(face, v, surface, lines, corner_normals)
-                    key = -move_on_face(chosen, -key, lines, corner_normals, own, limits)
+                    key = -move_on_face(chosen, -key, v, face, lines, corner_normals, own, domain)
                 code, _ = _test(v, 1, face, chosen, not EXPLAIN, domain, reaching, scratch)
                 if code == REACHED:
                     if beside >= 0:
@@ -315,7 +315,8 @@ def search_reachable(vertices, limit, step, spacing, most_failed, domain, reachi
                 if _passes_over(point, 0.0, LAST_KEY, tested, until, failed, spacing) >= 0:
                     continue
                 read_face(face, v, surface, lines, corner_normals)
-                cosine = cosine_at(triple(weights, 0), lines, corner_normals, own, limits)
+                inside = triple(weights, 0)
+                cosine = cosine_at(inside, v, face, lines, corner_normals, own, domain)
                 if cosine > least and waiting < MOST_WAITING:
                     contact_faces[contacts] = face
                     copy(weights, contact_weights[contacts])
@@ -344,11 +345,11 @@ def _bisect(v, face, chosen, passed, faces, failing, own, room, domain, reaching
     Returns:
         Face of the contact.
     """
-    surface, limits = domain.surface, domain.limits
+    surface = domain.surface
     weights, lines, normals = room
     low, high = triple(failing, 0), point_on_face(face, triple(chosen, 0), surface)
     read_face(face, v, surface, lines, normals)
-    best = cosine_at(triple(chosen, 0), lines, normals, own, limits)
+    best = cosine_at(triple(chosen, 0), v, face, lines, normals, own, domain)
     for _ in range(BISECTIONS):
         middle = combined(0.5, low, 0.5, high)
         other, least = face, _place(face, middle, surface, weights)
@@ -358,7 +359,7 @@ def _bisect(v, face, chosen, passed, faces, failing, own, room, domain, reaching
                 other, least = faces[passed[i]], square
         _place(other, middle, surface, weights)
         read_face(other, v, surface, lines, normals)
-        cosine = cosine_at(triple(weights, 0), lines, normals, own, limits)
+        cosine = cosine_at(triple(weights, 0), v, other, lines, normals, own, domain)
         reached = False
         if cosine > best:
             code, _ = _test(v, 1, other, weights, not EXPLAIN, domain, reaching, scratch)

@@ -11,6 +11,7 @@ import numpy as np
 
 from grasp3d._kernels.array_types import Floats2, Ints1
 from grasp3d._kernels.compiling import kernel, merged, part
+from grasp3d._kernels.surface.turns import least_turn
 
 LEAF = 1
 """Most faces of a leaf; more faces per leaf take less memory and more time."""
@@ -40,7 +41,7 @@ class FaceTree(NamedTuple):
     bounds: Floats2
     """Of each node: centre and radius of a ball that contains its faces; axis, and cosine and sine
     of the half-angle, of a cone that contains its inward normals, half-angle pi: any direction;
-    largest coordinate of its faces along that axis (N, 10)."""
+    largest coordinate of its faces along that axis; least turn on its faces [rad] (N, 11)."""
 
 
 @merged
@@ -176,6 +177,7 @@ def _bound_node(first, last, order, surface, bounds):
     # A cone beyond a hemisphere need not contain the interpolated normals.
     bounds[7] = min(cosine, 1.0) if cosine > 0.0 else -1.0
     bounds[8] = math.sqrt(1.0 - bounds[7] ** 2)
+    bounds[10] = least_turn(order[first:last], surface.turns)
 
 
 @kernel("Surface")
@@ -203,7 +205,7 @@ def face_tree(surface):
     order = np.arange(size)
     divide(order, keys, depth)
     nodes = (2 << depth) - 1
-    bounds = np.empty((nodes, 10))
+    bounds = np.empty((nodes, 11))
     for level in range(depth + 1):
         for j in range(1 << level):
             first, last = size * j >> level, size * (j + 1) >> level

@@ -11,6 +11,7 @@ import numpy as np
 
 from grasp3d._kernels.array_types import FixedFloats2, FixedInts1, FixedInts2, Ints3
 from grasp3d._kernels.compiling import kernel, merged, part
+from grasp3d._kernels.surface.turns import Turns
 from grasp3d._kernels.surface.vectors import (
     angle_between,
     combined,
@@ -248,6 +249,8 @@ class Surface(NamedTuple):
     twins: Ints3
     """Rows of `normals` across each crease, for the two ends of the edge opposite each corner
     (F, 3, 2); -1 where the edge is smooth or open, ANY_NORMAL where more than two faces meet."""
+    turns: Turns
+    """What location errors do to contacts."""
 
 
 @merged

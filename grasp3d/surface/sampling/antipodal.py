@@ -40,11 +40,13 @@ from grasp3d._kernels.search.rays import (
     refining_rays,
     seed_rays,
 )
+from grasp3d._kernels.surface.surface_contacts import Surface
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, chosen_rows
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.mesh.turns import located_surface
 from grasp3d.settings import Sampling
 from grasp3d.settings.sampling import Grip
 from grasp3d.surface.sampling.reachable import (
@@ -117,9 +119,10 @@ class AntipodalGrasps:
     """The best antipodal grasp found at each vertex, in the mesh's frame."""
 
     worst: Floats
-    """Critical friction angle over the contacts' worst normals [rad], inf: none found. (V,)"""
+    """Critical friction angle over the contacts' worst normals [rad], inf: none found; over the
+    worst locations too, as far as the search knows them. (V,)"""
     best: Floats
-    """That of the same grasp over the contacts' best normals. (V,)"""
+    """That of the same grasp over the contacts' best normals at their perceived places. (V,)"""
     partner: Floats
     """Second contact, nan where there is none. (V, 3)"""
     partner_points: SurfacePoints
@@ -143,6 +146,7 @@ def best_pairs(
     cone: float,
     *,
     scene: Scene | None = None,
+    location_error: float = 0.0,
 ) -> AntipodalGrasps:
     """Search for the best antipodal grasp through every vertex of the surface.
 
@@ -155,7 +159,10 @@ def best_pairs(
         cone: Half-angle of the cone of directions about the inward normals [rad].
         scene: The hand, whose stroke limits the openings; jaws must reach the grasps. None: ideal
             points.
+        location_error: Largest distance between true and perceived contacts [m]; the best grasp has
+            the smallest critical angle over these too.
     """
+    surface = located_surface(mesh, location_error, cone)
     kinds: dict[str, tuple[type[_Search], ...]] = {
         "squeeze": (_Squeezing,), "expand": (_Expanding,), "both": (_Squeezing, _Expanding)
     }  # fmt: skip
@@ -163,7 +170,7 @@ def best_pairs(
     with ThreadPoolExecutor(thread_count()) as executor:
         for number, kind in enumerate(searches):
             with within(number / len(searches), (number + 1) / len(searches)):
-                found.append(kind(mesh, sampling, cone, executor, scene).run())
+                found.append(kind(mesh, surface, sampling, cone, executor, scene).run())
                 report_progress(1.0)
     return found[0] if len(found) == 1 else _better(*found)
 
@@ -183,6 +190,7 @@ class _Search(ABC):
     """State of one search over all vertices of a mesh, in its normalised frame."""
 
     mesh: ObjectMesh
+    surface: Surface
     sampling: Sampling
     cone: float
     executor: ThreadPoolExecutor
@@ -200,7 +208,8 @@ class _Search(ABC):
         if self.scene is not None:
             own = self.scene.within_stroke(self.mesh, own)
         self.limits = pair_limits(self.mesh, own)
-        self.sets, self.surface = self.mesh.contact_normals, self.mesh.contact_surface
+        self.sets = self.mesh.contact_normals
+        self.located = self.surface.turns.error > 0.0
         self.grasps = no_pairs(len(self.mesh.vertices))
 
     def run(self) -> AntipodalGrasps:
@@ -259,7 +268,11 @@ class _Squeezing(_Search):
     def _search(self) -> None:
         """Find the contact with the smallest critical angle of every vertex, or why it has none."""
         domain = PairDomain(
-            self.surface, self.sets, self.mesh.normal_centres, contact_tree(self.mesh), self.limits
+            self.surface,
+            self.sets,
+            self.mesh.normal_centres,
+            contact_tree(self.mesh, self.surface),
+            self.limits,
         )
         # In the order of the tree, neighbours follow one another.
         used, first = np.unique(self.surface.faces[domain.tree.order], return_index=True)
@@ -268,6 +281,8 @@ class _Squeezing(_Search):
         vertices = self.vertices[np.argsort(place[self.vertices], kind="stable")]
         self._descend(vertices, self.cone, domain, self.grasps, (0.0, 0.6))
         vertices = vertices[self.grasps.worst[vertices] >= self.cone]
+        # None is surely stable: of these those are sought that are best at their perceived places.
+        domain = domain._replace(surface=self.mesh.contact_surface)
         if self.limits != UNLIMITED:
             anywhere = no_pairs(len(place))
             unlimited = domain._replace(limits=UNLIMITED)
@@ -277,6 +292,8 @@ class _Squeezing(_Search):
             smooth = self.sets.counts[vertices] == 1
             vertices = vertices[~smooth | (anywhere.worst[vertices] >= self.cone)]
         self._descend(vertices, math.pi / 2.0, domain, self.grasps, (0.75, 1.0))
+        if self.located:
+            self.grasps.worst[vertices[self.grasps.reason[vertices] == FOUND]] = math.pi
 
     def _descend(
         self,
@@ -291,7 +308,8 @@ class _Squeezing(_Search):
         self.evaluated += self._in_chunks(search, vertices, IN_ORDER, progress)
 
     def _reach_search(self, scene: Scene) -> ReachSearch:
-        return SqueezingReach(self.mesh, scene, self.cone, self.limits, self.executor)
+        cone = math.pi if self.located else self.cone
+        return SqueezingReach(self.mesh, self.surface, scene, cone, self.limits, self.executor)
 
 
 class _Expanding(_Search):
@@ -393,5 +411,12 @@ class _Expanding(_Search):
 
     def _reach_search(self, scene: Scene) -> ReachSearch:
         return ExpandingReach(
-            self.mesh, scene, self.cone, self.limits, self.executor, self.tracer, self.origins
+            self.mesh,
+            self.surface,
+            scene,
+            self.cone,
+            self.limits,
+            self.executor,
+            self.tracer,
+            self.origins,
         )

@@ -14,6 +14,7 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from grasp3d._kernels.search.multifinger_grasps import NO_CONTACT, CandidatePoints, ContactDomain
+from grasp3d._kernels.surface.surface_contacts import Surface
 from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.measures import Triangles, face_areas, paired_edges
@@ -24,10 +25,14 @@ from grasp3d.surface.sampling.vertices import neighbours
 
 
 def contact_domain(
-    mesh: ObjectMesh, scale: float, candidates: CandidatePoints, *, on_vertices: bool
+    mesh: ObjectMesh,
+    surface: Surface,
+    scale: float,
+    candidates: CandidatePoints,
+    *,
+    on_vertices: bool,
 ) -> ContactDomain:
     """The arrays of a surface in the normalised frame, scaled by `scale`, for the kernels."""
-    surface = mesh.contact_surface
     neighbour_start, neighbour_index = neighbours(mesh)
     one, two = paired_edges(mesh.faces)
     adjacent = np.full(3 * len(mesh.faces), -1, dtype=np.int64)

@@ -31,6 +31,7 @@ from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.mesh.turns import located_surface
 from grasp3d.settings import Sampling
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.sampling.antipodal import best_pairs
@@ -92,7 +93,9 @@ class MultifingerGrasps:
     """Number of candidate grasps evaluated."""
 
 
-def search(mesh: ObjectMesh, fingers: int, sampling: Sampling, cone: float) -> MultifingerGrasps:
+def search(
+    mesh: ObjectMesh, fingers: int, sampling: Sampling, cone: float, location_error: float = 0.0
+) -> MultifingerGrasps:
     """Search for the best grasp of three fingers and more through every vertex.
 
     The result does not depend on the number of threads.
@@ -102,6 +105,8 @@ def search(mesh: ObjectMesh, fingers: int, sampling: Sampling, cone: float) -> M
         fingers: Fingers of a grasp, 3 or more.
         sampling: Candidate points, limits of distances, seed and tolerance.
         cone: Largest critical friction angle that counts, at most 90 degrees [rad].
+        location_error: Largest distance between true and perceived contacts [m]: how far normals
+            turn counts in the search, how far lines turn does not.
 
     Raises:
         SettingError: The mesh has fewer vertices than fingers, or is smaller than the separation.
@@ -111,8 +116,12 @@ def search(mesh: ObjectMesh, fingers: int, sampling: Sampling, cone: float) -> M
             f"min_opening is {sampling.min_opening:g}, but no two points of the object, of "
             f"size {mesh.size:.4g}, are that far apart"
         )
+    if location_error > 0.0:  # a grasp with a large angle need not be surely unstable
+        cone = math.pi / 2.0
+    smaller, limits = _without_unit(mesh, sampling)
+    error = location_error / mesh.size
     with ThreadPoolExecutor(thread_count()) as executor:
-        return _Search(*_without_unit(mesh, sampling), fingers, cone, executor).run()
+        return _Search(smaller, limits, fingers, cone, error, executor).run()
 
 
 def _without_unit(mesh: ObjectMesh, sampling: Sampling) -> tuple[ObjectMesh, Sampling]:
@@ -148,6 +157,7 @@ class _Search:
     sampling: Sampling
     fingers: int
     cone: float
+    location_error: float
     executor: ThreadPoolExecutor
     evaluated: int = field(default=0, init=False)
 
@@ -167,7 +177,11 @@ class _Search:
         self.points_per_vertex = len(self.vertices) if all_vertices else sampling.candidates
         self.scale = 1.0 / min(1.0, sampling.max_opening)
         self.domain = contact_domain(
-            mesh, self.scale, self._candidate_points(), on_vertices=self.on_vertices
+            mesh,
+            located_surface(mesh, self.location_error, self.cone),
+            self.scale,
+            self._candidate_points(),
+            on_vertices=self.on_vertices,
         )
         edges = self.domain.surface.points[mesh.faces]
         self.edge_length = float(np.linalg.norm(edges - np.roll(edges, 1, axis=1), axis=2).mean())
@@ -245,7 +259,7 @@ class _Search:
             tolerance=self.sampling.tolerance,
         )
         with unreported():
-            pairs = best_pairs(mesh, sampling, self.cone)
+            pairs = best_pairs(mesh, sampling, self.cone, location_error=self.location_error)
         owners = self.vertices[pairs.partner_points.faces[self.vertices, 0] >= 0]
         points = SurfacePoints(
             pairs.partner_points.faces[owners], pairs.partner_points.weights[owners]

@@ -19,6 +19,7 @@ from grasp3d._kernels.search.antipodal_candidates import FOUND, BestPairs, PairL
 from grasp3d._kernels.search.face_contacts import PairDomain
 from grasp3d._kernels.search.rays import Origins, Rays, neighbour_rays, starting_rays
 from grasp3d._kernels.search.reachable_partners import explain_pairs, keep_reached, search_reachable
+from grasp3d._kernels.surface.surface_contacts import Surface
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.hand.jaw_reach import NormalizedScene
 from grasp3d.hand.reach import Reach
@@ -72,6 +73,7 @@ class ReachSearch(ABC):
     """Search for the grasps of vertices that a gripper reaches, in the normalised frame."""
 
     mesh: ObjectMesh
+    surface: Surface
     scene: Scene
     cone: float
     """Largest critical angle that is searched for [rad]."""
@@ -86,9 +88,9 @@ class ReachSearch(ABC):
         mesh, scene = self.mesh, self.scene
         assert scene.jaws is not None
         self.beside = NormalizedScene.of(mesh, scene.jaws, scene.table, scene.approach)
-        tree = contact_tree(mesh)
+        tree = contact_tree(mesh, self.surface)
         self.domain = PairDomain(
-            mesh.contact_surface, mesh.contact_normals, mesh.normal_centres, tree, self.limits
+            self.surface, mesh.contact_normals, mesh.normal_centres, tree, self.limits
         )
         self.results = no_results(len(mesh.vertices))
 

@@ -4,15 +4,18 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
+from grasp3d._kernels.surface.surface_contacts import Surface
 from grasp3d.arrays import Floats, Ints, locked, unit_rows
 from grasp3d.mesh import ObjectMesh
 
 
-def contact_tree(mesh: ObjectMesh) -> FaceTree:
+def contact_tree(mesh: ObjectMesh, surface: Surface) -> FaceTree:
     """A new tree over the faces in which contacts may be; searches find opposing contacts there."""
-    surface, faces = mesh.contact_surface, mesh.contact_faces
+    faces, turns = mesh.contact_faces, surface.turns
+    if turns.error > 0.0:
+        turns = turns._replace(least=locked(turns.least[faces]))
     part = surface._replace(
-        faces=locked(surface.faces[faces]), corners=locked(surface.corners[faces])
+        faces=locked(surface.faces[faces]), corners=locked(surface.corners[faces]), turns=turns
     )
     tree: FaceTree = face_tree(part)
     return tree._replace(order=faces[tree.order])

@@ -226,7 +226,7 @@ class Pane:
             return
         if not _same_shape(subject, self._subject):
             self._draw(subject)
-        upper = subject.angles(model)[0]
+        upper = subject.labels.critical_angle
         same = before is not None and (subject is before[0] and paint == before[1])
         if paint == "label" or not same or upper is not self._upper:
             self._set_coordinates(subject, paint, model)

@@ -139,21 +139,6 @@ def compute_forces(subject: Subject, model: GraspModel) -> Subject:
     return replace(subject, forces=labels)
 
 
-def locate_contacts(subject: Subject, model: GraspModel) -> Subject:
-    """Compute the bounds of the critical angles of every vertex's grasp.
-
-    Args:
-        subject: With labels.
-        model: Grasp model; fingers as the subject has them.
-
-    Raises:
-        SettingError: The model is for another number of fingers.
-    """
-    report_progress(0.0)
-    angles = subject.labels.using(model=model).critical_angle_bounds
-    return replace(subject, bounds_by_error={model.location_error: angles})
-
-
 def check_savable(subject: Subject, model: GraspModel, path: Path) -> None:
     """Check whether the labels of a surface can be written.
 

@@ -235,14 +235,6 @@ CONTROLS: dict[str, Control] = {
         },
         of_keys="colours: S M U, β*, α*, ε, ε_min, approach, grip force, payload, margin",
     ),
-    "location_error": _chosen(
-        "location_error", _number,
-        valid="location error must be a number of at least 0",
-        page=Field(
-            "location error", "Location error", 0.05, 0.001, of_size=True,
-            problem=lambda session: session.location_problem,
-        ),
-    ),
     "axis": Control(
         lambda session: "off" if session.state.section is None else session.state.section.axis,
         _write_axis,

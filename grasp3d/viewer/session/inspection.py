@@ -21,7 +21,7 @@ from grasp3d.surface.load_result import LoadResult
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.counts import short_number
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
-from grasp3d.viewer.subjects.subject import Subject, grasp_angle_bounds
+from grasp3d.viewer.subjects.subject import Subject
 
 SYMBOLS = {"critical angle": "β*", "sensor resolution": "α/2"}
 """Parts of a budget that have a symbol in the viewer."""
@@ -33,19 +33,15 @@ ALIKE = 5e-3
 
 def angle_numbers(case: Case) -> list[tuple[str, str]]:
     """Names and values of critical angles, the coarsest resolution and the margin."""
-    numbers = [("β*", _critical_angles(*case.angles, "normals"))]
-    if case.perceived is not None:
-        numbers.append(("β* bounds", _critical_angles(case.worst, case.best, "points")))
-    return [*numbers, ("α*", _max_resolution(case)), ("margin", _margin(case))]
+    angles = _critical_angles(case.worst, case.best, "points" if case.located else "normals")
+    return [("β*", angles), ("α*", _max_resolution(case)), ("margin", _margin(case))]
 
 
 def budget_text(case: Case) -> str:
     """What the friction angle is spent on, as one line; empty where there is no grasp."""
-    critical = case.angles[0]
-    if not (math.isfinite(critical) and math.isfinite(case.worst)):
+    if not math.isfinite(case.worst):
         return ""
-    upper = None if case.perceived is None else case.worst
-    budget = margin_budget(case.model, critical, upper)
+    budget = margin_budget(case.model, case.worst)
     parts = [
         f"{SYMBOLS.get(name, name)} {signed_angle(float(angle))}"
         for name, angle in budget.items()
@@ -184,7 +180,7 @@ def inspect(subject: Subject, vertex: int, model: GraspModel) -> Inspection:
         model: Friction and resolution; fingers as the subject has them.
     """
     labels, openings = subject.labels, subject.labels.opening
-    worst, best = (angles[vertex] for angles in subject.angles(model))
+    worst, best = labels.critical_angle[vertex], labels.critical_angle_best[vertex]
     points, normals = _contacts(subject, vertex)
     case = Case(
         model=model,
@@ -196,11 +192,8 @@ def inspect(subject: Subject, vertex: int, model: GraspModel) -> Inspection:
         cause=cause_at(labels, vertex),
         off_line=_off_line(points, normals),
         hand=None if labels.scene is None else labels.scene.hand.name,
-        perceived=_perceived(
-            model, labels.critical_angle[vertex], labels.critical_angle_best[vertex]
-        ),
     )
-    if not case.smooth:
+    if case.located or not case.smooth:
         case = replace(case, creases=_creases(subject, vertex, several=len(points) > 1))
     return _inspection(
         subject, case, points, normals,
@@ -222,28 +215,21 @@ def inspect_given(subject: Subject, model: GraspModel) -> Inspection | None:
     given = subject.given
     if given is None:
         return None
-    bounds = grasp_angle_bounds(given.contacts, given.worst, given.best, model)
-    over_worst, over_best = (np.array([angle]) for angle in bounds)
+    over_worst, over_best = np.array([given.worst]), np.array([given.best])
     points, normals = given.contacts.points[0], given.contacts.normals[0]
     case = Case(
         model=model,
         mode="scan",
         code=int(label_angles(over_worst, over_best, model)[0]),
-        worst=bounds[0],
-        best=bounds[1],
+        worst=given.worst,
+        best=given.best,
         cone=subject.cone,
         cause=None,
         off_line=_off_line(points, normals),
         creases=_fingers_on_creases(given.contacts),
-        perceived=_perceived(model, given.worst, given.best),
     )
     gaps = np.linalg.norm(points[:, None] - points, axis=2)
     return _inspection(subject, case, points, normals, opening=gaps.max(), pose=given.held)
-
-
-def _perceived(model: GraspModel, worst: float, best: float) -> tuple[float, float] | None:
-    """Critical angles at the perceived contact points, if others decide the labels."""
-    return None if model.location_error == 0.0 else (float(worst), float(best))
 
 
 def _inspection(
@@ -282,16 +268,11 @@ def _inspection(
 
 
 def warm_up(subject: Subject) -> Subject:
-    """Prepare the first picture and click: angles of the labels are known, functions compiled."""
-    subject.angles(subject.labels.model)
+    """Prepare the first picture and click: functions are compiled."""
     vertices = np.flatnonzero(subject.labels.reason == Reason.FOUND)
     if len(vertices):
         grasp = _grasp(subject.labels, int(vertices[0]))
         _epsilons_of(grasp, subject.labels.model)
-        if grasp.count == PAIR and subject.labels.model.method == "exact":
-            grasp_angle_bounds(
-                grasp, 0.0, 0.0, replace(subject.labels.model, location_error=subject.mesh.size)
-            )
         _held_by(subject, grasp, subject.labels.model)
     return subject
 

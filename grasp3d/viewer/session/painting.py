@@ -101,7 +101,8 @@ def labels_at(subject: Subject, model: GraspModel) -> Bytes:
     Returns:
         Codes, shape (V,).
     """
-    return label_codes(subject, *subject.angles(model), model)
+    labels = subject.labels
+    return label_codes(subject, labels.critical_angle, labels.critical_angle_best, model)
 
 
 def label_codes(subject: Subject, worst: Floats, best: Floats, model: GraspModel) -> Bytes:
@@ -144,7 +145,7 @@ def texture_coordinates(
         paint: The quantity that is shown.
         model: Friction and resolution.
     """
-    worst, best = subject.angles(model)
+    worst, best = subject.labels.critical_angle, subject.labels.critical_angle_best
     if paint == "critical_angle":
         worst = subject.labels.critical_angle
     if paint == "label":
@@ -173,7 +174,7 @@ def corner_coordinates(
     """
     coordinates = texture_coordinates(subject, paint, model)[subject.mesh.corner_normals.vertices]
     if paint == "label" and subject.labels.mode == "scan":
-        rows, worst, best = subject.crease_angles(model)
+        rows, worst, best = subject.crease_angles
         coordinates[rows] = _label_coordinates(worst, best, model)
     return coordinates
 

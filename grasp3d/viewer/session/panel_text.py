@@ -148,12 +148,11 @@ def _rule(session: Session) -> str:
     model = state.model
     if model.fingers != fingers:
         model = replace(model, fingers=fingers)
-    name = "β*" if model.location_error == 0.0 else "β* bounds"
     stable = math.degrees(model.sure_angle)
     limit = model.unstable_from
     below = f"S below {stable:.1f}°" if stable > 0.0 else "no S"
     above = "no U" if math.isinf(limit) else f"U from {math.degrees(limit):.1f}° on"
-    return f"{name}: {below}, {above}"
+    return f"β*: {below}, {above}"
 
 
 def _fractions(subject: Subject, model: GraspModel) -> tuple[LabelFraction, ...]:

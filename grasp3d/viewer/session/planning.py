@@ -11,7 +11,6 @@ from grasp3d.viewer.session.background import Job
 from grasp3d.viewer.session.computations import (
     compute_epsilon,
     compute_forces,
-    locate_contacts,
     scan_with_fixed,
     search_grasps,
     search_wider,
@@ -84,12 +83,8 @@ def next_job(
         if viewed.scan is None or viewed.fixed != state.fixed:
             run = partial(scan_with_fixed, subject, state.model, state.fixed)
             return Job(("scan", number, state.fixed), "scanning", run)
-        return _bounds_job(viewed.scan, state, number) or _numbers_job(viewed.scan, state, number)
-    return (
-        _search_job(subject, state, sampling, number)
-        or _bounds_job(subject, state, number)
-        or _numbers_job(subject, state, number)
-    )
+        return _numbers_job(viewed.scan, state, number)
+    return _search_job(subject, state, sampling, number) or _numbers_job(subject, state, number)
 
 
 def needs_search(subject: Subject, state: ViewState, sampling: Sampling) -> bool:
@@ -124,8 +119,7 @@ def _limits(subject: Subject, sampling: Sampling) -> Sampling:
 def is_stale(viewed: ViewedItem, state: ViewState, sampling: Sampling) -> bool:
     """Whether the displayed surface has other fingers, limits or fixed fingers than are chosen.
 
-    Or labels with a location error are not computed yet. A surface whose search did not go far
-    enough is not stale: its unknown part is grey.
+    A surface whose search did not go far enough is not stale: its unknown part is grey.
 
     Args:
         viewed: The current object.
@@ -136,14 +130,8 @@ def is_stale(viewed: ViewedItem, state: ViewState, sampling: Sampling) -> bool:
     if subject is None:
         return False
     if state.fixed:
-        scan = viewed.scan
-        return scan is None or viewed.fixed != state.fixed or not _locates(scan, state)
-    return needs_search(subject, state, sampling) or not _locates(subject, state)
-
-
-def _locates(subject: Subject, state: ViewState) -> bool:
-    """Whether the labels for the chosen errors of contact locations are known."""
-    return subject.locates(model_for(subject, state))
+        return viewed.scan is None or viewed.fixed != state.fixed
+    return needs_search(subject, state, sampling)
 
 
 def model_for(subject: Subject, state: ViewState) -> GraspModel:
@@ -160,8 +148,6 @@ def missing_result(subject: Subject, state: ViewState) -> str:
         return f"labels for {len(state.fixed)} fixed {noun(len(state.fixed), 'fingers')}"
     if subject.labels.model.fingers != fingers:
         return f"grasps for {fingers} fingers"
-    if not _locates(subject, state):
-        return "labels with these errors"
     return "grasps for this largest opening"
 
 
@@ -190,15 +176,6 @@ def _search_job(
         run = partial(search_wider, subject, state.model, search)
         return Job(("wider", number, search), "searching grasps", run, DELAY)
     return None
-
-
-def _bounds_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
-    """Compute how far uncertain contact locations affect three fingers and more."""
-    if _locates(subject, state):
-        return None
-    model = model_for(subject, state)
-    key = ("bounds", number, model.location_error, model.fingers, state.fixed, state.max_opening)
-    return Job(key, "computing labels with errors", partial(locate_contacts, subject, model), DELAY)
 
 
 def _numbers_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:

@@ -39,7 +39,7 @@ from grasp3d.viewer.view_settings import Paint, ViewSettings
 if TYPE_CHECKING:
     from collections.abc import Hashable
 
-OF_FINGERS = frozenset({"fingers", "max_opening", "fixed", "location_error"})
+OF_FINGERS = frozenset({"fingers", "max_opening", "fixed"})
 """Choices that do not apply to them."""
 
 BEST = 20
@@ -195,18 +195,7 @@ class Session:
             )
         if state.model.fingers != self.state.model.fingers and self.scene is not None:
             self.scene.hand.check_fingers(state.model.fingers)
-        if state.model.location_error != self.state.model.location_error:
-            subject, problem = self._viewed.subject, self.location_problem
-            if problem and not (subject is not None and subject.locates(state.model)):
-                raise SettingError(problem)
         self._set_state(state)
-
-    @property
-    def location_problem(self) -> str:
-        """Why no location error can be chosen; empty if one can."""
-        if self.state.model.method == "extremes":
-            return "method extremes tests normals only, not contact locations"
-        return ""
 
     def click(self, vertex: int | None, *, inspect: bool = False) -> None:
         """Handle a click on a vertex; None: beside the object.

@@ -13,9 +13,7 @@ from grasp3d.viewer.view_settings import Paint
 
 Axis = Literal["x", "y", "z"]
 Click = Literal["inspect", "fix"]
-OF_MODEL: dict[str, type] = {
-    "friction": float, "sensor_resolution": float, "fingers": int, "location_error": float,
-}  # fmt: skip
+OF_MODEL: dict[str, type] = {"friction": float, "sensor_resolution": float, "fingers": int}
 """Fields of the model that a user changes one by one, and their types."""
 FixedPoints = tuple[tuple[float, float, float], ...]
 """Contact points of fixed fingers, in the mesh's frame."""

@@ -1,8 +1,7 @@
 """The viewed surface, and the best grasp of each of its vertices as far as it is known."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,22 +14,14 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.settings import GraspModel, search_cone
-from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
-from grasp3d.stability.uncertain_angles import line_turns
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.contacts import GraspContacts
-from grasp3d.surface.grasp_numbers import angle_bounds_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 
-PAIR = 2
-
 NO_LABELS = "the surface has no labels: poses of a hand are shown"
 """Why it cannot be clicked or saved."""
-
-KEPT = 2
-"""Sets of angle bounds that are kept: before and after a change."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +57,6 @@ class Subject:
     """The grasp whose surface it is; None: there is none."""
     poses: GivenGrasps | None = None
     """Poses of a hand, of which the first one is shown; the surface has no labels."""
-    bounds_by_error: Mapping[float, WorstAndBest] = field(default_factory=dict)
-    """Bounds of the critical angles that took a computation, by the location error."""
-    _recent: dict[float, WorstAndBest] = field(init=False, repr=False, default_factory=dict)
-    """Bounds that were needed last, likewise."""
 
     __repr__ = short_repr
 
@@ -99,54 +86,27 @@ class Subject:
         points = self.mesh.vertices[np.unique(self.mesh.faces)]
         return locked(np.stack([points.min(axis=0), points.max(axis=0)]))
 
-    def angles(self, model: GraspModel) -> tuple[Floats, Floats]:
-        """Critical angles that decide the labels for a model, over the worst and best normals.
+    @property
+    def crease_angles(self) -> tuple[Ints, Floats, Floats]:
+        """Critical angles at creases, of the vertex's grasp with the normal of each face there.
 
-        Bounds over all true contact points where locations are uncertain, else
-        `critical_angle` and `critical_angle_best`; these also where the former are not known.
-
-        Args:
-            model: Friction and errors; fingers as the subject has them.
+        Where locations are uncertain those of the whole crease.
 
         Returns:
-            Shape (V,) each [rad].
+            Rows of the mesh's corner normals, and their angles over the worst and the best that may
+            be true, shape (k,) each [rad].
         """
-        if model.location_error == 0.0 or not self.locates(model):
-            return self.labels.critical_angle, self.labels.critical_angle_best
-        key = model.location_error
-        if key in self.bounds_by_error:
-            return self.bounds_by_error[key]
-        if key not in self._recent:
-            if len(self._recent) >= KEPT:
-                self._recent.pop(next(iter(self._recent)))
-            of_labels = key == self.labels.model.location_error
-            labels = self.labels if of_labels else self.labels.using(model=model)
-            self._recent[key] = labels.critical_angle_bounds
-        return self._recent[key]
-
-    def crease_angles(self, model: GraspModel) -> tuple[Ints, Floats, Floats]:
-        """Such angles at creases, of the vertex's grasp with the normal of each face there.
-
-        Args:
-            model: As in `angles`.
-
-        Returns:
-            Rows of the mesh's corner normals, and their angles, shape (k,) each [rad].
-        """
-        rows, grasps, critical = self._creased
-        vertices = self.mesh.corner_normals.vertices
-        worst, best = (angles[vertices[rows]] for angles in self.angles(model))
-        if model.location_error == 0.0:
-            own = np.clip(critical, best, worst)
-            return rows, own, own
-        if grasps.count != PAIR:  # those of single normals are not known
+        rows, critical = self._creased
+        vertices, labels = self.mesh.corner_normals.vertices[rows], self.labels
+        worst, best = labels.critical_angle[vertices], labels.critical_angle_best[vertices]
+        if labels.model.location_error != 0.0:
             return rows, worst, best
-        turn = line_turns(grasps.points, 2.0 * model.location_error)
-        return rows, np.clip(critical + turn, best, worst), np.clip(critical - turn, best, worst)
+        own = np.clip(critical, best, worst)
+        return rows, own, own
 
     @cached_property
-    def _creased(self) -> tuple[Ints, Contacts, Floats]:
-        """Rows of corner normals at creases, the grasps there, and their critical angles."""
+    def _creased(self) -> tuple[Ints, Floats]:
+        """Rows of corner normals at creases, and the critical angles of the grasps there."""
         mesh, labels, corners = self.mesh, self.labels, self.mesh.corner_normals
         has_grasp = labels.reason == Reason.FOUND
         has_grasp &= (labels.partner_normals != 0.0).any(axis=2).all(axis=1)
@@ -158,16 +118,7 @@ class Subject:
             points - mesh.center,
             np.concatenate([normals, labels.partner_normals[vertices]], axis=1),
         )
-        return rows, grasps, np.asarray(critical_friction_angle(grasps))
-
-    def locates(self, model: GraspModel) -> bool:
-        """Whether the angles that decide the labels for a model are known, or quickly computed.
-
-        Those of the labels' own model are, as the labels follow from them. Those of three fingers
-        and more for another one take too long for a move of a slider.
-        """
-        known = {0.0, self.labels.model.location_error, *self.bounds_by_error}
-        return model.fingers == PAIR or model.location_error in known
+        return rows, np.asarray(critical_friction_angle(grasps))
 
     def covers(self, model: GraspModel) -> bool:
         """Whether the search went far enough for a model: no, where poses are given."""
@@ -202,26 +153,8 @@ def _method_notes(labels: SurfaceLabels) -> tuple[str, ...]:
         "thresholds on the critical friction angle, which hold for every normal"
     )
     if (codes := labels.computed("label")) is not None:
-        differing = codes != label_angles(*labels.critical_angle_bounds, labels.model)
+        worst, best = labels.critical_angle, labels.critical_angle_best
+        differing = codes != label_angles(worst, best, labels.model)
         fraction = vertex_weights(labels.mesh, "area")[differing].sum()
         note += f", and differ on {fraction:.1%} of the area"
     return (note,)
-
-
-def grasp_angle_bounds(
-    grasp: GraspContacts, worst: float, best: float, model: GraspModel
-) -> tuple[float, float]:
-    """Angles that decide the label of one grasp, over the worst and the best normals [rad].
-
-    Args:
-        grasp: The grasp, shape (1, n).
-        worst: Its critical angle over the worst normals [rad].
-        best: The same over the best normals.
-        model: Grasp model.
-    """
-    model = replace(model, fingers=grasp.count)
-    if model.location_error == 0.0:
-        return float(worst), float(best)
-    angles = np.array([worst]), np.array([best])
-    angles = angle_bounds_of(grasp, angles, model)
-    return float(angles[0][0]), float(angles[1][0])
