@@ -19,6 +19,7 @@ from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.hull.equilibrium import equilibrium
 from grasp3d._kernels.hull.growing_hull import (
     AROUND_ORIGIN,
+    CONVERGED,
     EXHAUSTED,
     UNDECIDED,
     grow,
@@ -73,7 +74,8 @@ class Results(NamedTuple):
     direction: Floats2
     """Direction of `upper`, or a separating one: no wrench has a positive component (b, 6)."""
     forces: Floats3
-    """Equilibrium forces, in the contacts' axes (b, n, 4); nan where there is none."""
+    """Equilibrium forces of a hull, no sum, in the contacts' axes (b, n, 4), nan where there is
+    none; (0, n, 4) where none are asked for."""
 
 
 class Bracket(NamedTuple):
@@ -248,7 +250,8 @@ def _reset_result(results, g):
     results.rank[g], results.status[g], results.closed[g] = 0, 0, False
     for k in range(6):
         results.direction[g, k] = 1.0 if k == 0 else 0.0
-    erase_forces(results, g)
+    if len(results.forces):
+        erase_forces(results, g)
 
 
 @merged
@@ -287,12 +290,12 @@ def _separated_up_to(axes, wider, rank, u):
 
 
 @scratch_kernel(
-    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, tuple[float, float, float], bool, int, "
-    "int, tuple[int, int, int, int, int, int] | Ints1, Bracket, Workspace, Polytope, Results"
+    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, tuple[float, float, float], int, int, "
+    "tuple[int, int, int, int, int, int] | Ints1, Bracket, Workspace, Polytope, Results"
 )
 def epsilons(
-    form, wrenches, tangential, cones, goal, with_forces, first, least_rank, dims, bracket,
-    workspace, polytope, results,
+    form, wrenches, tangential, cones, goal, first, least_rank, dims, bracket, workspace, polytope,
+    results,
 ):  # fmt: skip
     """Epsilon, force closure and certificates of many grasps, or their critical angles.
 
@@ -302,8 +305,8 @@ def epsilons(
         tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
         cones: As in `WrenchSpace` (b, n, 2); with a negative tangential part, which tilts leave
             that exceed friction, nothing is decided.
-        goal: As in `grow`, with atol and cutoff relative to the largest wrench.
-        with_forces: Whether equilibrium forces are computed; only of a hull, no sum.
+        goal: As in `grow`, with atol and cutoff relative to the largest wrench. Without rtol both
+            bounds are the same where the hull has converged, up to rounding.
         first: Index of the first grasp to compute.
         least_rank: 6, or 1: grasps of lower rank are left out.
         dims: `SIX` where that is 6, so that the lengths of loops are known; else the workspace's
@@ -374,8 +377,9 @@ def epsilons(
             else:
                 break
         results.closed[g] = closed
-        results.lower[g] = min(lower, upper) if closed else 0.0
         results.upper[g] = upper if upper < math.inf else size
+        exact = rtol == 0.0 and status == CONVERGED
+        results.lower[g] = min(results.upper[g], math.inf if exact else lower) if closed else 0.0
         undecided = not closed and not is_open and status != EXHAUSTED
         results.status[g] = UNDECIDED if undecided else status
         if upper < math.inf or is_open:
@@ -385,6 +389,6 @@ def epsilons(
         if searching:
             bracket.low[g], bracket.high[g] = low, high
         # Cones of 90 degrees or more are not convex: sums of forces inside them may lie outside.
-        elif closed and with_forces and (kind == ROWS or normal > 0.0):
+        elif closed and len(results.forces) and (kind == ROWS or normal > 0.0):
             equilibrium(space, workspace.dims[:rank], polytope, vertices, used, results.forces[g])
     return wrenches.shape[0]
