@@ -36,6 +36,9 @@ CLOSER = 1e-9
 """Angle by which all friction cones of a closed grasp may be narrower: its forces change by less
 than `CLOSED` [rad]."""
 
+BALL_RTOL = 1e-3
+"""Gap between the bounds, relative to the upper one, where a hull must contain a larger ball."""
+
 SIGN = (0.0, 1e-12, CLOSED)
 """Goal of a closure test: (rtol, atol, cutoff) as of `grow`, the latter two relative to the largest
 wrench."""
@@ -342,16 +345,18 @@ def epsilons(
         size = _largest_wrench(workspace)
         least = CLOSED * size
         angle = begin = low = high = not_closed = not_open = 0.0
+        gap = rtol
         if searching:
             angle, begin, high = bracket.first[g], bracket.low[g], bracket.high[g]
             low = begin - bracket.width[g]  # so that the least angle is tested, if that decides
             not_closed, not_open = low, high
             if bracket.radius[g] > 0.0:
                 least = max(least, bracket.radius[g]) if rank == 6 else math.inf
+                gap = BALL_RTOL
         while True:
             if searching:
                 _set_cones(angle, bracket.wider[g], cones[g])
-            own_goal = rtol, atol * size, max(cutoff * size, least)
+            own_goal = gap, atol * size, max(cutoff * size, least)
             status, lower, upper, vertices, used = _grow(
                 space, dims, rank, workspace.metric, own_goal, polytope
             )
@@ -359,20 +364,20 @@ def epsilons(
             closed = not is_open and least < lower < math.inf
             if not searching or (status == EXHAUSTED and not closed):
                 break
+            # Whatever the direction, it separates the grasp up to some angle.
+            proven = _separated_up_to(workspace.axes, bracket.wider[g], rank, polytope.vectors[16])
             if closed:
                 high = max(angle - CLOSER, 0.0)
                 not_open = min(not_open, high)
             elif is_open:
-                proven = _separated_up_to(
-                    workspace.axes, bracket.wider[g], rank, polytope.vectors[16]
-                )
-                low = max(angle, min(proven, not_open))
-                not_closed = max(not_closed, low)
+                proven = max(proven, angle)
             else:  # from here on closure and its opposite are looked for on either side
                 not_closed, not_open = max(not_closed, angle), min(not_open, angle)
+            low = max(low, min(proven, not_open))
+            not_closed = max(not_closed, low)
             if high - not_closed > bracket.width[g]:
                 angle = max(0.5 * (not_closed + high), begin)
-            elif not_open - low > bracket.width[g]:
+            elif not_open > max(low + bracket.width[g], begin):
                 angle = max(0.5 * (low + not_open), begin)
             else:
                 break
