@@ -183,7 +183,7 @@ class EvaluatedHandGrasps(GivenGrasps):
     @property
     def critical_angle(self) -> Floats:
         """Critical friction angles at the perceived normals [rad], shape (k,)."""
-        return self._labels.critical_angle
+        return self.sets.critical_angle
 
     @property
     def critical_angle_bounds(self) -> WorstAndBest:

@@ -127,21 +127,14 @@ def closure_fields(
         forces_of: Converts balanced forces along the contacts' axes.
         directions_of: Converts the directions of results.
     """
-    closed = results.closed
-
-    def direct() -> Floats:
-        directions: Floats = shaped(directions_of(results.direction), batch)
-        return directions
-
-    def balance() -> Floats:
-        forces: Floats = shaped(forces_of(problem.balanced_forces(closed)), batch)
-        return forces
-
     return {
-        "closed": shaped(closed, batch),
+        "closed": shaped(results.closed, batch),
         "rank": shaped(results.rank, batch),
         "status": shaped(results.status, batch),
-        "certificate": Certificate(direct, balance),
+        "certificate": Certificate(
+            lambda: shaped(directions_of(results.direction), batch),
+            lambda: shaped(forces_of(problem.balanced_forces(results.closed)), batch),
+        ),
     }
 
 

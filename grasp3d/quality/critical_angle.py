@@ -60,8 +60,7 @@ def critical_friction_angle(contacts: Contacts, *, tolerance: float = 1e-4) -> F
         angles = _of_pairs(points, normals)
     else:
         _, angles = brackets_of_smooth(points, normals, tolerance)
-    critical: Floats = shaped(angles, contacts.batch)
-    return critical
+    return shaped(angles, contacts.batch)
 
 
 def check_tolerance(tolerance: float) -> None:

@@ -31,7 +31,7 @@ from grasp3d.quality.force_ranges import force_within_tilt, payload
 from grasp3d.quality.tasks import STANDARD_GRAVITY, Task, Weight
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
-from grasp3d.stability.thresholds import label_angles, margins
+from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.contacts import JawContacts
 from grasp3d.surface.grasp_numbers import angle_bounds_of, hull_labels
 from grasp3d.surface.load_case import LoadCase
@@ -97,7 +97,7 @@ class ClosedNumbers:
             upper, _ = both = angle_bounds_of(contacts, (angles, angles), model)
             exact = model.method == "exact"
             codes = label_angles(*both, model) if exact else hull_labels(contacts, model)
-            margin[closes] = margins(upper, model)
+            margin[closes] = model.sure_angle - upper
             patches = _Patches.of(contacts, model, case)
             held[closes], force[closes], ratio, score[closes] = patches.numbers(angles)
             label[closes] = patches.label(codes, ratio)
