@@ -116,8 +116,8 @@ def angle_brackets(
 ) -> tuple[Floats, Floats]:
     """Friction angles up to which grasps are surely open, and from which they are surely closed.
 
-    By bisection with closure tests: where one fails, its direction separates the grasp up to an
-    angle that may be larger than that of the test. Where closure is undecided at some angles, the
+    By bisection with closure tests: the direction that a test ends with separates the grasp up to
+    an angle that may be above the lower end. Where closure is undecided at some angles, the
     ends are farther apart than the tolerance.
 
     Args:
