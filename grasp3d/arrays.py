@@ -65,9 +65,10 @@ def locked(array: ArrayLike, dtype: npt.DTypeLike | None = None) -> npt.NDArray[
     return copy
 
 
-def shaped(values: npt.NDArray[Any], batch: tuple[int, ...]) -> Any:
+def shaped(values: npt.NDArray[Any], batch: tuple[int, ...]) -> npt.NDArray[Any]:
     """Reshape results of a flat batch (b, ...) to the batch's shape, read-only; a scalar for ()."""
-    return locked(values.reshape((*batch, *values.shape[1:])))[()]
+    reshaped = values.reshape((*batch, *values.shape[1:]))[()]
+    return locked(reshaped) if reshaped.ndim else reshaped
 
 
 def unit_rows(vectors: Floats) -> Floats:

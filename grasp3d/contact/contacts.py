@@ -1,11 +1,13 @@
 """Point contacts between fingers and an object."""
 
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from grasp3d._kernels.hull.wrenches import centre
 from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Floats, Ints, locked, short_repr
 from grasp3d.contact.friction_cones import edge_angles, tangents
 from grasp3d.errors import ContactError, GraspError, SettingError
@@ -220,7 +222,11 @@ _COLUMNS = ("points", "normals", "friction", "torsion_radius")
 
 
 def finite_numbers(
-    name: str, values: ArrayLike, kind: type[GraspError] = ContactError, *, most: float = math.inf
+    name: str,
+    values: ArrayLike,
+    kind: type[GraspError] = ContactError,
+    *,
+    most: float = sys.float_info.max,
 ) -> Floats:
     """Convert to an array of finite numbers.
 
@@ -237,12 +243,13 @@ def finite_numbers(
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise kind(f"{name} must be an array of numbers: {error}") from error
-    if not np.isfinite(array).all():
-        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise kind(f"{name} must be finite; {array[where]} at {where}")
-    if (np.abs(array) > most).any():
+    if (np.abs(array) <= most).all():
+        return array
+    missing = np.argwhere(~np.isfinite(array))
+    if not len(missing):
         raise kind(f"{name} must not exceed {most:g}; got {np.abs(array).max():g}")
-    return array
+    where = tuple(int(i) for i in missing[0])
+    raise kind(f"{name} must be finite; {array[where]} at {where}")
 
 
 def of_shape(
@@ -260,7 +267,8 @@ def of_shape(
         GraspError: Their shape does not fit.
     """
     try:
-        return np.broadcast_to(numbers, shape)
+        # A full array takes less time than a view of one number.
+        return np.broadcast_to(numbers, shape) if numbers.ndim else np.full(shape, numbers)
     except ValueError as error:
         raise kind(
             f"{name} must be one number or have shape {shape}; got {numbers.shape}"
@@ -310,15 +318,10 @@ def centred(points: Floats) -> tuple[Floats, Floats, Floats]:
         (points, mean (..., 1, 3), size (..., 1, 1)); the size is the largest distance from the
         mean, or 1 where that is 0.
     """
-    # Differences of nearby points are exact; the mean of points far from the origin is not.
-    first = points[..., :1, :]
-    offsets = points - first
-    middle = offsets.mean(axis=-2, keepdims=True)
-    offsets -= middle
-    mean = first + middle
-    size = np.linalg.norm(offsets, axis=-1, keepdims=True).max(axis=-2, keepdims=True, initial=0.0)
-    size = np.where(size > 0.0, size, 1.0)
-    return offsets / size, mean, size
+    offsets = np.array(points, order="C")
+    mean, size = np.empty((*points.shape[:-2], 1, 3)), np.empty((*points.shape[:-2], 1, 1))
+    centre(offsets.reshape(-1, *points.shape[-2:]), mean.reshape(-1, 3), size.reshape(-1))
+    return offsets, mean, size
 
 
 def evenly_pressed_radius(half_extents: Floats, area: Floats) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 
 from grasp3d._kernels.hull import growing_hull
 from grasp3d._kernels.hull.wrench_problem import SIGN, Results
-from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, shaped, short_repr
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, shaped, short_repr, unit_rows
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.contact.friction_cones import tangents
 from grasp3d.quality.wrench_problem import WrenchProblem
@@ -36,15 +36,23 @@ class Status(IntEnum):
 class Certificate:
     """Proof of a result, which linear algebra can verify."""
 
-    direction: Floats
-    """Unit direction, shape (..., 6). If the grasp is not force-closed, the direction separates it
-    from the origin: no wrench of any contact has a positive component along it. If it is, the
-    disturbance that is hardest to resist acts against it: the support function of the grasp wrench
-    space is `upper` there. In a `ForceClosure` it is meaningful only where not force-closed."""
+    _direct: Callable[[], Floats]
+    """Computes `direction`."""
     _balance: Callable[[], Floats]
     """Computes `equilibrium`."""
 
     __repr__ = short_repr
+
+    @cached_property
+    def direction(self) -> Floats:
+        """Unit direction, shape (..., 6), computed when it is first read.
+
+        If the grasp is not force-closed, the direction separates it from the origin: no wrench of
+        any contact has a positive component along it. If it is, the disturbance that is hardest to
+        resist acts against it: the support function of the grasp wrench space is `upper` there. In
+        a `ForceClosure` it is meaningful only where not force-closed.
+        """
+        return self._direct()
 
     @cached_property
     def equilibrium(self) -> Floats:
@@ -58,7 +66,9 @@ class Certificate:
         return self._balance()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Certificate, (self.direction, partial(np.asarray, self.equilibrium))
+        return Certificate, (
+            partial(np.asarray, self.direction), partial(np.asarray, self.equilibrium),
+        )  # fmt: skip
 
 
 def forces_of_components(
@@ -106,6 +116,7 @@ def closure_fields(
     results: Results,
     batch: tuple[int, ...],
     forces_of: Callable[[Floats], Floats],
+    directions_of: Callable[[Floats], Floats] = np.asarray,
 ) -> dict[str, Any]:
     """Fields of `ForceClosure`.
 
@@ -114,18 +125,16 @@ def closure_fields(
         results: Their results.
         batch: Shape of the batch.
         forces_of: Converts balanced forces along the contacts' axes.
+        directions_of: Converts the directions of results.
     """
-    closed = results.closed
-
-    def balance() -> Floats:
-        forces: Floats = shaped(forces_of(problem.balanced_forces(closed)), batch)
-        return forces
-
     return {
-        "closed": shaped(closed, batch),
+        "closed": shaped(results.closed, batch),
         "rank": shaped(results.rank, batch),
         "status": shaped(results.status, batch),
-        "certificate": Certificate(shaped(results.direction, batch), balance),
+        "certificate": Certificate(
+            lambda: shaped(directions_of(results.direction), batch),
+            lambda: shaped(forces_of(problem.balanced_forces(results.closed)), batch),
+        ),
     }
 
 
@@ -170,10 +179,12 @@ def force_closure(
     problem = WrenchProblem.of_contacts(
         scaled, EpsilonOptions(edges), cone_offset=cone_offset, phase=phase
     )
-    results = problem.solve(SIGN)
-    u = results.direction
-    u[:, 3:] /= size.reshape(-1, 1)
-    u[:, :3] -= np.cross(u[:, 3:], mean.reshape(-1, 3))
-    u /= np.linalg.norm(u, axis=1, keepdims=True)
-    forces_of = partial(forces_of_components, contacts)
-    return ForceClosure(**closure_fields(problem, results, contacts.batch, forces_of))
+
+    def about_origin(directions: Floats) -> Floats:
+        forces, torques = directions[:, :3], directions[:, 3:] / size.reshape(-1, 1)
+        forces = forces - np.cross(torques, mean.reshape(-1, 3))
+        return unit_rows(np.concatenate([forces, torques], axis=1))
+
+    forces_of, results = partial(forces_of_components, contacts), problem.solve(SIGN)
+    fields = closure_fields(problem, results, contacts.batch, forces_of, about_origin)
+    return ForceClosure(**fields)

@@ -60,8 +60,7 @@ def critical_friction_angle(contacts: Contacts, *, tolerance: float = 1e-4) -> F
         angles = _of_pairs(points, normals)
     else:
         _, angles = brackets_of_smooth(points, normals, tolerance)
-    critical: Floats = shaped(angles, contacts.batch)
-    return critical
+    return shaped(angles, contacts.batch)
 
 
 def check_tolerance(tolerance: float) -> None:
@@ -117,8 +116,8 @@ def angle_brackets(
 ) -> tuple[Floats, Floats]:
     """Friction angles up to which grasps are surely open, and from which they are surely closed.
 
-    By bisection with closure tests: where one fails, its direction separates the grasp up to an
-    angle that may be larger than that of the test. Where closure is undecided at some angles, the
+    By bisection with closure tests: the direction that a test ends with separates the grasp up to
+    an angle that may be above the lower end. Where closure is undecided at some angles, the
     ends are farther apart than the tolerance.
 
     Args:

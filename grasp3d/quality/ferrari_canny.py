@@ -10,7 +10,7 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, shaped, short_repr
 from grasp3d.contact.contacts import LARGEST, Contacts, finite_numbers, per_contact
 from grasp3d.errors import ContactError
-from grasp3d.quality.closure import ForceClosure, Status, closure_fields, forces_of_components
+from grasp3d.quality.closure import ForceClosure, closure_fields, forces_of_components
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import Bounded, EpsilonOptions, Goal
 from grasp3d.settings.grasp_model import Actuation
@@ -111,7 +111,7 @@ def epsilon_with(
         group=group,
     )  # fmt: skip
     forces_of = partial(forces_of_components, contacts, order=order)
-    return _solved(problem, options.goal, contacts.batch, forces_of, polygonal=options.polygonal)
+    return _solved(problem, options.goal, contacts.batch, forces_of)
 
 
 def epsilon_of_wrenches(wrenches: ArrayLike) -> Epsilon:
@@ -143,7 +143,7 @@ def epsilon_of_wrenches(wrenches: ArrayLike) -> Epsilon:
     flat = np.zeros((math.prod(batch), rows.shape[-2], 6))
     flat[..., PLANAR if rows.shape[-1] == 3 else slice(6)] = rows.reshape(-1, *rows.shape[-2:])
     problem = WrenchProblem.of_rows(flat)
-    return _solved(problem, (0.0, 0.0, math.inf), batch, lambda w: w[..., 0], polygonal=True)
+    return _solved(problem, (0.0, 0.0, math.inf), batch, lambda w: w[..., 0])
 
 
 def _solved(
@@ -151,15 +151,11 @@ def _solved(
     goal: Goal,
     batch: tuple[int, ...],
     forces_of: Callable[[Floats], Floats],
-    *,
-    polygonal: bool,
 ) -> Epsilon:
     """Epsilon of a flat batch, in the batch's shape; see `closure_fields`."""
     results = problem.solve(goal)
-    # Where polygons have converged both bounds are the same, up to rounding.
-    exact = polygonal & (results.status == Status.CONVERGED)
     return Epsilon(
-        lower=shaped(np.where(exact, results.upper, results.lower), batch),
+        lower=shaped(results.lower, batch),
         upper=shaped(results.upper, batch),
         **closure_fields(problem, results, batch, forces_of),
     )

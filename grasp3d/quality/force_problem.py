@@ -88,7 +88,7 @@ class ForceProblem:
         """
         check_rtol(rtol)
         problem = self.problem
-        results = problem.unwritten(ForceResults)
+        results = problem.unwritten(ForceResults, with_forces=True)
 
         def evaluate(chunk: slice, workspace: Workspace) -> None:
             kernels.wrench_forces(

@@ -140,17 +140,10 @@ def _axes(contacts: Contacts, torque_scale: float) -> Floats:
     return np.where(used[..., None], axes, 0.0).reshape(len(used), -1, 6)
 
 
-def _extent(contacts: Contacts) -> Floats:
-    """Largest distance of a contact from the contacts' mean [m], shape (b,)."""
-    _, mean, _ = centred(contacts.points)
-    return np.asarray(np.linalg.norm(contacts.points - mean, axis=-1).max(axis=-1))
-
-
 def _about_mean(contacts: Contacts) -> Contacts:
     """The contacts about their mean, divided by their size: equilibria depend on neither."""
-    points, extent = centred(contacts.points)[0], _extent(contacts)
-    torsion_radius = contacts.torsion_radius / np.where(extent > 0.0, extent, 1.0)[:, None]
-    return Contacts(points, contacts.normals, contacts.friction, torsion_radius)
+    points, _, size = centred(contacts.points)
+    return contacts.of_size(points, size[:, 0, 0])
 
 
 def _span(rows: Floats) -> tuple[Floats, Floats]:
@@ -210,8 +203,8 @@ def _min_weight(contacts: Contacts, _: float, edges: int) -> Floats:
     ones, counts = used.astype(np.float64), used.sum(axis=1)
     inside = (coordinates @ (np.swapaxes(coordinates, 1, 2) @ ones[..., None]))[..., 0]
     beside = np.linalg.norm(ones - inside, axis=1) <= BESIDE_ORIGIN * np.sqrt(counts)
-    reach = np.linalg.norm(contacts.points, axis=-1).max(axis=-1)
-    chosen = np.flatnonzero(~beside & (_extent(contacts) > SAME_POINT * reach))
+    reach, extent = np.abs(contacts.points).max((1, 2)), np.ptp(contacts.points, axis=1).max(axis=1)
+    chosen = np.flatnonzero(~beside & (extent > SAME_POINT * reach))
     means = coordinates.sum(axis=1, keepdims=True) / counts[:, None, None]
     about = np.where(used[..., None], coordinates - means, 0.0)[chosen]
     multiples = np.empty(len(chosen))

@@ -114,7 +114,8 @@ class WrenchProblem:
         offset = per_contact("cone_offset", cone_offset, contacts)
         if not math.isfinite(phase):
             raise SettingError(f"the phase of the edges must be finite; got {phase}")
-        angles = np.clip(contacts.friction_angle + offset, -RIGHT_ANGLE, math.pi)
+        angles = np.maximum(contacts.friction_angle + offset, -RIGHT_ANGLE)
+        np.minimum(angles, math.pi, out=angles)
         if options.polygonal and not (angles < RIGHT_ANGLE).all():
             raise SettingError("polygonal friction cones must stay below 90 degrees")
         points = contacts.points.reshape(-1, contacts.count, 3)
@@ -139,7 +140,7 @@ class WrenchProblem:
         return cls(
             kind=TOTAL if options.actuation == "total" else PER_FINGER,
             spherical=bounded == "force",
-            soft=bool((contacts.torsion_radius > 0.0).any()),
+            soft=bool(contacts.torsion_radius.any()),
             size=len(points),
             count=contacts.count,
             wrenches_of=axes_of,
@@ -212,16 +213,16 @@ class WrenchProblem:
         Raises:
             SettingError: Fewer than one thread.
         """
-        results = self.unwritten(Results)
+        results = self.unwritten(Results, with_forces=with_forces)
         if not self.is_pairs(goal):
-            self.grow_hulls(results, goal, with_forces=with_forces)
+            self.grow_hulls(results, goal)
             return results
         left = np.flatnonzero(self.solve_pairs(results, goal))
         if len(left):
             others = self.take(left)
             hulls = others.unwritten(Results)
-            others.grow_hulls(hulls, goal, with_forces=with_forces)
-            for name in Results._fields:
+            others.grow_hulls(hulls, goal)
+            for name in Results._fields[:-1]:  # without forces
                 getattr(results, name)[left] = getattr(hulls, name)
         return results
 
@@ -278,22 +279,13 @@ class WrenchProblem:
         """
         self.grow_hulls(self.unwritten(Results), SIGN, bracket=bracket)
 
-    def grow_hulls(
-        self,
-        results: Results,
-        goal: Goal,
-        *,
-        with_forces: bool = False,
-        bracket: Bracket | None = None,
-    ) -> None:
+    def grow_hulls(self, results: Results, goal: Goal, *, bracket: Bracket | None = None) -> None:
         """Write the results of the growing hulls; see `solve`."""
 
         def evaluate(chunk: slice, workspace: Workspace) -> None:
             written, wrenches = part_of(results, chunk), self.wrenches_of(chunk)
             intervals = NO_BRACKET if bracket is None else part_of(bracket, chunk)
-            settings = (
-                self._form, wrenches, self.tangential[chunk], self.cones[chunk], goal, with_forces,
-            )  # fmt: skip
+            settings = self._form, wrenches, self.tangential[chunk], self.cones[chunk], goal
 
             def run(first: int, polytope: Polytope) -> int:
                 arrays = (intervals, workspace, polytope, written)
@@ -309,7 +301,7 @@ class WrenchProblem:
         thin = self.kind != ROWS and self.count == 2 and not self.soft
         self.in_chunks(evaluate)
 
-    def unwritten(self, kind: type[ArraysT]) -> ArraysT:
+    def unwritten(self, kind: type[ArraysT], *, with_forces: bool = False) -> ArraysT:
         """Results of a kind for every grasp, which the kernels write."""
         arrays: dict[str, np.ndarray[Any, Any]] = {
             "rank": np.zeros(self.size, dtype=np.int64),
@@ -317,10 +309,11 @@ class WrenchProblem:
             "reason": np.zeros(self.size, dtype=np.uint8),
             "closed": np.zeros(self.size, dtype=np.bool_),
             "direction": np.zeros((self.size, 6)),
-            "forces": np.full((self.size, self.count, 4), math.nan),
+            "forces": np.zeros((self.size if with_forces else 0, self.count, 4)),
+            "lower": np.zeros(self.size),
+            "upper": np.zeros(self.size),
         }
-        names: tuple[str, ...] = kind._fields  # type: ignore[attr-defined]
-        return kind(*(arrays.get(name, np.zeros(self.size)) for name in names))
+        return kind(*map(arrays.__getitem__, kind._fields))  # type: ignore[attr-defined]
 
     def with_polytope(
         self, size: int, run: Callable[[int, Polytope], int], *, small: bool = False
@@ -343,7 +336,8 @@ class WrenchProblem:
         """Evaluate chunks, in threads if there are several."""
         # A few grasps take less time than the start of a thread.
         each = self.count if self.edge_forces is None else self.edge_forces.shape[1]
-        workers = min(thread_count(), 1 + self.size * each // THREAD_CONTACTS)
+        useful = 1 + self.size * each // THREAD_CONTACTS
+        workers = min(thread_count(), useful) if useful > 1 else 1
         part = self.size if workers == 1 else -(-self.size // (4 * workers))
         step = max(1, min(CHUNK, part))
         chunks = [slice(i, min(i + step, self.size)) for i in range(0, self.size, step)]

@@ -66,8 +66,8 @@ def wrench_axes(
     axes = np.zeros((*points.shape[:-1], 4, 6))
     write_axes(
         read_only(points, (-1, 3)),
-        read_only(np.broadcast_to(normals, points.shape), (-1, 3)),
-        read_only(np.broadcast_to(torsion_radius, points.shape[:-1]), (-1,)),
+        read_only(normals, (-1, 3)),
+        read_only(torsion_radius, (-1,)),
         float(torque_scale),
         NEAR_X_AXIS,
         axes.reshape(-1, 4, 6),
@@ -77,7 +77,7 @@ def wrench_axes(
 
 def read_only(values: Floats, shape: tuple[int, ...]) -> Floats:
     """View of contiguous values that is always read-only: a kernel is compiled for one kind."""
-    view = np.ascontiguousarray(values, dtype=np.float64).reshape(shape).view()
+    view = np.ascontiguousarray(values, dtype=np.float64).reshape(shape)
     view.flags.writeable = False
     return view
 
@@ -96,13 +96,17 @@ def cone_parts(friction_angle: Floats, bounded: Bounded = "force") -> Floats:
         SettingError: An unknown `bounded`, or a cone too wide for a unit normal component.
     """
     check_choice("bound", bounded, Bounded)
+    parts = np.ones((*friction_angle.shape, 2))
     if bounded == "force":
-        return np.stack([np.cos(friction_angle), np.sin(friction_angle)], axis=-1)
+        np.cos(friction_angle, out=parts[..., 0])
+        np.sin(friction_angle, out=parts[..., 1])
+        return parts
     if not (friction_angle < math.pi / 2.0).all():
         raise SettingError("with unit normal components friction cones must stay below 90 degrees")
     if not (friction_angle < math.atan(MAX_FRICTION)).all():
         raise SettingError(f"with unit normal components friction must stay below {MAX_FRICTION:g}")
-    return np.stack([np.ones_like(friction_angle), np.tan(friction_angle)], axis=-1)
+    np.tan(friction_angle, out=parts[..., 1])
+    return parts
 
 
 def wrenches(

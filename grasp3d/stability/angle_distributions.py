@@ -185,19 +185,15 @@ class SampledAngles(AngleDistribution):
 
     def worst_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`."""
-        return _below(*self._worst_steps, angles)
+        return _below(*self._steps[0], angles)
 
     def best_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`."""
-        return _below(*self._best_steps, angles)
+        return _below(*self._steps[1], angles)
 
     @cached_property
-    def _worst_steps(self) -> tuple[Floats, Floats]:
-        return _steps(self.worst, self.weights)
-
-    @cached_property
-    def _best_steps(self) -> tuple[Floats, Floats]:
-        return _steps(self.best, self.weights)
+    def _steps(self) -> list[tuple[Floats, Floats]]:
+        return [_steps(angles, self.weights) for angles in (self.worst, self.best)]
 
 
 def _steps(angles: Floats, weights: Floats) -> tuple[Floats, Floats]:

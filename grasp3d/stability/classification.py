@@ -71,10 +71,8 @@ class Uncertain(NamedTuple):
         if self.method == "exact":
             return label_angles(*self.angles(math.inf), self.thresholds)
         low, high = self.enumerated(None)
-        labels = np.full(len(self.tilt), Label.M, dtype=np.uint8)
-        labels[high.unstable] = Label.U
-        labels[low.stable] = Label.S
-        return labels
+        unless_stable = np.where(high.unstable, Label.U, Label.M)
+        return np.where(low.stable, Label.S, unless_stable).astype(np.uint8)
 
     def margin(self) -> Floats:
         """Angle by which the grasps are S [rad], shape (b,)."""
@@ -83,22 +81,21 @@ class Uncertain(NamedTuple):
 
     def enumerated(self, options: EpsilonOptions | None) -> tuple[Extremes, Extremes]:
         """The combinations of extreme normals, with the smallest and the largest friction."""
-        low = self._extremes(self.low, options)
-        return low, low if self.high is self.low else self._extremes(self.high, options)
-
-    def _extremes(self, contacts: Contacts, options: EpsilonOptions | None) -> Extremes:
         count, creases = self.extreme_normals, self.creases
-        return extremes(contacts, self.tilt, count=count, creases=creases, options=options)
+        each = [
+            extremes(contacts, self.tilt, count=count, creases=creases, options=options)
+            for contacts in dict.fromkeys((self.low, self.high))
+        ]
+        return each[0], each[-1]
 
     def epsilons(self) -> WorstAndBest:
         """The smallest epsilon over the tilts, and an upper bound of the largest, (b,) each."""
         if self.method == "extremes":
             low, high = self.enumerated(self.options)
             return low.minimum, high.maximum
-        least = epsilon_range(self.low, self.tilt, self.options)
-        if self.high is self.low:
-            return least.minimum, least.maximum
-        return least.minimum, epsilon_range(self.high, self.tilt, self.options).maximum
+        ends = dict.fromkeys((self.low, self.high))
+        each = [epsilon_range(contacts, self.tilt, self.options) for contacts in ends]
+        return each[0].minimum, each[-1].maximum
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +119,7 @@ class Stability:
     @cached_property
     def critical_friction_angle(self) -> Floats:
         """beta* at the perceived normals [rad], shape (...)."""
-        return self._shaped(critical_friction_angle(self._grasps.contacts))
+        return shaped(critical_friction_angle(self._grasps.contacts), self.batch)
 
     @cached_property
     def margin(self) -> Floats:
@@ -131,12 +128,13 @@ class Stability:
         With method exact a grasp is S iff it is above 0. Of the finger with the least; beta at the
         smallest friction. -inf for one contact, and for two that may be at one point.
         """
-        return self._shaped(self._grasps.margin())
+        return shaped(self._grasps.margin(), self.batch)
 
     @cached_property
     def epsilon(self) -> Floats:
         """Epsilon at the perceived normals, certified from below, shape (...)."""
-        return self._shaped(epsilon_with(self._grasps.contacts, self._grasps.options).lower)
+        values = epsilon_with(self._grasps.contacts, self._grasps.options).lower
+        return shaped(values, self.batch)
 
     @property
     def epsilon_min(self) -> Floats:
@@ -146,7 +144,7 @@ class Stability:
         where tilts exceed friction at some contact. Method extremes: over the combinations of
         extreme normals.
         """
-        return self._shaped(self._epsilons[0])
+        return shaped(self._epsilons[0], self.batch)
 
     @property
     def epsilon_max(self) -> Floats:
@@ -155,15 +153,11 @@ class Stability:
         Method exact: an upper bound over all tilts. Method extremes: attained at one of the
         combinations of extreme normals.
         """
-        return self._shaped(self._epsilons[1])
+        return shaped(self._epsilons[1], self.batch)
 
     @cached_property
     def _epsilons(self) -> WorstAndBest:
         return self._grasps.epsilons()
-
-    def _shaped(self, values: Floats) -> Floats:
-        in_batch: Floats = shaped(values, self.batch)
-        return in_batch
 
 
 def classify(

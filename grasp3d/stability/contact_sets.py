@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -129,17 +130,15 @@ class ContactSets:
         return locked(values)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SetLabels:
+class SetLabels(NamedTuple):
     """Labels of `ContactSets`, and how sure they are."""
 
     label: Bytes
     """`Label` codes, shape (k,). U where there are fewer than two contacts, M where there are more
     than `MAX_FINGERS`, of which nothing is computed."""
     margin: Floats
-    """Angle by which the grasp is S [rad], shape (k,): S where it is above 0; nan as above."""
-
-    __repr__ = short_repr
+    """Angle by which the grasp is S [rad], shape (k,): S where it is above 0; nan: fewer than two
+    contacts or too many."""
 
 
 def label_sets(sets: ContactSets, tilt: Floats, friction_angles: tuple[float, float]) -> SetLabels:
@@ -179,7 +178,7 @@ def label_sets(sets: ContactSets, tilt: Floats, friction_angles: tuple[float, fl
             location=np.full(index.shape, sets.location_error),
         )
         label[grasps], margin[grasps] = found.labels(), found.margin()
-    return SetLabels(label=locked(label), margin=locked(margin))
+    return SetLabels(locked(label), locked(margin))
 
 
 def contact_margins(sets: ContactSets, tilt: Floats, friction_angle: float) -> Floats:
@@ -210,10 +209,8 @@ def contact_margins(sets: ContactSets, tilt: Floats, friction_angle: float) -> F
     cones = np.clip(friction_angle - tilt, 0.0, None)
     for grasps, group in sets.groups():
         index, count = group[np.isfinite(sets.critical_angles[0][grasps])], group.shape[1]
-        variants, own = (
-            np.repeat(index, count, axis=0),
-            np.tile(np.eye(count, dtype=bool), (len(index), 1)),
-        )
+        variants = np.repeat(index, count, axis=0)
+        own = np.tile(np.eye(count, dtype=bool), (len(index), 1))
         closed = partial(_closed, sets.contacts(variants, friction=0.0), cones[variants], own)
         low, high = np.zeros(len(variants)), np.full(len(variants), WIDEST)
         never, always = ~closed(high), closed(low)

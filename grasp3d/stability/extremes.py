@@ -86,7 +86,8 @@ def extremes(
             normals = np.stack(
                 [at[rows][:, k] for at, k in zip(tested, choices, strict=True)], axis=2
             )  # (g, c, n, 3)
-            at_normals = _with_normals(evaluated.take(rows), normals)
+            same = evaluated.take(rows.repeat(len(numbers))).reshape(normals.shape[:2])
+            at_normals = Contacts(same.points, normals, same.friction, same.torsion_radius)
             found = epsilon_with(at_normals, options) if options else force_closure(at_normals)
             if isinstance(found, Epsilon):
                 minimum[rows] = np.minimum(minimum[rows], found.lower.min(axis=1))
@@ -95,17 +96,6 @@ def extremes(
             stable[rows] &= found.closed.all(axis=1)
             unstable[rows] &= is_open.all(axis=1)
     return Extremes(stable, unstable, minimum, maximum)
-
-
-def _with_normals(contacts: Contacts, normals: Floats) -> Contacts:
-    """Contacts (g, n) at other normals (g, c, n, 3)."""
-    shape = normals.shape[:-1]
-    return Contacts(
-        np.broadcast_to(contacts.points[:, None], normals.shape),
-        normals,
-        np.broadcast_to(contacts.friction[:, None], shape),
-        np.broadcast_to(contacts.torsion_radius[:, None], shape),
-    )
 
 
 def _blocks(total: int) -> Iterator[Ints]:

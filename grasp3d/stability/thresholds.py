@@ -11,7 +11,7 @@ The margin is what is left below the threshold of S; its budget says which uncer
 """
 
 import math
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -44,17 +44,7 @@ class Thresholds(NamedTuple):
     """Angle from which on that over the best normals makes a grasp U [rad]."""
 
 
-class HasThresholds(Protocol):
-    """A `GraspModel`, or `Thresholds`."""
-
-    @property
-    def sure_angle(self) -> Any: ...  # noqa: D102
-
-    @property
-    def unstable_from(self) -> Any: ...  # noqa: D102
-
-
-def label_angles(worst: Floats, best: Floats, model: HasThresholds) -> Bytes:
+def label_angles(worst: Floats, best: Floats, model: GraspModel | Thresholds) -> Bytes:
     """Label grasps by their critical friction angles.
 
     Args:
@@ -86,22 +76,6 @@ def max_resolution(worst: Floats, model: GraspModel) -> Floats:
         Same shape; 0 where no sensor is fine enough.
     """
     return np.maximum(0.0, 2.0 * (math.atan(model.friction_interval[0]) - worst))
-
-
-def margins(worst: Floats, model: GraspModel) -> Floats:
-    """Margin of each grasp [rad]: beta - alpha/2 - beta*; it is S iff that is above 0.
-
-    The angle by which friction may be smaller, or normals less certain, and the grasp is still
-    surely stable.
-
-    Args:
-        worst: Critical angle over the worst normals [rad], any shape; as in `label_angles`.
-        model: Friction, sensor resolution and errors.
-
-    Returns:
-        Same shape; -inf for no grasp, nan where `worst` is.
-    """
-    return np.asarray(model.sure_angle - worst)
 
 
 def margin_budget(model: GraspModel, critical_angle: ArrayLike) -> dict[str, Floats]:

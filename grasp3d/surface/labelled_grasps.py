@@ -8,7 +8,7 @@ import numpy as np
 from grasp3d.arrays import Bools, Bytes, Floats, locked
 from grasp3d.errors import SettingError
 from grasp3d.stability.label import Label
-from grasp3d.stability.thresholds import margins, max_resolution
+from grasp3d.stability.thresholds import max_resolution
 from grasp3d.surface.load_case import input_warnings
 from grasp3d.surface.scores import quality_of_contacts, written_scores
 from grasp3d.system.context import report_progress
@@ -139,7 +139,7 @@ class LabelledGrasps:
         S iff above 0 (with method exact); the angle by which friction may be smaller, or normals
         less certain, and the grasp is still surely stable. -inf where there is no grasp.
         """
-        return locked(margins(self.critical_angle, self.model))
+        return locked(self.model.sure_angle - self.critical_angle)
 
     @cached_property
     def max_resolution(self) -> Floats:

@@ -31,7 +31,7 @@ from grasp3d.quality.force_ranges import force_within_tilt, payload
 from grasp3d.quality.tasks import STANDARD_GRAVITY, Task, Weight
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
-from grasp3d.stability.thresholds import label_angles, margins
+from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.contacts import JawContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_numbers import hull_labels
@@ -99,7 +99,7 @@ class ClosedNumbers:
             worst, best = (np.where(allowed, one, math.inf) for one in angles)
             exact = model.method == "exact"
             codes = label_angles(worst, best, model) if exact else hull_labels(contacts, model)
-            margin[closes] = margins(worst, model)
+            margin[closes] = model.sure_angle - worst
             patches = _Patches.of(contacts, model, case)
             held[closes], force[closes], ratio, score[closes] = patches.numbers(nominal)
             label[closes] = patches.label(codes, ratio)

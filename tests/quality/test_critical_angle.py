@@ -176,6 +176,21 @@ def test_brackets_are_open_at_one_end_and_closed_at_the_other(count: int) -> Non
     ])  # fmt: skip
 
 
+def test_a_search_ends_where_the_least_angle_is_not_decided() -> None:
+    """Contacts may move farther than closure at that angle allows; nor is the grasp open there."""
+    contacts = random_contacts(Shape(4, 8, soft=False), 200, seed=4)
+    points, normals = contacts.points, contacts.normals
+    wider = np.random.default_rng(4).uniform(-0.6, 0.0, size=(200, 4))
+    low, high = angle_brackets(
+        points, normals, wider, displacement=np.full(200, 0.05), tolerance=1e-3
+    )
+    least = -wider.min(axis=1)
+    assert ((low < least) & (high > least + 0.01)).sum() > 10
+    exact = angle_brackets(points, normals, wider, tolerance=TOLERANCE)
+    assert (low <= exact[1]).all()
+    assert (high >= exact[0]).all()
+
+
 # Known shapes
 
 

@@ -19,6 +19,7 @@ from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.hull.equilibrium import equilibrium
 from grasp3d._kernels.hull.growing_hull import (
     AROUND_ORIGIN,
+    CONVERGED,
     EXHAUSTED,
     UNDECIDED,
     grow,
@@ -34,6 +35,9 @@ CLOSED = 1e-8
 CLOSER = 1e-9
 """Angle by which all friction cones of a closed grasp may be narrower: its forces change by less
 than `CLOSED` [rad]."""
+
+BALL_RTOL = 1e-3
+"""Gap between the bounds, relative to the upper one, where a hull must contain a larger ball."""
 
 SIGN = (0.0, 1e-12, CLOSED)
 """Goal of a closure test: (rtol, atol, cutoff) as of `grow`, the latter two relative to the largest
@@ -73,7 +77,8 @@ class Results(NamedTuple):
     direction: Floats2
     """Direction of `upper`, or a separating one: no wrench has a positive component (b, 6)."""
     forces: Floats3
-    """Equilibrium forces, in the contacts' axes (b, n, 4); nan where there is none."""
+    """Equilibrium forces of a hull, no sum, in the contacts' axes (b, n, 4), nan where there is
+    none; (0, n, 4) where none are asked for."""
 
 
 class Bracket(NamedTuple):
@@ -248,7 +253,8 @@ def _reset_result(results, g):
     results.rank[g], results.status[g], results.closed[g] = 0, 0, False
     for k in range(6):
         results.direction[g, k] = 1.0 if k == 0 else 0.0
-    erase_forces(results, g)
+    if len(results.forces):
+        erase_forces(results, g)
 
 
 @merged
@@ -287,12 +293,12 @@ def _separated_up_to(axes, wider, rank, u):
 
 
 @scratch_kernel(
-    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, tuple[float, float, float], bool, int, "
-    "int, tuple[int, int, int, int, int, int] | Ints1, Bracket, Workspace, Polytope, Results"
+    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, tuple[float, float, float], int, int, "
+    "tuple[int, int, int, int, int, int] | Ints1, Bracket, Workspace, Polytope, Results"
 )
 def epsilons(
-    form, wrenches, tangential, cones, goal, with_forces, first, least_rank, dims, bracket,
-    workspace, polytope, results,
+    form, wrenches, tangential, cones, goal, first, least_rank, dims, bracket, workspace, polytope,
+    results,
 ):  # fmt: skip
     """Epsilon, force closure and certificates of many grasps, or their critical angles.
 
@@ -302,8 +308,8 @@ def epsilons(
         tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
         cones: As in `WrenchSpace` (b, n, 2); with a negative tangential part, which tilts leave
             that exceed friction, nothing is decided.
-        goal: As in `grow`, with atol and cutoff relative to the largest wrench.
-        with_forces: Whether equilibrium forces are computed; only of a hull, no sum.
+        goal: As in `grow`, with atol and cutoff relative to the largest wrench. Without rtol both
+            bounds are the same where the hull has converged, up to rounding.
         first: Index of the first grasp to compute.
         least_rank: 6, or 1: grasps of lower rank are left out.
         dims: `SIX` where that is 6, so that the lengths of loops are known; else the workspace's
@@ -339,16 +345,18 @@ def epsilons(
         size = _largest_wrench(workspace)
         least = CLOSED * size
         angle = begin = low = high = not_closed = not_open = 0.0
+        gap = rtol
         if searching:
             angle, begin, high = bracket.first[g], bracket.low[g], bracket.high[g]
             low = begin - bracket.width[g]  # so that the least angle is tested, if that decides
             not_closed, not_open = low, high
             if bracket.radius[g] > 0.0:
                 least = max(least, bracket.radius[g]) if rank == 6 else math.inf
+                gap = BALL_RTOL
         while True:
             if searching:
                 _set_cones(angle, bracket.wider[g], cones[g])
-            own_goal = rtol, atol * size, max(cutoff * size, least)
+            own_goal = gap, atol * size, max(cutoff * size, least)
             status, lower, upper, vertices, used = _grow(
                 space, dims, rank, workspace.metric, own_goal, polytope
             )
@@ -356,26 +364,27 @@ def epsilons(
             closed = not is_open and least < lower < math.inf
             if not searching or (status == EXHAUSTED and not closed):
                 break
+            # Whatever the direction, it separates the grasp up to some angle.
+            proven = _separated_up_to(workspace.axes, bracket.wider[g], rank, polytope.vectors[16])
             if closed:
                 high = max(angle - CLOSER, 0.0)
                 not_open = min(not_open, high)
             elif is_open:
-                proven = _separated_up_to(
-                    workspace.axes, bracket.wider[g], rank, polytope.vectors[16]
-                )
-                low = max(angle, min(proven, not_open))
-                not_closed = max(not_closed, low)
+                proven = max(proven, angle)
             else:  # from here on closure and its opposite are looked for on either side
                 not_closed, not_open = max(not_closed, angle), min(not_open, angle)
+            low = max(low, min(proven, not_open))
+            not_closed = max(not_closed, low)
             if high - not_closed > bracket.width[g]:
                 angle = max(0.5 * (not_closed + high), begin)
-            elif not_open - low > bracket.width[g]:
+            elif not_open > max(low + bracket.width[g], begin):
                 angle = max(0.5 * (low + not_open), begin)
             else:
                 break
         results.closed[g] = closed
-        results.lower[g] = min(lower, upper) if closed else 0.0
         results.upper[g] = upper if upper < math.inf else size
+        exact = rtol == 0.0 and status == CONVERGED
+        results.lower[g] = min(results.upper[g], math.inf if exact else lower) if closed else 0.0
         undecided = not closed and not is_open and status != EXHAUSTED
         results.status[g] = UNDECIDED if undecided else status
         if upper < math.inf or is_open:
@@ -385,6 +394,6 @@ def epsilons(
         if searching:
             bracket.low[g], bracket.high[g] = low, high
         # Cones of 90 degrees or more are not convex: sums of forces inside them may lie outside.
-        elif closed and with_forces and (kind == ROWS or normal > 0.0):
+        elif closed and len(results.forces) and (kind == ROWS or normal > 0.0):
             equilibrium(space, workspace.dims[:rank], polytope, vertices, used, results.forces[g])
     return wrenches.shape[0]

@@ -10,6 +10,35 @@ from grasp3d._kernels.compiling import kernel, merged, scratch_kernel
 from grasp3d._kernels.surface.vectors import add6, copy6, dot6, scale6
 
 
+@scratch_kernel("Floats3, Floats2, Floats1")
+def centre(points, means, sizes):
+    """Move contacts about their mean, and divide them by their size.
+
+    Args:
+        points: Changed (b, n, 3).
+        means: Written (b, 3).
+        sizes: Written, the largest distance from the mean; 1 where that is 0 (b,).
+    """
+    count = points.shape[1]
+    for g in range(points.shape[0]):
+        own, mean, square = points[g], means[g], 0.0
+        # Differences of nearby points are exact; the mean of points far from the origin is not.
+        for k in range(3):
+            total, first = 0.0, own[0, k]
+            for i in range(count):
+                own[i, k] -= first
+                total += own[i, k]
+            for i in range(count):
+                own[i, k] -= total / count
+            mean[k] = first + total / count
+        for i in range(count):
+            square = max(square, own[i, 0] ** 2 + own[i, 1] ** 2 + own[i, 2] ** 2)
+        sizes[g] = math.sqrt(square) if square > 0.0 else 1.0
+        for i in range(count):
+            for k in range(3):
+                own[i, k] /= sizes[g]
+
+
 @merged
 def _write_wrench(axis, point, f0, f1, f2, scale):
     """Write the wrench of a force at a point, its torque divided by the torque scale."""

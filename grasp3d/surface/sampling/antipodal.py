@@ -281,8 +281,12 @@ class _Squeezing(_Search):
         vertices = self.vertices[np.argsort(place[self.vertices], kind="stable")]
         self._descend(vertices, self.cone, domain, self.grasps, (0.0, 0.6))
         vertices = vertices[self.grasps.worst[vertices] >= self.cone]
-        # None is surely stable: of these those are sought that are best at their perceived places.
-        domain = domain._replace(surface=self.mesh.contact_surface)
+        uncertain = vertices[:0]
+        if self.located:
+            # None is surely stable: those are sought that are best at their perceived places.
+            uncertain, domain = vertices, domain._replace(surface=self.mesh.contact_surface)
+            self._descend(vertices, self.cone, domain, self.grasps, (0.6, 0.6))
+            vertices = vertices[self.grasps.worst[vertices] >= self.cone]
         if self.limits != UNLIMITED:
             anywhere = no_pairs(len(place))
             unlimited = domain._replace(limits=UNLIMITED)
@@ -292,8 +296,7 @@ class _Squeezing(_Search):
             smooth = self.sets.counts[vertices] == 1
             vertices = vertices[~smooth | (anywhere.worst[vertices] >= self.cone)]
         self._descend(vertices, math.pi / 2.0, domain, self.grasps, (0.75, 1.0))
-        if self.located:
-            self.grasps.worst[vertices[self.grasps.reason[vertices] == FOUND]] = math.pi
+        self.grasps.worst[uncertain[self.grasps.reason[uncertain] == FOUND]] = math.pi
 
     def _descend(
         self,
