@@ -225,7 +225,7 @@ class EvaluatedHandGrasps(GivenGrasps):
     def epsilon(self) -> Floats:
         """Epsilon of all contacts at the perceived normals, certified from below, shape (k,)."""
         model, mesh = self.model, self.mesh
-        options = EpsilonOptions.of_model(model, torque_scale=mesh.torque_scale, rtol=EPSILON_RTOL)
+        options = EpsilonOptions(torque_scale=mesh.torque_scale, rtol=EPSILON_RTOL)
         assert isinstance(model.torsion_radius, float)
         return self.sets.epsilon(
             options, friction=model.nominal_friction, torsion_radius=model.torsion_radius

@@ -27,7 +27,7 @@ from tests.helpers import shapes
 from tests.helpers.grippers import HAND
 
 SETTINGS = BatchSettings(
-    GraspModel(friction=0.4, edges=8),
+    GraspModel(friction=0.4),
     Sampling(rays=16),
     MeshOptions(unit="cm", max_edge="0.2cm"),
     best=2,

@@ -364,7 +364,7 @@ def test_two_threads_share_one_opening_of_an_object() -> None:
 
 
 def test_labels_of_extreme_normals_have_a_note(tmp_path: Path) -> None:
-    model = GraspModel(method="extremes", extreme_normals=4, friction=0.3)
+    model = GraspModel(method="extremes", friction=0.3)
     labels = label_surface(viewing.box().mesh, model)
     write_ply(tmp_path / "a.ply", labels)
     subject = read_subject(tmp_path / "a.ply")
