@@ -2,10 +2,9 @@
 
 `run` labels meshes with the command line of a checkout, which both checkouts have alike: two and
 three fingers, exact labels and those at extreme normals, and a gripper with a table and a mass,
-each with its best grasps; with a program in Python where the command line has no options, three
-fingers at few extreme normals and scans. `compare` reads both folders and prints a row per setting:
-meshes, arrays that are equal in every bit, and those that differ, were dropped or added; then what
-differs.
+each with its best grasps; with a program in Python, as the command line has none, scans. `compare`
+reads both folders and prints a row per setting: meshes, arrays that are equal in every bit, and
+those that differ, were dropped or added; then what differs.
 
     python scripts/compare_outputs.py run CHECKOUT FOLDER [MESH ...] [--only SETTING ...]
     python scripts/compare_outputs.py compare BEFORE AFTER
@@ -28,7 +27,8 @@ SHIPPED = Path(__file__).parents[1] / "meshes"
 SUFFIXES = {".glb", ".obj", ".off", ".ply", ".stl"}
 SETTINGS: dict[str, list[str]] = {
     f"{fingers} fingers, {method}": ["--fingers", str(fingers), "--method", method]
-    for fingers, method in ((2, "exact"), (2, "extremes"), (3, "exact"))
+    for fingers in (2, 3)
+    for method in ("exact", "extremes")
 } | {
     "franka, table, mass": ["--hand", "franka", "--mass", "0.2kg", "--table", "as-is"],
     "location error": ["--location-error", "1mm", "--friction", "0.4..0.6"],
@@ -36,9 +36,6 @@ SETTINGS: dict[str, list[str]] = {
 """Words of the command line by name of the setting."""
 
 PROGRAMS = {
-    # 125 combinations of normals instead of 729.
-    "3 fingers, extremes": "labels = grasp3d.label_surface(mesh, grasp3d.GraspModel(fingers=3, "
-    "method='extremes', extreme_normals=4))",
     "scan": "labels = grasp3d.scan_surface(mesh, fixed=mesh.vertices[:1])",
 }
 """Programs by name of the setting, which make `labels` of `mesh`."""

@@ -23,11 +23,11 @@ from grasp3d.system.names import as_unicode, printable, short_hash
 RESULT = "_labeled.ply"
 """Suffix of results of `grasp3d label`, which are not inputs."""
 
-MARKER = "grasp3d.json"
-"""File that marks a folder as a store of results."""
-
-STORED = ("labels", "fields", "summary", "journal", "report", "damaged")
+STORED = ("labels", "fields", "summary", "report")
 """Folders of a store; they contain no inputs."""
+
+PART = re.compile(r"(.*/)?summary/part-\d{5,}\.parquet")
+"""Files with the rows of a store; a folder that has one is a store."""
 
 LIST = ".txt"
 MIN_FOR_LISTING = 10
@@ -249,11 +249,7 @@ def _meshes_below(
 
 def _store_folders(listed: Iterable[Entry]) -> set[str]:
     """Folders with the results of a store."""
-    stores = [
-        entry.name.removesuffix(MARKER)
-        for entry in listed
-        if entry.name == MARKER or entry.name.endswith(f"/{MARKER}")
-    ]
+    stores = {found[1] or "" for entry in listed if (found := PART.fullmatch(entry.name))}
     return {f"{store}{name}" for store in stores for name in STORED}
 
 

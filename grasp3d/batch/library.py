@@ -101,8 +101,6 @@ class LibraryLabels:
     """A row for each input mesh, by the mesh's name and in the order of names."""
     finished: int
     """How many of them were finished by an earlier batch."""
-    warnings: tuple[str, ...]
-    """Damaged files of the store, and what was done about them."""
 
     @cached_property
     def failed(self) -> tuple[Row, ...]:
@@ -177,14 +175,13 @@ def label_library(
     if not str(output):
         raise OutputError("no folder for the results: name one")
     files = find_meshes(map(str, inputs), results=folder.url)
-    store = Store.open(folder, settings, overwrite=overwrite)
+    store = Store(folder, settings, overwrite=overwrite)
     try:
         meshes = use_stored_names(files, store.rows)
         jobs, finished = _jobs_to_run(meshes, store, overwrite=overwrite, force=force)
         if cluster.scheduler is None:
             jobs = use_all_processors(jobs, local_workers(cluster))
-        store.begin(job.mesh.name for job in jobs)
-        stale = sum(1 for job in jobs if store.is_stale(job.mesh.name))
+        stale = store.begin(job.mesh.name for job in jobs)
         counter = _ProgressCounter([job.mesh for job in jobs], finished, stale, progress)
         check_shared_folder = cluster.scheduler is not None
         for result in run(
@@ -202,13 +199,12 @@ def label_library(
                 check_shared_folder = False
             store.add(row)
             counter.finish(row)
-        store.verify([mesh.name for mesh in meshes])
     finally:  # also when interrupted
         store.close()
     if report:
-        write_report(folder, store.rows_of(sorted(store.rows)).values(), settings)
+        write_report(folder, [store.rows[name] for name in sorted(store.rows)], settings)
     names = sorted(mesh.name for mesh in meshes)
-    return LibraryLabels(folder.url, store.rows_of(names), finished, tuple(store.warnings))
+    return LibraryLabels(folder.url, {name: store.rows[name] for name in names}, finished)
 
 
 def _jobs_to_run(

@@ -1,14 +1,11 @@
-"""Rows of the summary: the results of one mesh each; their list, and many packed in memory."""
+"""Rows of the summary: the results of one mesh each, and their list."""
 
-import pickle
-import zlib
-from collections import UserDict
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
 from grasp3d.batch.identity import METHOD
+from grasp3d.system.names import as_unicode
 from grasp3d.system.tables import data_frame, table_of_records
 from grasp3d.system.versions import package_version
 
@@ -199,46 +196,14 @@ class Row:
         )
 
 
-TIMINGS = frozenset({"seconds", "seconds_reading", "seconds_labelling", "seconds_writing"})
-"""Columns that differ between runs."""
-
-
-_COMMON_BYTES = b"".join(
-    pickle.dumps(tuple(field.name for field in fields(kind))) for kind in (BestGrasp, Row)
-)
-"""Bytes that occur in every packed row: the dictionary of the compression."""
-
-
-class PackedRows(UserDict[str, Row]):
-    """Rows by the name of their mesh, each packed to a fraction of its size as an object."""
-
-    data: dict[str, bytes]  # type: ignore[assignment]
-
-    def __init__(self, rows: "Mapping[str, Row] | PackedRows | None" = None) -> None:
-        super().__init__()
-        self.add_all(rows or {})
-
-    def add_all(self, rows: "Mapping[str, Row] | PackedRows") -> None:
-        """Add or replace rows; packed ones are not packed again."""
-        if isinstance(rows, PackedRows):
-            self.data.update(rows.data)
-        else:
-            self.update(rows)
-
-    def subset(self, names: Iterable[str]) -> "PackedRows":
-        """The rows of some meshes."""
-        rows = PackedRows()
-        rows.data = {name: self.data[name] for name in names}
-        return rows
-
-    def __getitem__(self, name: str) -> Row:
-        decompressor = zlib.decompressobj(zdict=_COMMON_BYTES)
-        row: Row = pickle.loads(decompressor.decompress(self.data[name]))  # noqa: S301, our own
-        return row
-
-    def __setitem__(self, name: str, row: Row) -> None:
-        compressor = zlib.compressobj(1, zdict=_COMMON_BYTES)
-        self.data[name] = compressor.compress(pickle.dumps(row)) + compressor.flush()
+def in_unicode(row: Row) -> Row:
+    """A row as tables can hold it: bytes of file names that are not Unicode are escaped."""
+    text: dict[str, Any] = {
+        name: as_unicode(value)
+        for name, value in vars(row).items()
+        if type(value) is str and not value.isascii()
+    }
+    return replace(row, **text) if text else row
 
 
 class Summary(list[Row]):

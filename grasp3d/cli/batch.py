@@ -143,7 +143,6 @@ def print_library(library: LibraryLabels) -> None:
     report, rows = Report(), list(library.rows.values())
     if len(rows) <= MAX_ROWS:
         _print_table(report, rows)
-    report.warnings(library.warnings)
     warned = [f"{row.mesh}: {row.warnings}" for row in rows if row.warnings]
     for mark, lines in ((FAILED, [row.error for row in library.failed]), (WARNING, warned)):
         report.lines(lines[:MAX_MESSAGES], mark)

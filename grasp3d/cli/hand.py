@@ -127,7 +127,7 @@ def _rows(hand: ArticulatedHand) -> Iterator[tuple[str, str]]:
         yield "sensor", f"{name} resolves {math.degrees(alpha):.4g}°"
     for coupling in hand.couplings:
         pairs = zip(coupling.joints, coupling.ratios, strict=True)
-        yield f"{coupling.kind} coupling", ", ".join(f"{name} : {ratio:g}" for name, ratio in pairs)
+        yield "coupling", ", ".join(f"{name} : {ratio:g}" for name, ratio in pairs)
     if hand.tendons:
         yield "tendons", f"{', '.join(hand.tendons)}: it takes no load"
     yield "of", hand.tree.source

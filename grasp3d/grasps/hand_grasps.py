@@ -29,7 +29,7 @@ from grasp3d.quality.loads import load_settings
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import GraspModel
 from grasp3d.settings.units import GivenLength
-from grasp3d.stability.contact_sets import ContactSets, SetLabels, contact_margins, label_sets
+from grasp3d.stability.contact_sets import ContactSets, SetLabels, label_sets
 from grasp3d.stability.thresholds import max_resolution
 from grasp3d.surface.fields import HAND_GRASPS, Arrays, columns_of
 from grasp3d.surface.grasp_numbers import EPSILON_RTOL
@@ -94,7 +94,7 @@ class EvaluatedHandGrasps(GivenGrasps):
     @cached_property
     def _counted(self) -> Bools:
         """Contacts of poses at which two links touch, all in the region, shape (c,)."""
-        grasped = (self._touching.sum(axis=1) >= 2) & ~self.outside
+        grasped = (self.touching.sum(axis=1) >= 2) & ~self.outside
         return np.asarray(grasped[self.contacts.row])
 
     @cached_property
@@ -113,7 +113,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         )
 
     @cached_property
-    def _touching(self) -> Bools:
+    def touching(self) -> Bools:
         """Whether each link touches, shape (k, L)."""
         touching = np.zeros((self.size, len(self.hand.link_names)), dtype=np.bool_)
         touching[self.contacts.row, self.contacts.link] = True
@@ -199,18 +199,6 @@ class EvaluatedHandGrasps(GivenGrasps):
         """Angle by which the grasp is S [rad], shape (k,)."""
         return self._labels.margin
 
-    @cached_property
-    def link_margin(self) -> Floats:
-        """Smallest margin of a contact of each link [rad], shape (k, L); see `contact_margins`.
-
-        nan: it does not touch, or the pose is no grasp.
-        """
-        low, _ = (math.atan(friction) for friction in self.model.friction_interval)
-        margins = np.full(self._touching.shape, math.nan)
-        own = contact_margins(self.sets, self.tilts_of_links[self._link], low)
-        np.fmin.at(margins, (self.sets.row, self._link), own)
-        return locked(margins)
-
     def contacts_of(self, row: int) -> tuple[Floats, Floats]:
         """Points of a pose's contacts, and inward normals there, shape (n, 3) each."""
         mine = self.contacts.row == row
@@ -229,7 +217,7 @@ class EvaluatedHandGrasps(GivenGrasps):
     def epsilon(self) -> Floats:
         """Epsilon of all contacts at the perceived normals, certified from below, shape (k,)."""
         model, mesh = self.model, self.mesh
-        options = EpsilonOptions.of_model(model, torque_scale=mesh.torque_scale, rtol=EPSILON_RTOL)
+        options = EpsilonOptions(torque_scale=mesh.torque_scale, rtol=EPSILON_RTOL)
         assert isinstance(model.torsion_radius, float)
         return self.sets.epsilon(
             options, friction=model.nominal_friction, torsion_radius=model.torsion_radius
@@ -257,7 +245,7 @@ class EvaluatedHandGrasps(GivenGrasps):
     def links(self) -> npt.NDArray[np.str_]:
         """Names of the links that touch, separated by spaces, shape (k,)."""
         names = np.array(self.hand.link_names)
-        return np.array([" ".join(names[row]) for row in self._touching], dtype=np.str_)
+        return np.array([" ".join(names[row]) for row in self.touching], dtype=np.str_)
 
     @cached_property
     def gap(self) -> Floats:
@@ -265,7 +253,7 @@ class EvaluatedHandGrasps(GivenGrasps):
 
         0: all of them are inside; nan: none touches.
         """
-        gaps = np.where(self._touching, np.maximum(self.contacts.gaps, 0.0), -math.inf).max(axis=1)
+        gaps = np.where(self.touching, np.maximum(self.contacts.gaps, 0.0), -math.inf).max(axis=1)
         return locked(np.where(np.isinf(gaps), math.nan, gaps))
 
     @property
@@ -288,7 +276,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         """What is wrong with each grasp."""
         reasons = HandReasons(self.hand, self.contacts, self.contact_distance)
         reasons.add_impossible(self.given.posture, self.scene)
-        reasons.add_contacts(self._touching)
+        reasons.add_contacts(self.touching)
         reasons.add("touches outside --region", self.outside)
         if (of := self.hand_load_result) is not None:
             short = (self.label < self._labels.label) | (of.load_fraction > 1.0)

@@ -135,11 +135,8 @@ class LinkTree:
     """The joint that moves each link, by the name of the link; the root has none."""
     shapes: Callable[[str], tuple[LinkShape, ...]]
     """Collision geometry of a link, by its name."""
-    tendons: tuple[Mapping[str, float], ...] = ()
-    """Tendons with an actuator that pull several joints: their moment arms [m] by joints."""
     pulls: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Names of tendons that only pull, motors that turn a joint one way, and springs, with their
-    joints."""
+    """Names of tendons, motors that turn a joint one way, and springs, with their joints."""
     masses: Mapping[str, LinkMass] = field(default_factory=dict)
     """By links, where the file states them."""
     closures: tuple[str, ...] = ()

@@ -38,9 +38,9 @@ def read_mjcf(path: Path) -> LinkTree:
     """
     model = _loaded(path)
     names = [model.body(number).name or f"body {number}" for number in range(model.nbody)]
-    joints, one_way = dict[str, Joint](), _pulls(model)
+    joints, pulling = dict[str, Joint](), _pulls(model)
     for body in range(1, model.nbody):
-        joints.update(_joints(model, body, names, one_way))
+        joints.update(_joints(model, body, names, pulling))
     numbers = {name: number for number, name in enumerate(names)}
 
     def shapes(name: str) -> tuple[LinkShape, ...]:
@@ -51,16 +51,14 @@ def read_mjcf(path: Path) -> LinkTree:
         return tuple(shape for shape in found if shape is not None)
 
     links = (names[0], *joints)
-    others = (arms for number, arms in _arms(model) if number not in one_way)
-    tendons = tuple(arms for arms in others if len(arms) > 1)
-    pulls = {_actuator(model, number): joints for number, joints in one_way.items()}
+    pulls = {_actuator(model, number): joints for number, joints in pulling.items()}
     pulls |= _springs(model)
     masses = {
         name: LinkMass(float(model.body_mass[number]), tuple(model.body_ipos[number].tolist()))
         for name, number in numbers.items()
         if model.body_mass[number] > 0.0
     }
-    return LinkTree(str(path), links, joints, shapes, tendons, pulls, masses, _closures(model))
+    return LinkTree(str(path), links, joints, shapes, pulls, masses, _closures(model))
 
 
 def _loaded(path: Path) -> "MjModel":
@@ -81,7 +79,7 @@ def _loaded(path: Path) -> "MjModel":
 
 
 def _joints(
-    model: "MjModel", body: int, names: list[str], one_way: Collection[int]
+    model: "MjModel", body: int, names: list[str], pulling: Collection[int]
 ) -> Iterator[tuple[str, Joint]]:
     """The joints that move a body, each with the link that it moves.
 
@@ -96,14 +94,14 @@ def _joints(
             Joint(names[body], "fixed", parent, pose, np.array([1.0, 0.0, 0.0]), None),
         )
     for number in range(first, first + count):
-        joint = _joint(model, number, parent, pose, one_way)
+        joint = _joint(model, number, parent, pose, pulling)
         link = names[body] if number == first + count - 1 else f"{names[body]} ({joint.name})"
         yield link, joint
         parent, pose = link, np.eye(4)
 
 
 def _joint(
-    model: "MjModel", number: int, parent: str, pose: Floats, one_way: Collection[int]
+    model: "MjModel", number: int, parent: str, pose: Floats, pulling: Collection[int]
 ) -> Joint:
     """A joint whose link has a pose in the frame of its parent at the joint's reference value."""
     from mujoco import mjtJoint
@@ -129,7 +127,7 @@ def _joint(
         (low, high) if model.jnt_limited[number] else (-math.inf, math.inf),
         _followed(model, number),
         position,
-        _effort(model, number, one_way),
+        _effort(model, number, pulling),
     )
 
 
@@ -168,12 +166,12 @@ def _closures(model: "MjModel") -> tuple[str, ...]:
     return tuple(model.equality(number).name or f"equality {number}" for number in others)
 
 
-def _effort(model: "MjModel", joint: int, one_way: Collection[int]) -> float | None:
+def _effort(model: "MjModel", joint: int, pulling: Collection[int]) -> float | None:
     """Greatest torque or force of the motors at a joint; None: none is stated."""
     from mujoco import mjtTrn
 
-    acting = [number for number, arms in _arms(model) if _name(model, joint) in arms]
-    motors = [number for number in acting if number not in one_way]
+    acting = [n for n in range(model.nu) if _name(model, joint) in _driven(model, n)]
+    motors = [number for number in acting if number not in pulling]
     if model.jnt_actfrclimited[joint] and (motors or not acting):  # or they are in another file
         return float(np.abs(model.jnt_actfrcrange[joint]).max())
     for number in motors:
@@ -190,37 +188,32 @@ def _springs(model: "MjModel") -> dict[str, tuple[str, ...]]:
     return {f"the spring of {name}": (name,) for name in names}
 
 
-def _arms(model: "MjModel") -> Iterator[tuple[int, dict[str, float]]]:
-    """Actuators of joints, and of tendons over joints, with the moment arms of these."""
+def _driven(model: "MjModel", number: int) -> tuple[str, ...]:
+    """Joints that an actuator drives, by a tendon or not."""
     from mujoco import mjtTrn, mjtWrap
 
-    for number in range(model.nu):
-        kind, target = model.actuator_trntype[number], int(model.actuator_trnid[number, 0])
-        if kind == mjtTrn.mjTRN_JOINT:
-            yield number, {_name(model, target): 1.0}
-        if kind != mjtTrn.mjTRN_TENDON:
-            continue
-        first, count = int(model.tendon_adr[target]), int(model.tendon_num[target])
-        wraps = range(first, first + count)
-        if all(model.wrap_type[wrap] == mjtWrap.mjWRAP_JOINT for wrap in wraps):
-            yield (
-                number,
-                {_name(model, model.wrap_objid[w]): float(model.wrap_prm[w]) for w in wraps},
-            )
+    kind, target = model.actuator_trntype[number], int(model.actuator_trnid[number, 0])
+    if kind == mjtTrn.mjTRN_JOINT:
+        return (_name(model, target),)
+    if kind != mjtTrn.mjTRN_TENDON:
+        return ()
+    first, count = int(model.tendon_adr[target]), int(model.tendon_num[target])
+    wraps = range(first, first + count)
+    over = [wrap for wrap in wraps if model.wrap_type[wrap] == mjtWrap.mjWRAP_JOINT]
+    return tuple(_name(model, model.wrap_objid[wrap]) for wrap in over)
 
 
 def _pulls(model: "MjModel") -> dict[int, tuple[str, ...]]:
-    """Actuators whose force has one sign, and those of tendons along sites, with their joints."""
+    """Actuators of tendons, and of joints with a force of one sign, with the joints."""
     from mujoco import mjtTrn
 
-    arms = dict(_arms(model))
     found = {}
     for number in range(model.nu):
         low, high = _forces(model, number)
         one_way = math.isfinite(low) and math.isfinite(high) and low < high and low * high >= 0.0
-        along = number not in arms and model.actuator_trntype[number] == mjtTrn.mjTRN_TENDON
-        if along or (one_way and number in arms):
-            found[number] = tuple(arms.get(number, ()))
+        joints, kind = _driven(model, number), model.actuator_trntype[number]
+        if kind == mjtTrn.mjTRN_TENDON or (one_way and joints):
+            found[number] = joints
     return found
 
 

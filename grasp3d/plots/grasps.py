@@ -5,16 +5,12 @@ from collections.abc import Sequence
 from textwrap import wrap
 
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses, GivenGrasps
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.plots.figures import PAGE, as_text, label_patches, new_figure, show_picture, styled
-from grasp3d.rendering.margin_colors import BOTH_SIDES, most_margin
-from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import model_line
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.grasp_table import GraspTable
@@ -47,7 +43,7 @@ def grasp_figure(
         pictures: Pictures of the first grasps, at least one.
         numbers: What they are called; empty: 1, 2 and so on.
     """
-    model, of_hand = grasps.model, isinstance(grasps, EvaluatedHandGrasps)
+    model = grasps.model
     fingers = f"{model.fingers} fingers" if grasps.scene is None else grasps.scene.hand.name
     settings = f"{printable(fingers)}, {model_line(model, metres=grasps.mesh.unit is not None)}"
     texts = [_lines(grasps, row) for row in range(len(pictures))]
@@ -57,25 +53,10 @@ def grasp_figure(
         name, label = numbers[row] if numbers else row + 1, Label(int(grasps.letter[row]))
         title = rf"$\bf{{{name}}}$  {label.name}   {grasps.score[row]:.2f}"
         show_picture(axes, picture, title, "\n".join(texts[row]))
-    if of_hand:
-        _add_margins(figure, grid, model)
-    else:
-        figure.legend(
-            handles=label_patches(MEANING["scan"]), loc="outside lower center", ncols=len(Label)
-        )
+    figure.legend(
+        handles=label_patches(MEANING["scan"]), loc="outside lower center", ncols=len(Label)
+    )
     return figure
-
-
-def _add_margins(figure: Figure, grid: list[Axes], model: GraspModel) -> None:
-    """Add the colours of the links of a hand."""
-    most = math.degrees(most_margin(model))
-    colors = ListedColormap(BOTH_SIDES / 255.0)
-    bar = figure.colorbar(
-        ScalarMappable(Normalize(-most, most), colors), ax=grid, location="bottom",
-        shrink=0.6, aspect=40, pad=0.02, extend="both",
-    )  # fmt: skip
-    bar.set_label("how much narrower the cone of a link may be for S [°]; grey: no touch")
-    bar.ax.grid(visible=False)
 
 
 def _lines(grasps: GraspTable | GivenGrasps, row: int) -> list[str]:

@@ -12,8 +12,7 @@ from grasp3d.contact.contacts import LARGEST, Contacts, finite_numbers, per_cont
 from grasp3d.errors import ContactError
 from grasp3d.quality.closure import ForceClosure, closure_fields, forces_of_components
 from grasp3d.quality.wrench_problem import WrenchProblem
-from grasp3d.quality.wrenches import Bounded, EpsilonOptions, Goal
-from grasp3d.settings.grasp_model import Actuation
+from grasp3d.quality.wrenches import Actuation, Bounded, EpsilonOptions, Goal
 
 PLANAR = [0, 1, 5]
 """Indices of the force along x and y and of the torque of a planar wrench among six components."""

@@ -16,8 +16,10 @@ from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import NEAR_X_AXIS, edge_angles
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.settings import GraspModel, check_choice
-from grasp3d.settings.grasp_model import Actuation
+from grasp3d.settings import check_choice
+
+Actuation = Literal["total", "per_finger"]
+"""Which forces are limited together: those of all fingers, or those of each."""
 
 Bounded = Literal["force", "normal"]
 """Which size of a contact force is limited: its length, or its normal component."""
@@ -234,11 +236,6 @@ class EpsilonOptions:
         check_rtol(self.rtol)
         if self.edges is not None:
             edge_angles(self.edges)  # raises SettingError
-
-    @classmethod
-    def of_model(cls, model: GraspModel, *, torque_scale: float, rtol: float) -> "EpsilonOptions":
-        """The options of a model for an object of known torque scale."""
-        return cls(model.edges, model.actuation, torque_scale, rtol)
 
     @property
     def polygonal(self) -> bool:

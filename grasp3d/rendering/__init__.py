@@ -1,1 +1,1 @@
-"""Cameras, lights and colours of rendered pictures, and whether OpenGL is there to render them."""
+"""Cameras and lights of rendered pictures, and whether OpenGL is there to render them."""

@@ -11,7 +11,6 @@ from grasp3d.settings.checks import check_choice as check_choice
 from grasp3d.settings.checks import whole_number as whole_number
 from grasp3d.settings.grasp_model import MAX_FINGERS as MAX_FINGERS
 from grasp3d.settings.grasp_model import MAX_SEARCHED_FINGERS as MAX_SEARCHED_FINGERS
-from grasp3d.settings.grasp_model import MIN_EXTREMES as MIN_EXTREMES
 from grasp3d.settings.grasp_model import GivenModel as GivenModel
 from grasp3d.settings.grasp_model import GraspModel as GraspModel
 from grasp3d.settings.grasp_model import with_fingers as with_fingers

@@ -25,7 +25,7 @@ class Cost:
     """Time without compilation [s]."""
     more: bool
     """Whether it takes several times as long as `seconds`: hulls of extreme normals, or epsilon of
-    soft fingers or with each finger's force limited."""
+    soft fingers."""
 
 
 def labelling_cost(
@@ -48,7 +48,7 @@ def labelling_cost(
     return Cost(
         memory=BASE + vertices * (two_fingers + per_finger * (fingers - 2)),
         seconds=vertices * SECONDS[fingers] * effort / threads,
-        more=model.method == "extremes" or model.soft or model.actuation == "per_finger",
+        more=model.method == "extremes" or model.soft,
     )
 
 

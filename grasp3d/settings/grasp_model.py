@@ -3,22 +3,18 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from grasp3d.errors import SettingError
 from grasp3d.settings.checks import check_choice, check_length, check_range
 from grasp3d.settings.friction import Friction, friction_interval
-from grasp3d.settings.parsing import IN_PYTHON
 from grasp3d.settings.units import DEGREE, Length, LengthSettings, Radians
 
-Actuation = Literal["total", "per_finger"]
 Method = Literal["exact", "extremes"]
-Tilts = Literal["exact", "effective_friction", "sampled_tilts", "bound"]
+Tilts = Literal["exact", "sampled_tilts", "bound"]
 MAX_FINGERS = 32
 MAX_SEARCHED_FINGERS = 5
 """Most fingers of a grasp that is searched for; given grasps have at most `MAX_FINGERS`."""
-MIN_EDGES, MAX_EDGES = 3, 360
-MIN_EXTREMES, MAX_EXTREMES = 3, 360
 
 
 @dataclass(frozen=True)
@@ -38,13 +34,6 @@ class GraspModel(LengthSettings):
         method: How grasps are labelled. exact: by the critical friction angle, which covers every
             normal within the resolution; extremes: by the wrench hulls at every combination of
             extreme normals, as in the paper, which is sampled and slower.
-        extreme_normals: Method extremes: normals tested on the rim of each contact's cone of
-            uncertainty, 3 to 360, besides the perceived one; more rings where the resolution
-            exceeds four friction angles.
-        edges: Edges of polygonal friction cones for epsilon, 3 to 360; none: circular cones. Labels
-            and critical angles always come from circular ones.
-        actuation: Which force epsilon limits to 1. total: the sum of all fingers' forces;
-            per_finger: each finger's force.
         torsion_radius: Soft fingers: largest torsional moment about the normal per normal force, a
             length; 2/3 x friction x r for an evenly pressed disc of radius r. 0: hard fingers. It
             affects epsilon, and under a load grip force, payload and the label with force, but no
@@ -64,9 +53,6 @@ class GraspModel(LengthSettings):
     sensor_resolution: Radians = 22.6 * DEGREE
     fingers: int = 2
     method: Method = "exact"
-    extreme_normals: Annotated[int, IN_PYTHON] = 8
-    edges: Annotated[int | None, IN_PYTHON] = None
-    actuation: Annotated[Actuation, IN_PYTHON] = "total"
     torsion_radius: Length[float] = Length(0.0)
     location_error: Length[float] = Length(0.0)
 
@@ -81,10 +67,6 @@ class GraspModel(LengthSettings):
             raise SettingError(
                 "method extremes tests normals only; location_error needs the method exact"
             )
-        check_range("extreme normals", self.extreme_normals, MIN_EXTREMES, MAX_EXTREMES)
-        if self.edges is not None:
-            check_range("edges", self.edges, MIN_EDGES, MAX_EDGES)
-        check_choice("actuation", self.actuation, Actuation)
         check_length("torsion radius", self.torsion_radius)
 
     @property
@@ -145,9 +127,7 @@ class GraspModel(LengthSettings):
         """
         if self.method == "extremes":
             return "sampled_tilts"
-        if self.soft:
-            return "bound"
-        return "exact" if self.edges is None else "effective_friction"
+        return "bound" if self.soft else "exact"
 
     @property
     def epsilon_rank(self) -> int:

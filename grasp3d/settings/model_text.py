@@ -14,7 +14,6 @@ EPSILON_MIN = "ε_min"
 
 MINIMUM: dict[Tilts, str] = {
     "exact": "smallest over all tilts",
-    "effective_friction": "at the effective friction",
     "sampled_tilts": "smallest over sampled tilts",
     "bound": "lower bound over all tilts",
 }

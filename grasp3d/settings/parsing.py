@@ -141,7 +141,7 @@ def settings_of_texts(kind: type[SettingsT], texts: Mapping[str, str]) -> Settin
     Example:
         >>> import grasp3d
         >>> from grasp3d.settings.parsing import settings_of_texts
-        >>> found = settings_of_texts(grasp3d.GraspModel, {"fingers": "3", "edges": "None"})
+        >>> found = settings_of_texts(grasp3d.GraspModel, {"fingers": "3", "edges": "8"})
         >>> found == grasp3d.GraspModel(fingers=3)
         True
     """

@@ -15,9 +15,9 @@ from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.ferrari_canny import epsilon_with
 from grasp3d.quality.tilting import epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions
-from grasp3d.settings import MIN_EXTREMES, check_choice, whole_number
+from grasp3d.settings import check_choice, whole_number
 from grasp3d.settings.grasp_model import Method
-from grasp3d.stability.extremes import Extremes, extremes
+from grasp3d.stability.extremes import EXTREME_NORMALS, MIN_EXTREMES, Extremes, extremes
 from grasp3d.stability.label import Label
 from grasp3d.stability.normal_sets import Creases, NormalSets, WorstAndBest, face_normals
 from grasp3d.stability.thresholds import Thresholds, label_angles, unstable_from
@@ -38,7 +38,7 @@ class Uncertain(NamedTuple):
     """Largest distance between true and perceived contact points, shape (b, n)."""
     creases: Creases = {}  # noqa: RUF012, never written
     method: Method = "exact"
-    extreme_normals: int = 8
+    extreme_normals: int = EXTREME_NORMALS
     options: EpsilonOptions = EpsilonOptions()
 
     @property
@@ -168,7 +168,7 @@ def classify(
     friction_interval: tuple[ArrayLike, ArrayLike] | None = None,
     location_error: ArrayLike = 0.0,
     creases: Mapping[int, ArrayLike] | None = None,
-    extreme_normals: int = 8,
+    extreme_normals: int = EXTREME_NORMALS,
     options: EpsilonOptions | None = None,
 ) -> Stability:
     """Classify grasps as surely stable (S), ambiguous (M) or surely unstable (U).

@@ -6,12 +6,12 @@ A hand touches with as many links as it happens to, and these may have different
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d.arrays import RIGHT_ANGLE, Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts
 from grasp3d.quality.closure import force_closure
 from grasp3d.quality.ferrari_canny import epsilon_with
@@ -21,12 +21,6 @@ from grasp3d.stability.classification import Uncertain
 from grasp3d.stability.label import Label
 from grasp3d.stability.normal_sets import NormalSets, WorstAndBest
 from grasp3d.stability.uncertain_angles import uncertain_angles
-
-WIDEST = RIGHT_ANGLE - 1e-6
-"""Widest cone that `contact_margins` tries [rad]."""
-
-MARGIN_STEPS = 11
-"""Halvings of the angle that `contact_margins` searches: to 0.05 degrees."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -179,51 +173,3 @@ def label_sets(sets: ContactSets, tilt: Floats, friction_angles: tuple[float, fl
         )
         label[grasps], margin[grasps] = found.labels(), found.margin()
     return SetLabels(locked(label), locked(margin))
-
-
-def contact_margins(sets: ContactSets, tilt: Floats, friction_angle: float) -> Floats:
-    """Angle by which the cone of each contact alone could be narrower, and its grasp still S.
-
-    Args:
-        sets: The contacts.
-        tilt: As in `label_sets`.
-        friction_angle: At the smallest friction [rad].
-
-    Returns:
-        Margins [rad], shape (c,), within `MARGIN_STEPS` halvings of a right angle: below 0 where it
-        must be wider for S, the others as they are, -inf where that does not suffice; at most its
-        whole cone.
-
-    Example:
-        Of four fingers around a disc any one may push along its normal alone:
-
-        >>> import numpy as np
-        >>> from grasp3d.stability.contact_sets import ContactSets, contact_margins
-        >>> angle = np.radians([0.0, 90.0, 180.0, 270.0])
-        >>> points = np.stack([np.cos(angle), np.sin(angle), np.zeros(4)], axis=1)
-        >>> sets = ContactSets(size=1, row=np.zeros(4, int), points=points, normals=-points)
-        >>> contact_margins(sets, np.array([0.1, 0.2, 0.3, 0.4]), 0.5).round(2).tolist()
-        [0.4, 0.3, 0.2, 0.1]
-    """
-    margins, tilt = np.full(len(tilt), -math.inf), sets.tilts(tilt)
-    cones = np.clip(friction_angle - tilt, 0.0, None)
-    for grasps, group in sets.groups():
-        index, count = group[np.isfinite(sets.critical_angles[0][grasps])], group.shape[1]
-        variants = np.repeat(index, count, axis=0)
-        own = np.tile(np.eye(count, dtype=bool), (len(index), 1))
-        closed = partial(_closed, sets.contacts(variants, friction=0.0), cones[variants], own)
-        low, high = np.zeros(len(variants)), np.full(len(variants), WIDEST)
-        never, always = ~closed(high), closed(low)
-        for _ in range(MARGIN_STEPS):
-            middle = 0.5 * (low + high)
-            suffices = closed(middle)
-            low, high = np.where(suffices, low, middle), np.where(suffices, middle, high)
-        needed = np.where(always, 0.0, np.where(never, math.inf, high))
-        margins[index.ravel()] = (friction_angle - tilt)[index.ravel()] - needed
-    return locked(margins)
-
-
-def _closed(contacts: Contacts, cones: Floats, own: Bools, angles: Floats) -> Bools:
-    """Whether grasps (b, n) are force-closed with cones of angles (b,) where `own`, shape (b,)."""
-    offsets = np.where(own, angles[:, None], cones)
-    return np.asarray(force_closure(contacts, cone_offset=offsets).closed)

@@ -28,6 +28,12 @@ FIRST_BLOCK = 8
 """Combinations that are tested first of every grasp; later blocks are larger, and leave out grasps
 that are decided."""
 
+MIN_EXTREMES = 3
+"""Fewest normals on a rim."""
+
+EXTREME_NORMALS = 8
+"""Normals on a rim, unless another number is given."""
+
 MAX_COMBINATIONS = 2_000_000
 """Most combinations, and so hulls, of one grasp that are enumerated."""
 
@@ -49,7 +55,7 @@ def extremes(
     contacts: Contacts,
     tilt: Floats,
     *,
-    count: int,
+    count: int = EXTREME_NORMALS,
     creases: Creases | None = None,
     options: EpsilonOptions | None = None,
 ) -> Extremes:

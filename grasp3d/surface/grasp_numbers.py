@@ -18,7 +18,13 @@ from grasp3d.quality.tilting import EpsilonRange, uncertain_epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import GraspModel
 from grasp3d.stability.classification import classify
-from grasp3d.stability.extremes import Extremes, check_combinations, extremes, rings_needed
+from grasp3d.stability.extremes import (
+    EXTREME_NORMALS,
+    Extremes,
+    check_combinations,
+    extremes,
+    rings_needed,
+)
 from grasp3d.stability.label import Label
 from grasp3d.stability.normal_sets import Creases
 from grasp3d.surface.contacts import GraspContacts, JawContacts
@@ -28,9 +34,6 @@ from grasp3d.system.context import report_progress
 
 BEFORE_ENUMERATION = 0.3
 """Fraction of the work with method extremes that the search for grasps is expected to take."""
-
-LABEL_RTOL = 1e-2
-"""Accuracy of epsilon where labels of closed jaws are computed."""
 
 CHUNK = 4096
 """Grasps enumerated at once."""
@@ -46,7 +49,7 @@ def check_combinations_of(model: GraspModel) -> None:
         SettingError: A grasp of smooth contacts has too many combinations.
     """
     rings = rings_needed(model.tilt, model.friction_angle)
-    check_combinations([1 + rings * model.extreme_normals] * model.fingers)
+    check_combinations([1 + rings * EXTREME_NORMALS] * model.fingers)
 
 
 def hull_labels(grasps: GraspContacts, model: GraspModel) -> Bytes:
@@ -54,7 +57,7 @@ def hull_labels(grasps: GraspContacts, model: GraspModel) -> Bytes:
 
     Args:
         grasps: The grasps.
-        model: Friction, sensor resolution and number of extreme normals.
+        model: Friction and sensor resolution.
 
     Returns:
         Label codes, shape (b,).
@@ -84,8 +87,6 @@ def _labels_of_jaws(grasps: JawContacts, model: GraspModel) -> Bytes:
         2.0 * model.tilt,
         method=model.method,
         friction_interval=(low, high) if low < high else None,
-        extreme_normals=model.extreme_normals,
-        options=EpsilonOptions.of_model(model, torque_scale=1.0, rtol=LABEL_RTOL),
     )
     return np.asarray(result.label)
 
@@ -99,8 +100,8 @@ def hull_epsilons(
 
     Args:
         grasps: The grasps.
-        model: Friction, sensor resolution, torsion and number of extreme normals.
-        options: Cones, actuation, torque scale and accuracy.
+        model: Friction, sensor resolution and torsion.
+        options: Torque scale and accuracy.
 
     Raises:
         SettingError: A grasp has too many combinations.
@@ -117,17 +118,12 @@ def _enumerated(
     grasps: GraspContacts, model: GraspModel, options: EpsilonOptions | None
 ) -> Iterator[tuple[Ints, Extremes, Extremes]]:
     """Rows of grasps, and their extremes at the smallest and at the largest friction."""
-    count = model.extreme_normals
     for rows, contacts, creases in _groups(grasps, model):
         tilt = np.full((len(rows), grasps.count), model.tilt)
         low, high = model.friction_interval
-        worst = best = extremes(
-            contacts.with_friction(low), tilt, count=count, creases=creases, options=options
-        )
+        worst = best = extremes(contacts.with_friction(low), tilt, creases=creases, options=options)
         if low != high:
-            best = extremes(
-                contacts.with_friction(high), tilt, count=count, creases=creases, options=options
-            )
+            best = extremes(contacts.with_friction(high), tilt, creases=creases, options=options)
         yield rows, worst, best
 
 
@@ -172,7 +168,7 @@ def surface_epsilons(grasps: GraspContacts, model: GraspModel) -> EpsilonRange:
 
     Args:
         grasps: The grasps.
-        model: Friction, resolution, edges, actuation and torsion. With method extremes the minimum
+        model: Friction, resolution and torsion. With method extremes the minimum
             and the maximum are those over the combinations of extreme normals, at the smallest and
             at the largest friction.
 
@@ -188,9 +184,7 @@ def surface_epsilons(grasps: GraspContacts, model: GraspModel) -> EpsilonRange:
         return EpsilonRange(*map(locked, values))
     chosen_grasps = grasps.take(rows)
     contacts = chosen_grasps.contacts(model)
-    options = EpsilonOptions.of_model(
-        model, torque_scale=grasps.mesh.torque_scale, rtol=EPSILON_RTOL
-    )
+    options = EpsilonOptions(torque_scale=grasps.mesh.torque_scale, rtol=EPSILON_RTOL)
     if model.method == "extremes" and not isinstance(grasps, JawContacts):
         values[0, rows] = epsilon_with(contacts, options).lower
         values[1:, rows] = hull_epsilons(chosen_grasps, model, options)
@@ -202,10 +196,6 @@ def surface_epsilons(grasps: GraspContacts, model: GraspModel) -> EpsilonRange:
     return EpsilonRange(*map(locked, values))
 
 
-EDGES = 8
-"""Edges of polygonal friction cones where the model has circular ones."""
-
-
 def surface_metrics(
     grasps: GraspContacts, model: GraspModel, names: str | Sequence[str] = ALL
 ) -> dict[str, Floats]:
@@ -213,7 +203,7 @@ def surface_metrics(
 
     Args:
         grasps: The grasps, at their nominal normals.
-        model: Friction, torsion and edges; for circular cones `EDGES`.
+        model: Friction and torsion.
         names: As in `quality.metrics`.
 
     Returns:
@@ -223,12 +213,8 @@ def surface_metrics(
         SettingError: An unknown name.
     """
     rows = grasps.with_normals
-    known = metrics(
-        grasps.take(rows).contacts(model),
-        names,
-        torque_scale=grasps.mesh.torque_scale,
-        edges=model.edges or EDGES,
-    )
+    contacts = grasps.take(rows).contacts(model)
+    known = metrics(contacts, names, torque_scale=grasps.mesh.torque_scale)
     values = {name: np.full(grasps.size, math.nan) for name in known}
     for name, column in values.items():
         column[rows] = known[name]

@@ -164,9 +164,8 @@ class LabelledGrasps:
     def epsilon_min(self) -> Floats:
         """Smallest epsilon over the tilts within the sensor's resolution.
 
-        `model.tilts` says how it is computed: 'exact', by the 'effective_friction' of polygonal
-        cones, over 'sampled_tilts' with method extremes, or as a 'bound' for soft fingers and where
-        contact locations are uncertain; see `quality.epsilon_range`.
+        `model.tilts` says how it is computed: 'exact', over 'sampled_tilts' with method extremes,
+        or as a 'bound' for soft fingers; see `quality.epsilon_range`.
         """
         return self.epsilon_range.minimum
 

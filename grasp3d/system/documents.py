@@ -9,12 +9,8 @@ import math
 import os
 import re
 import stat
-from dataclasses import is_dataclass
-from enum import StrEnum
-from functools import cache
 from pathlib import Path
-from types import NoneType
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin
 
 LONGEST_NUMBER = 300
 """Most digits of a whole number; the largest floating-point number has 309."""
@@ -112,34 +108,19 @@ def numbers_of(text: str, count: int) -> list[float]:
 
 
 def typed(value: Any, hint: Any) -> Any:
-    """A value of JSON in the type of a hint: lists as tuples, objects as dataclasses.
-
-    Raises:
-        TypeError: It is of another type. ValueError: It is none of the texts of an enumeration.
-    """
-    kinds = [each for each in get_args(hint) if each is not NoneType]
+    """A value of JSON in the type of a hint, lists as tuples. Raises TypeError if it is no such."""
+    kinds = get_args(hint)
     if get_origin(hint) is tuple:
         if type(value) is not list or (... not in kinds and len(value) != len(kinds)):
             raise TypeError(f"{value!r:.50} is no list of so many values")
         return tuple(typed(item, kinds[0]) for item in value)
     if kinds:  # a value that may be none
         return None if value is None else typed(value, kinds[0])
-    if is_dataclass(hint):
-        hints = _hints(hint)  # type: ignore[arg-type]
-        known = {name: typed(item, hints[name]) for name, item in value.items() if name in hints}
-        return hint(**known)  # type: ignore[operator]
-    if issubclass(hint, StrEnum):
-        return hint(value)
     if hint is float and type(value) is int:
         return float(value)
     if type(value) is not hint:
         raise TypeError(f"{value!r:.50} is not of type {hint.__name__}")
     return value
-
-
-@cache
-def _hints(kind: Any) -> dict[str, Any]:
-    return get_type_hints(kind)
 
 
 def described(value: object) -> str:

@@ -42,9 +42,9 @@ def test_results_are_not_inputs(tmp_path: Path) -> None:
         "labels/b.ply"
     ]
     assert len(names_of(tmp_path / "lib", results=tmp_path / "lib")) == 4
-    (tmp_path / "lib" / "out" / "grasp3d.json").write_text("{}", encoding="ascii")
+    touch(tmp_path, "lib/out/summary/part-00000.parquet")
     assert names_of(tmp_path / "lib") == ["a.stl", "labels/b.ply", "out/more.ply"]
-    (tmp_path / "lib" / "grasp3d.json").write_text("{}", encoding="ascii")
+    touch(tmp_path, "lib/summary/part-00012.parquet")
     assert names_of(tmp_path / "lib") == ["a.stl", "out/more.ply"]
 
 

@@ -16,7 +16,7 @@ from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.labelling import Unchanged, label_job
 from grasp3d.batch.limits import NeedsMemory
 from grasp3d.batch.plan import Job
-from grasp3d.batch.row import TIMINGS, Outcome, Row
+from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.storage.folder import Folder
 from grasp3d.errors import SettingError
 from grasp3d.grasps import verdict_of
@@ -25,9 +25,10 @@ from grasp3d.settings.pose_error import PoseError
 from grasp3d.surface.labels import SurfaceLabels
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND
+from tests.helpers.jobs import TIMINGS
 
 SETTINGS = BatchSettings(
-    GraspModel(friction=0.4, edges=8),
+    GraspModel(friction=0.4),
     Sampling(rays=16),
     MeshOptions(unit="cm", max_edge="0.2cm"),
     best=2,

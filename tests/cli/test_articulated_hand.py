@@ -39,7 +39,7 @@ def test_known_hands_are_listed_and_named(tmp_path: Path) -> None:
     text = printed("hand", cwd=tmp_path, columns=80)
     assert "hands with joints: allegro, leap, shadow, barrett" in text
     text = printed("hand", hand_file("barrett"), cwd=tmp_path, columns=200)
-    assert "rigid coupling  finger_1_med_joint : 3, finger_1_dist_joint : 1" in text
+    assert "coupling    finger_1_med_joint : 3, finger_1_dist_joint : 1" in text
 
 
 ROD = '<joint name="rod" type="fixed"><parent link="{}"/><child link="{}"/></joint>'

@@ -14,9 +14,9 @@ import pandas as pd
 import pytest
 import trimesh
 
-from grasp3d.batch.row import TIMINGS
 from tests.helpers import shapes
 from tests.helpers.commands import COMMAND, run_here, run_process
+from tests.helpers.jobs import TIMINGS
 
 OPTIONS = ("--max-edge", "0.3")
 
@@ -119,7 +119,7 @@ def test_failures_do_not_end_the_batch(tmp_path: Path) -> None:
     assert quiet.stderr.startswith("failed: in/bad.obj: ")
     assert quiet.stderr.count("\n") == 1
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
-        ".lock", "fields", "grasp3d.json", "journal", "labels", "report", "summary"
+        ".lock", "fields", "labels", "report", "summary"
     ]  # fmt: skip
 
 

@@ -41,7 +41,7 @@ def test_angles_are_degrees_on_the_command_line(tmp_path: Path) -> None:
 
 
 OPTIONS: dict[str, tuple[list[str], dict[str, str]]] = {
-    "usual": ([], {"epsilon_min": "exact", "edges": "None"}),
+    "usual": ([], {"epsilon_min": "exact", "epsilon_rank": "5"}),
     "soft": (
         ["--torsion-radius", "0.05"],
         {"torsion_radius": "0.05", "epsilon_min": "bound", "epsilon_rank": "6"},

@@ -82,7 +82,7 @@ def welded() -> SurfaceLabels:
 CASES: dict[str, Callable[[], SurfaceLabels]] = {
     "cone": cone,
     "location error": lambda: located().relabel(friction=(0.6, 0.7)),
-    "extremes": lambda: label_surface(box(), GraspModel(method="extremes", extreme_normals=4)),
+    "extremes": lambda: label_surface(box(), GraspModel(method="extremes")),
     "three fingers": three_fingers,
     "gripper": gripper,
     "loaded": loaded,

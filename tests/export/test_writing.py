@@ -90,7 +90,7 @@ def test_ply_comments_contain_the_settings(tmp_path: Path) -> None:
     assert f"comment grasp3d rays_traced {labels().search.rays}\n" in header
     assert "comment grasp3d crease_angle 0.52" in header
     for line in (
-        "edges None", "actuation total", "torsion_radius 0.0", "epsilon_rank 5",
+        "torsion_radius 0.0", "epsilon_rank 5",
         "epsilon_rtol 0.01", "epsilon_min exact", "epsilon_max upper_bound",
         f"torque_scale {labels().mesh.torque_scale}",
     ):  # fmt: skip
@@ -103,13 +103,12 @@ def test_ply_comments_contain_the_settings(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_files_state_how_the_minimum_over_the_tilts_is_computed(tmp_path: Path) -> None:
-    soft = GraspModel(edges=6, torsion_radius=0.1, actuation="per_finger")
+    soft = GraspModel(torsion_radius=0.1)
     mesh = load_mesh(shapes.sphere(2), max_edge=9.0)
     write_ply(tmp_path / "out.ply", label_surface(mesh, soft))
     header = (tmp_path / "out.ply").read_bytes().split(b"end_header")[0].decode()
-    for line in ("edges 6", "torsion_radius 0.1", "actuation per_finger", "epsilon_rank 6"):
+    for line in ("torsion_radius 0.1", "epsilon_rank 6", "epsilon_min bound"):
         assert f"comment grasp3d {line}\n" in header
-    assert "comment grasp3d epsilon_min bound\n" in header
 
 
 def test_trimesh_reads_the_ply(tmp_path: Path) -> None:
@@ -201,7 +200,7 @@ def test_vtk_reads_surface_and_colours_of_the_ply_and_everything_of_the_vtp(tmp_
 def test_names_with_odd_characters_break_no_header(tmp_path: Path, name: str) -> None:
     plyfile = shapes.reader("plyfile")
     trimesh.creation.icosphere(2).export(tmp_path / name)
-    found = label_surface(load_mesh(tmp_path / name, max_edge=9.0), GraspModel(edges=8))
+    found = label_surface(load_mesh(tmp_path / name, max_edge=9.0))
     for suffix, write in WRITERS.items():
         write(tmp_path / f"out{suffix}", found)
     data = plyfile.PlyData.read(tmp_path / "out.ply")
@@ -225,7 +224,7 @@ def test_npz_contains_every_array(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_coordinates_far_from_the_origin_keep_their_digits(tmp_path: Path) -> None:
     vertices, faces = shapes.sphere(2)
-    far = label_surface(load_mesh((vertices + 1e6, faces), max_edge=9.0), GraspModel(edges=8))
+    far = label_surface(load_mesh((vertices + 1e6, faces), max_edge=9.0))
     write_ply(tmp_path / "far.ply", far)
     mesh = trimesh.load_mesh(tmp_path / "far.ply", process=False)
     assert np.array_equal(mesh.vertices[: len(vertices)], vertices + 1e6)

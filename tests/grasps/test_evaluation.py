@@ -195,11 +195,11 @@ def test_invalid_contacts_are_refused_in_one_line(name: str) -> None:
 
 
 def test_metrics_are_those_of_the_same_contacts_without_a_mesh() -> None:
-    model = GraspModel(0.8, torsion_radius=0.05, edges=6, fingers=3)
+    model = GraspModel(0.8, torsion_radius=0.05, fingers=3)
     grasps = evaluate_grasps(blob(), random_contacts(blob(), 6, 3, 1), model)
     contacts = grasps.contacts.contacts(model)
     found = grasps.metrics()
-    expected = metrics(contacts, torque_scale=blob().torque_scale, edges=6)
+    expected = metrics(contacts, torque_scale=blob().torque_scale)
     assert tuple(found) == metric_names()
     for name in found:
         assert np.array_equal(found[name], expected[name], equal_nan=True), name

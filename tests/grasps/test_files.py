@@ -35,7 +35,7 @@ def grasps() -> GraspTable:
     """Grasps on faces and on a crease, and one with all its contacts at one point."""
     mesh = load_mesh(shapes.box(), unit="cm", max_edge="0.5cm")
     points = 0.01 * np.array(GRASPS)
-    found = evaluate_grasps(mesh, points, GraspModel(0.9, edges=8), max_distance="1mm")
+    found = evaluate_grasps(mesh, points, GraspModel(0.9), max_distance="1mm")
     assert np.isinf(found.critical_angle).tolist() == [False, False, True]
     assert found.contacts.on_crease.any()
     return found
@@ -80,7 +80,7 @@ def test_tables_have_a_row_for_each_grasp(tmp_path: Path) -> None:
     settings = json.loads(stored.schema.metadata[b"grasp3d"])
     assert settings["friction"] == 0.9
     assert settings["fingers"] == 3
-    assert settings["epsilon_min"] == "effective_friction"
+    assert settings["epsilon_min"] == "exact"
 
 
 def test_json_is_valid_and_contains_the_settings(tmp_path: Path) -> None:

@@ -125,8 +125,8 @@ def test_reasons(box: ObjectMesh, tmp_path: Path, posture: Any, label: Label, re
 
 
 def test_joints_that_follow_have_limits_of_their_own(box: ObjectMesh, tmp_path: Path) -> None:
-    rigid = {"kind": "rigid", "joints": ["slide_0", "slide_1"], "ratios": [1, 2]}
-    hand = grasp3d.read_hand(slider_hand.write(tmp_path, couplings=[rigid]))
+    coupled = {"joints": ["slide_0", "slide_1"], "ratios": [1, 2]}
+    hand = grasp3d.read_hand(slider_hand.write(tmp_path, couplings=[coupled]))
     assert isinstance(hand, ArticulatedHand)
     np.testing.assert_allclose(hand.limits_of_joints, [[0.0, 0.03], [0.0, 0.06], [0.0, 0.06]])
     postures = np.array([[0.04, 0.0, 0.0], [0.03, 0.0, 0.0], [0.04, 0.0, 0.09]])

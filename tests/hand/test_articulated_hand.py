@@ -151,11 +151,9 @@ def test_tendons_and_motors_of_models(tmp_path: Path) -> None:
      gear="2"/></actuator>"""
     pytest.importorskip("mujoco")
     hand = articulated_hand_of(read_links(mjcf(tmp_path, more)))
-    assert hand.couplings == (Coupling("differential", ("bend", "swing"), (0.01, 0.02)),)
+    assert hand.tendons == ("actuator 0",)
     np.testing.assert_array_equal(hand.torques, [np.nan, 6.0, np.nan])
-    stated = Coupling("differential", ("swing", "bend"), (1.0, 1.0))
-    again = articulated_hand_of(hand.tree, {"couplings": (stated,)})
-    assert again.couplings == (stated,)  # not a second motor beside it
+    assert articulated_hand_of(hand.tree, {"tendons": ()}).tendons == ()
 
 
 @pytest.mark.parametrize(
@@ -201,7 +199,7 @@ def test_jacobians_are_differences_of_points(name: str) -> None:
 def test_joints_that_follow_move_with_the_one_of_the_posture() -> None:
     path = hand_file("barrett")
     medial, distal = "finger_3_med_joint", "finger_3_dist_joint"
-    coupled = Coupling("rigid", (medial, distal), (3.0, 1.0))
+    coupled = Coupling((medial, distal), (3.0, 1.0))
     free, hand = (
         articulated_hand_of(read_links(path), {"couplings": one}) for one in ((), (coupled,))
     )

@@ -33,15 +33,9 @@ def test_stated_torques_drive_every_joint_both_ways() -> None:
     assert (stopped.columns[:, 16:] == -np.eye(16)).all()
 
 
-def test_a_differential_drives_two_joints_by_one_tendon() -> None:
-    hand = known("shadow")
-    with pytest.raises(SettingError, match=r"of the motor of .*FFJ2.*: state it there"):
-        torques_of(hand)
-    torques = torques_of(hand, 0.5)
-    drives = actuation_of(hand, hand.limits_of_joints.mean(axis=1), torques)
-    assert drives.columns.shape == (24, 20)
-    tendon = drives.columns[:, drives.names.index("FFJ2 and FFJ1")]
-    assert [hand.joint_names[k] for k in np.flatnonzero(tendon)] == ["FFJ2", "FFJ1"]
+def test_a_hand_with_tendons_takes_no_load() -> None:
+    with pytest.raises(SettingError, match=r"shadow takes no load: .* \(FFJ2 and FFJ1, "):
+        torques_of(known("shadow"), 0.5)
 
 
 def test_a_joint_without_a_motor_is_driven_by_none(tmp_path: Path) -> None:

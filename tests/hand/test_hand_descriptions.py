@@ -98,8 +98,7 @@ STATED: dict[str, Any] = {
     "sensors": {"outer1": 0.3, "palm": 0.5},
     "torques": {"bend1": 1.5},
     "couplings": [
-        {"kind": "rigid", "joints": ["knuckle0", "bend0"], "ratios": [2.0, 1.0]},
-        {"kind": "differential", "joints": ["knuckle1", "bend1"], "ratios": [1.0, 1.0]},
+        {"joints": ["knuckle0", "bend0"], "ratios": [2.0, 1.0]},
     ],
     "preshapes": {"open": {"bend1": -0.1}, "wide": {"knuckle0": -0.2}},
     "closing": {"bend1": -2.0},
@@ -121,7 +120,7 @@ def test_what_a_description_states_is_so(tmp_path: Path) -> None:
     np.testing.assert_array_equal(hand.closing, [0.0, 0.0, -2.0, 0.0, 0.0])
     np.testing.assert_array_equal(hand.preshapes["open"], [0.0, 0.0, -0.1, 0.0, 0.0])
     np.testing.assert_array_equal(hand.preshapes["wide"], [-0.2, 0.0, 0.0, 0.0, 0.0])
-    assert [one.kind for one in hand.couplings] == ["rigid", "differential"]
+    assert [one.ratios for one in hand.couplings] == [(2.0, 1.0)]
     assert hand.assumed == ()
 
 
@@ -132,7 +131,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "a joint": ({"closing": {"wrist": 1.0}}, "closing: 'wrist' is no joint of a posture; known"),
     "a joint that follows": (
         {
-            "couplings": [{"kind": "rigid", "joints": ["bend0", "bend1"], "ratios": [1, 1]}],
+            "couplings": [{"joints": ["bend0", "bend1"], "ratios": [1, 1]}],
             "closing": {"bend0": 1, "bend1": 1},
             "torques": {"bend1": 1},
             "preshapes": {"open": {"bend0": 0, "bend1": 0}},
@@ -146,18 +145,15 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "a circle": (
         {
             "couplings": [
-                {"kind": "rigid", "joints": ["bend0", "bend1"], "ratios": [1, 1]},
-                {"kind": "rigid", "joints": ["bend1", "bend0"], "ratios": [1, 1]},
+                {"joints": ["bend0", "bend1"], "ratios": [1, 1]},
+                {"joints": ["bend1", "bend0"], "ratios": [1, 1]},
             ]
         },
         "joint bend0 follows bend0, which it cannot",
     ),
-    "a tendon without a motor": (
-        {
-            "torques": {"bend0": 0},
-            "couplings": [{"kind": "differential", "joints": ["bend0", "bend1"], "ratios": [1, 1]}],
-        },
-        "torques: the motor of bend0 pulls others; it is not 0",
+    "one coupled joint": (
+        {"couplings": [{"joints": ["bend0"], "ratios": [1]}]},
+        "couplings must be a list of objects of",
     ),
     "a direction": ({"approach": [0, 0, 0]}, "approach must be a list of three numbers"),
 }
@@ -261,11 +257,8 @@ def test_couplings_of_known_hands() -> None:
     assert hand.joint_names == (
         "finger_1_prox_joint", "finger_1_med_joint", "finger_2_med_joint", "finger_3_med_joint",
     )  # fmt: skip
-    couplings = content_of("shadow")["couplings"]
-    assert [one["joints"] for one in couplings] == [
-        [f"{f}J2", f"{f}J1"] for f in ["FF", "MF", "RF", "LF"]
-    ]
-    assert {one["kind"] for one in couplings} == {"differential"}
+    tendons = content_of("shadow")["tendons"]
+    assert tendons == [f"{f}J2 and {f}J1" for f in ["FF", "MF", "RF", "LF"]]
 
 
 def test_a_prefix_of_all_names_is_found(tmp_path: Path) -> None:

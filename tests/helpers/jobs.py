@@ -11,6 +11,9 @@ import numpy as np
 
 from grasp3d.batch.limits import NeedsMemory, allowed_memory
 
+TIMINGS = frozenset({"seconds", "seconds_reading", "seconds_labelling", "seconds_writing"})
+"""Columns of a summary that differ between runs."""
+
 
 @dataclass(frozen=True)
 class Work:

@@ -24,14 +24,9 @@ def test_costs_grow_with_vertices_fingers_and_rays() -> None:
     assert squeeze == base.seconds  # branch and bound
     half = labelling_cost(10_000, GraspModel(), Sampling(), threads=2)
     assert half.seconds == pytest.approx(base.seconds / 2.0)
-    models = (
-        GraspModel(),
-        GraspModel(method="extremes"),
-        GraspModel(torsion_radius=0.01),
-        GraspModel(actuation="per_finger"),
-    )
+    models = GraspModel(), GraspModel(method="extremes"), GraspModel(torsion_radius=0.01)
     more = [labelling_cost(10_000, model, Sampling()).more for model in models]
-    assert more == [False, True, True, True]
+    assert more == [False, True, True]
 
 
 def test_a_mesh_that_would_exceed_the_memory_limit_is_refused_with_a_remedy() -> None:

@@ -18,7 +18,6 @@ def test_every_way_to_compute_the_minimum_has_a_meaning() -> None:
     ("model", "meaning"),
     [
         (GraspModel(), "smallest over all tilts"),
-        (GraspModel(edges=8), "at the effective friction"),
         (GraspModel(method="extremes"), "smallest over sampled tilts"),
         (GraspModel(torsion_radius=0.01), "lower bound over all tilts"),
     ],

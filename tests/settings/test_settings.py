@@ -24,17 +24,10 @@ from grasp3d.settings.checks import check_range
         ),
         (
             GraspModel,
-            {"edges": 2},
-            "edges must be from 3 to 360; got 2",
-        ),
-        (GraspModel, {"actuation": "both"}, "known: total, per_finger"),
-        (
-            GraspModel,
             {"torsion_radius": -1.0},
             "torsion radius must be a finite length of at least 0; got -1",
         ),
         (GraspModel, {"method": "guess"}, "no method is called 'guess'; known: exact, extremes"),
-        (GraspModel, {"extreme_normals": 2}, "extreme normals must be from 3 to 360; got 2"),
         (Sampling, {"rays": 3}, "rays must be from 8 to 65536"),
         (Sampling, {"grip": "pinch"}, "known: squeeze, expand, both"),
         (Sampling, {"min_opening": 2.0, "max_opening": 1.0}, "min_opening <= max_opening"),
@@ -56,13 +49,9 @@ def test_errors_of_settings_name_valid_values(
     ("options", "tilts", "rank"),
     [
         ({}, "exact", 5),
-        ({"actuation": "per_finger"}, "exact", 5),
-        ({"edges": 3}, "effective_friction", 5),
         ({"torsion_radius": 0.01}, "bound", 6),
-        ({"torsion_radius": 0.01, "edges": 8}, "bound", 6),
         ({"method": "extremes"}, "sampled_tilts", 5),
-        ({"method": "extremes", "edges": 8}, "sampled_tilts", 5),
-        ({"extreme_normals": 3}, "exact", 5),
+        ({"method": "extremes", "torsion_radius": 0.01}, "sampled_tilts", 6),
     ],
 )
 def test_the_model_states_how_epsilon_is_computed(

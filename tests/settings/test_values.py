@@ -61,10 +61,10 @@ def test_an_interval_is_its_text(ends: tuple[float, float]) -> None:
 @given(
     radius=st.one_of(st.floats(0.0, 10.0), LENGTHS),
     ends=FRICTIONS,
-    edges=st.one_of(st.none(), st.integers(3, 360)),
+    fingers=st.integers(2, 5),
 )
-def test_settings_are_read_from_their_texts(radius: Any, ends: Any, edges: int | None) -> None:
-    model = GraspModel(torsion_radius=radius, friction=ends, edges=edges)
+def test_settings_are_read_from_their_texts(radius: Any, ends: Any, fingers: int) -> None:
+    model = GraspModel(torsion_radius=radius, friction=ends, fingers=fingers)
     texts = {name: str(value) for name, value in plain_values(model).items()}
     assert settings_of_texts(GraspModel, texts) == model
     assert pickle.loads(pickle.dumps(model)) == model  # noqa: S301

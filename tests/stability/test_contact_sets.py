@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from grasp3d import Contacts, Label, classify, critical_friction_angle
 from grasp3d.settings import MAX_FINGERS
-from grasp3d.stability.contact_sets import ContactSets, contact_margins, label_sets
+from grasp3d.stability.contact_sets import ContactSets, label_sets
 from tests.helpers.contact_sets import Sets, closes, random_sets, true_normals
 
 seeds = st.integers(0, 100_000)
@@ -127,33 +127,3 @@ def test_few_and_many_contacts_have_no_numbers() -> None:
     assert found.label[[0, 1, 3]].tolist() == [Label.U, Label.U, Label.M]
     assert np.isnan(sets.critical_angles[0]).tolist() == [True, True, False, True]
     assert np.isnan(found.margin).tolist() == [True, True, False, True]
-
-
-@pytest.mark.slow
-def test_margin_of_a_contact_is_how_much_narrower_its_cone_may_be() -> None:
-    one = random_sets(20, 3)
-    beta = one.angles[0]
-    margins = contact_margins(one.sets, one.tilt, beta)
-    label = label_sets(one.sets, one.tilt, one.angles).label
-    seen = {"stays": 0, "ends": 0, "begins": 0}
-    for contact in np.flatnonzero(np.isfinite(margins)):
-        stable = label[one.sets.row[contact]] == Label.S
-        assert (margins[contact] > 0.0) == stable
-
-        def is_stable(by: float, contact: int = contact) -> bool:
-            tilt = one.tilt.copy()
-            tilt[contact] += by
-            found = label_sets(one.sets, tilt, one.angles)
-            return bool(found.label[one.sets.row[contact]] == Label.S)
-
-        most, margin = beta - one.tilt[contact], float(margins[contact])
-        if stable:
-            assert is_stable(0.9 * margin)
-            seen["stays"] += 1
-            if margin < 0.9 * most:
-                assert not is_stable(margin + 0.02)
-                seen["ends"] += 1
-        elif one.tilt[contact] + margin > 0.02 and most > 0.0:
-            assert is_stable(margin - 0.02)
-            seen["begins"] += 1
-    assert min(seen.values()) > 0

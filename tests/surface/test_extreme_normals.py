@@ -50,9 +50,8 @@ def surface(name: str) -> ObjectMesh:
 
 
 @cache
-def labelled(name: str, edges: int | None = None, count: int = 8) -> SurfaceLabels:
-    model = GraspModel(method="extremes", edges=edges, extreme_normals=count)
-    return label_surface(surface(name), model)
+def labelled(name: str) -> SurfaceLabels:
+    return label_surface(surface(name), GraspModel(method="extremes"))
 
 
 def with_exact_labels(labels: SurfaceLabels) -> SurfaceLabels:
@@ -133,8 +132,12 @@ def test_scans_differ_from_exact_ones_little_and_only_as_allowed(
 
 @pytest.mark.slow
 def test_more_normals_on_the_rims_approach_the_exact_labels() -> None:
-    exact = with_exact_labels(labelled("blob")).label
-    wrong = [int((labelled("blob", None, k).label != exact).sum()) for k in (3, 6, 12, 24)]
+    labels = with_exact_labels(labelled("blob"))
+    contacts, alpha = labels.contacts.contacts(labels.model), labels.model.sensor_resolution
+    wrong = []
+    for count in (3, 6, 12, 24):
+        found = classify(contacts, alpha, method="extremes", extreme_normals=count)
+        wrong.append(int((found.label != labels.label).sum()))
     assert wrong == sorted(wrong, reverse=True)
     assert wrong[-1] < 0.2 * wrong[0]
 
@@ -144,11 +147,11 @@ def test_more_normals_on_the_rims_approach_the_exact_labels() -> None:
 
 @pytest.mark.slow
 def test_labels_are_those_of_all_combinations_of_extreme_normals() -> None:
-    labels = labelled("blob", None, 5)
+    labels = labelled("blob")
     seen = set()
     for vertex in range(0, len(labels.label), 15):
         contacts = contacts_at(labels, vertex)
-        tested = list(tilted_normals(contacts.normals, labels.model.tilt, count=5))
+        tested = list(tilted_normals(contacts.normals, labels.model.tilt, count=8))
         closed = force_closure(all_combinations(contacts, tested)).closed
         expected = S if closed.all() else M if closed.any() else U
         assert labels.label[vertex] == expected
@@ -157,13 +160,9 @@ def test_labels_are_those_of_all_combinations_of_extreme_normals() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("edges", [None, 6])
 @pytest.mark.parametrize("torsion", [0.0, 0.1])
-def test_epsilons_are_those_of_the_enumeration(edges: int | None, torsion: float) -> None:
-    model = GraspModel(
-        method="extremes", edges=edges, extreme_normals=4, torsion_radius=torsion,
-        actuation="per_finger",
-    )  # fmt: skip
+def test_epsilons_are_those_of_the_enumeration(torsion: float) -> None:
+    model = GraspModel(method="extremes", torsion_radius=torsion)
     blob = load_mesh(shapes.sphere(1), max_edge=9.0)
     lopsided = load_mesh((blob.vertices * [1.0, 0.8, 1.3], blob.faces), max_edge=9.0)
     labels = label_surface(lopsided, model)
@@ -174,8 +173,7 @@ def test_epsilons_are_those_of_the_enumeration(edges: int | None, torsion: float
             contacts,
             model.sensor_resolution,
             method="extremes",
-            extreme_normals=4,
-            options=EpsilonOptions(edges, "per_finger", labels.mesh.torque_scale, rtol=1e-3),
+            options=EpsilonOptions(torque_scale=labels.mesh.torque_scale, rtol=1e-3),
         )
         assert labels.label[vertex] == found.label
         assert labels.epsilon_min[vertex] == pytest.approx(found.epsilon_min, rel=0.011)
@@ -211,12 +209,8 @@ def test_epsilon_of_exact_labels_bounds_that_of_method_extremes() -> None:
 
 
 @pytest.mark.parametrize("friction", [0.3, 0.5, 0.9])
-def test_edges_and_corners_of_a_box_are_not_stable(
-    friction: float,
-) -> None:
-    model = GraspModel(
-        method="extremes", friction=friction, sensor_resolution=degrees(10.0), extreme_normals=4
-    )
+def test_edges_and_corners_of_a_box_are_not_stable(friction: float) -> None:
+    model = GraspModel(method="extremes", friction=friction, sensor_resolution=degrees(10.0))
     labels = label_surface(surface("coarse box"), model)
     on_face = surface("coarse box").contact_normals.counts == 1
     assert (labels.label[on_face] == S).all()
@@ -235,11 +229,11 @@ def test_a_vertex_that_may_have_any_normal_is_not_stable() -> None:
     mesh = load_mesh((np.asarray(twice.vertices), np.asarray(twice.faces)), max_edge=9.0)
     tips = np.flatnonzero((mesh.vertices == 0.0).all(axis=1))
     assert (mesh.contact_normals.counts[mesh.canonical[tips]] == 0).all()
-    labels = label_surface(mesh, GraspModel(friction=1.0, method="extremes", extreme_normals=4))
+    labels = label_surface(mesh, GraspModel(friction=1.0, method="extremes"))
     assert (labels.label[tips] != S).all()
     assert differs_as_allowed(labels)
     finer = load_mesh((np.asarray(twice.vertices), np.asarray(twice.faces)), max_edge=0.5)
-    perfect = GraspModel(friction=1.0, sensor_resolution=0.0, method="extremes", extreme_normals=4)
+    perfect = GraspModel(friction=1.0, sensor_resolution=0.0, method="extremes")
     scan = scan_surface(finer, perfect, fixed=(0, 0, 0))
     assert set(scan.label) == {U, M}
 
@@ -259,7 +253,7 @@ def test_labels_at_creases_are_those_of_the_grasps() -> None:
 def test_duplicates_have_the_label_of_their_position() -> None:
     vertices, faces = shapes.box((1.0, 1.5, 2.0))
     soup = load_mesh((vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)))
-    labels = label_surface(soup, GraspModel(method="extremes", extreme_normals=4, edges=6))
+    labels = label_surface(soup, GraspModel(method="extremes"))
     assert (soup.canonical != np.arange(len(soup.canonical))).any()
     np.testing.assert_array_equal(labels.label, labels.label[soup.canonical])
     np.testing.assert_array_equal(labels.epsilon_min, labels.epsilon_min[soup.canonical])
@@ -271,11 +265,11 @@ def test_duplicates_have_the_label_of_their_position() -> None:
 
 @pytest.mark.slow
 def test_relabelling_enumerates_when_the_label_is_read() -> None:
-    labels = labelled("blob", 8)
+    labels = labelled("blob")
     finer = labels.relabel(friction=0.45, sensor_resolution=degrees(10.0))
     assert finer.model.method == "extremes"
     assert finer.computed("label") is None
-    model = GraspModel(friction=0.45, sensor_resolution=degrees(10.0), method="extremes", edges=8)
+    model = GraspModel(friction=0.45, sensor_resolution=degrees(10.0), method="extremes")
     wide = Sampling(search_angle=labels.search.cone)
     again = label_surface(surface("blob"), model, sampling=wide)
     np.testing.assert_array_equal(finer.label, again.label)
@@ -289,7 +283,7 @@ def test_relabelling_enumerates_when_the_label_is_read() -> None:
 
 @pytest.mark.parametrize("opening", [math.inf, 1e-3])
 def test_progress_ends_at_1_with_and_without_grasps(opening: float) -> None:
-    model = GraspModel(method="extremes", edges=8, extreme_normals=4)
+    model = GraspModel(method="extremes")
     fractions: list[float] = []
     with running(progress=fractions.append):
         labels = label_surface(surface("box"), model, sampling=Sampling(max_opening=opening))

@@ -130,7 +130,7 @@ def test_extreme_normals_of_three_fingers_never_contradict_the_exact_labels() ->
     mesh = load_mesh(shapes.sphere(2), max_edge=9.0)
     fixed = [on_equator(60.0), on_equator(180.0)]
     settings: dict[str, Any] = {"friction": 0.5, "sensor_resolution": 0.2}
-    model = GraspModel(**settings, method="extremes", extreme_normals=4)
+    model = GraspModel(**settings, method="extremes")
     sampled = scan_surface(mesh, model, fixed=fixed)
     exact = scan_surface(mesh, GraspModel(**settings), fixed=fixed)
     assert (sampled.label[exact.label == S] == S).all()

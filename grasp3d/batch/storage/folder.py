@@ -166,6 +166,7 @@ class Folder:
         if local is None or fcntl is None:
             return Lock()
         with convert_errors(self.path(name), OutputError, "locked"):
+            local.parent.mkdir(parents=True, exist_ok=True)
             descriptor = os.open(local, os.O_RDWR | os.O_CREAT, 0o666)
         lock = Lock(descriptor)
         try:

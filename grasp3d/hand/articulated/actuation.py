@@ -1,7 +1,4 @@
-"""The actuation of a hand with joints in a posture: its motors, couplings, and joints at stops."""
-
-import math
-from collections.abc import Iterator, Mapping
+"""The actuation of a hand with joints in a posture: its motors, and joints at stops."""
 
 import numpy as np
 
@@ -17,7 +14,7 @@ AT_STOP = 1e-3
 def torques_of(hand: ArticulatedHand, torque_limits: float | None = None) -> Floats:
     """Greatest torque of the motor of each joint [N m or N], (p,).
 
-    It is nan where a joint has no motor, or a differential pulls it with that of another one.
+    It is nan where a joint has no motor.
 
     Args:
         hand: The hand.
@@ -31,11 +28,7 @@ def torques_of(hand: ArticulatedHand, torque_limits: float | None = None) -> Flo
             f"{hand.name} takes no load: what its tendons and springs press is not computed "
             f"({', '.join(hand.tendons)})"
         )
-    pulled = {
-        name for one in hand.couplings if one.kind == "differential" for name in one.joints[1:]
-    }
-    unstated = np.array(hand.joint_names)[np.isnan(hand.torques)].tolist()
-    missing = [name for name in unstated if name not in pulled]
+    missing = np.array(hand.joint_names)[np.isnan(hand.torques)].tolist()
     if torque_limits is None and missing:
         raise SettingError(
             f"the description of {hand.name} states no torque of the motor of "
@@ -52,8 +45,7 @@ def actuation_of(
 ) -> Actuation:
     """The drives of a hand in a posture.
 
-    Differentials have one actuator, whose torque on its first joint is that of its motor; rigid
-    couplings are in the posture: a joint that follows another one has no torque of its own. A joint
+    Couplings are in the posture: a joint that follows another one has no torque of its own. A joint
     at its limit is also pushed back by the stop there.
 
     Args:
@@ -62,42 +54,8 @@ def actuation_of(
         torques: Greatest torques of their motors, as `torques_of` has them, shape (p,).
         links: Torques that hold the links per acceleration of gravity, as in `Actuation`; None:
             their weight is neglected.
-
-    Raises:
-        SettingError: A differential pulls a joint that follows another one.
     """
-    count, joints = len(hand.joint_names), {one.name: one for one in hand.ranges}
-    drives = list(_drives(hand, torques))
-    arms, limits = np.zeros((len(drives), count)), []
-    for number, (_, pulled, most) in enumerate(drives):
-        for name, arm in pulled.items():
-            arms[number, joints[name].column] += arm * joints[name].factor
-        size = float(np.abs(arms[number]).max()) or 1.0  # limits are torques, as those of motors
-        arms[number] /= size
-        limits.append(size * most)
     lower, upper = hand.limits_of_joints.T
     stops = (posture <= lower + AT_STOP).astype(float) - (posture >= upper - AT_STOP)
-    names = tuple(name for name, *_ in drives)
-    return Actuation(limits, arms=arms, names=names, stops=stops, links=links)
-
-
-def _drives(
-    hand: ArticulatedHand, torques: Floats
-) -> Iterator[tuple[str, Mapping[str, float], float]]:
-    """Names, moment arms by joints, and largest torques of all that drives joints."""
-    names, together = hand.joint_names, set[str]()
-    for coupling in hand.couplings:
-        if coupling.kind == "differential":
-            unknown = [name for name in coupling.joints if name not in names]
-            if unknown:
-                raise SettingError(
-                    f"{hand.name}: a differential pulls {unknown[0]}, which follows another joint"
-                )
-            ratios = np.array(coupling.ratios) / coupling.ratios[0]
-            arms = dict(zip(coupling.joints, ratios.tolist(), strict=True))
-            most = float(torques[names.index(coupling.joints[0])])
-            yield " and ".join(coupling.joints), arms, most
-            together |= set(coupling.joints)
-    for name, torque in zip(names, torques.tolist(), strict=True):
-        if name not in together and not math.isnan(torque):
-            yield name, {name: 1.0}, torque
+    limits = np.where(np.isnan(torques), 0.0, torques)
+    return Actuation(limits, names=hand.joint_names, stops=stops, links=links)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -24,15 +24,12 @@ _KINDS = {"fixed": kinematics.FIXED, "slides": kinematics.SLIDES, "turns": kinem
 
 @dataclass(frozen=True)
 class Coupling:
-    """Joints that do not move, or are not driven, each for itself."""
+    """Joints whose values have fixed ratios; structure carries what the motor does not."""
 
-    kind: Literal["rigid", "differential"]
-    """rigid: the values of the joints have fixed ratios, and structure carries what the motor does
-    not; differential: one motor or tendon pulls all of them, with torques of fixed ratios."""
     joints: tuple[str, ...]
-    """Their names; of rigid ones only the first is in a posture."""
+    """Their names; only the first is in a posture."""
     ratios: tuple[float, ...]
-    """Of their values, or of their torques."""
+    """Of their values."""
 
 
 BEYOND = 1e-3
@@ -83,8 +80,8 @@ class ArticulatedHand:
     stated; 0: it has none, and turns freely."""
     couplings: tuple[Coupling, ...] = ()
     tendons: tuple[str, ...] = ()
-    """Names of tendons that only pull, and of springs: what they press is not computed, so that a
-    hand with any takes no load."""
+    """Names of tendons and springs: what they press is not computed, so that a hand with any takes
+    no load."""
     masses: Mapping[str, LinkMass] = field(default_factory=dict)
     """What links weigh."""
     preshapes: Mapping[str, Floats]
@@ -350,7 +347,6 @@ class ArticulatedHand:
             pairs = zip(self.joint_names, values.tolist(), strict=True)
             return {name: value for name, value in pairs if math.isfinite(value)}
 
-        tendons = [dict(arms) for arms in self.tree.tendons]
         return {
             "format": FORMAT,
             "version": VERSION,
@@ -362,11 +358,7 @@ class ArticulatedHand:
             "fingertips": list(self.fingertips),
             "sensors": dict(self.sensors),
             "torques": by_name(self.torques),
-            "couplings": [
-                asdict(one)
-                for one in self.couplings
-                if dict(zip(one.joints, one.ratios, strict=True)) not in tendons
-            ],
+            "couplings": [asdict(one) for one in self.couplings],
             "tendons": list(self.tendons),
             "masses": {name: one._asdict() for name, one in self.masses.items()},
             "preshapes": {name: by_name(posture) for name, posture in self.preshapes.items()},

@@ -22,8 +22,8 @@ SMALLEST_STEP, LARGEST_CLOSING_STEP = 1e-3, 0.03
 def close(scene: HandScene, poses: Floats, postures: Floats) -> Floats:
     """Close hands from postures until links touch (conservative advancement).
 
-    A link that touches stops all joints that move it; others go on, of a differential too. Joints
-    stop at their limits, and where two links of the hand meet those that move one of both alone.
+    A link that touches stops all joints that move it; others go on. Joints stop
+    at their limits, and where two links of the hand meet those that move one of both alone.
 
     Args:
         scene: Hand and object.

@@ -67,12 +67,12 @@ def _direction(value: Any) -> tuple[float, ...]:
 # Arguments of these are the keys of an object: others, and missing ones, raise TypeError.
 
 
-def _coupling(kind: Any, joints: Any, ratios: Any) -> Coupling:
+def _coupling(joints: Any, ratios: Any) -> Coupling:
     names, numbers = _each(_text)(joints), _each(_number)(ratios)
     several = len(set(names)) == len(names) == len(numbers) >= 2
-    if kind not in ("rigid", "differential") or not several or not all(numbers):
-        raise ValueError(kind)
-    return Coupling(kind, names, tuple(map(float, numbers)))
+    if not several or not all(numbers):
+        raise ValueError(joints)
+    return Coupling(names, tuple(map(float, numbers)))
 
 
 def _mass(mass: Any, center: Any = (0.0, 0.0, 0.0)) -> LinkMass:
@@ -98,7 +98,7 @@ KEYS: dict[str, tuple[Read, str]] = {
     ),
     "couplings": (
         _each(lambda one: _coupling(**one)),
-        'a list of objects of "kind" rigid or differential, with "joints" and their "ratios"',
+        'a list of objects of "joints" and the "ratios" of their values',
     ),
     "tendons": (_each(_text), "a list of names"),
     "masses": (

@@ -81,7 +81,7 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
         fingertips=(),
         sensors={},
         torques=locked(np.zeros(0)),
-        couplings=couplings + _tendons(whole, couplings),
+        couplings=couplings,
         tendons=_pulled(whole, known, assumed),
         masses=_masses(whole, known),
         preshapes={},
@@ -116,18 +116,17 @@ def _moving(tree: LinkTree) -> list[str]:
 
 
 def _coupled(tree: LinkTree, couplings: Iterable[Coupling]) -> LinkTree:
-    """A tree whose joints follow others as rigid couplings say. Raises SettingError."""
+    """A tree whose joints follow others as couplings say. Raises SettingError."""
     links = {joint.name: link for link, joint in tree.joints.items()}
     joints = dict(tree.joints)
     for coupling in couplings:
         for name in coupling.joints:
             if name not in links:
                 raise tree.error(f"no joint is called {name!r}; known: {', '.join(links)}")
-        if coupling.kind == "rigid":
-            first, *others = coupling.joints
-            for name, ratio in zip(others, coupling.ratios[1:], strict=True):
-                follows = first, ratio / coupling.ratios[0], 0.0
-                joints[links[name]] = replace(joints[links[name]], follows=follows)
+        first, *others = coupling.joints
+        for name, ratio in zip(others, coupling.ratios[1:], strict=True):
+            follows = first, ratio / coupling.ratios[0], 0.0
+            joints[links[name]] = replace(joints[links[name]], follows=follows)
     return replace(tree, joints=joints)
 
 
@@ -157,17 +156,6 @@ def _check(tree: LinkTree) -> None:
         raise tree.error(f"{tree.closures[0]} closes a loop of links; only trees of links are read")
 
 
-def _tendons(tree: LinkTree, stated: Iterable[Coupling]) -> tuple[Coupling, ...]:
-    """Couplings by tendons, but for those over joints of which one is stated."""
-    names = {joint.name for joint in tree.joints.values()}
-    known = [set(one.joints) for one in stated]
-    return tuple(
-        Coupling("differential", tuple(arms), tuple(arms.values()))
-        for arms in tree.tendons
-        if names.issuperset(arms) and set(arms) not in known
-    )
-
-
 def _masses(tree: LinkTree, known: Mapping[str, Any]) -> Mapping[str, LinkMass]:
     """What links weigh: stated, or that of the file. Raises SettingError."""
     tree.check_links(known.get("masses", {}))
@@ -177,7 +165,7 @@ def _masses(tree: LinkTree, known: Mapping[str, Any]) -> Mapping[str, LinkMass]:
 
 
 def _pulled(tree: LinkTree, known: Mapping[str, Any], assumed: list[str]) -> tuple[str, ...]:
-    """Tendons that only pull, and springs: stated, or those of the file on joints of the hand."""
+    """Tendons and springs: stated, or those of the file on joints of the hand."""
     moving = {joint.name for joint in tree.joints.values() if joint.kind != "fixed"}
     found = tuple(name for name, joints in tree.pulls.items() if moving.issuperset(joints))
     if found and "tendons" not in known:
@@ -411,12 +399,7 @@ class _Proposal:
         joints = self.tree.by_name
         unknown = np.full(len(self.names), np.nan)
         if "torques" in self.known:
-            stated = self._by_name(self.known["torques"], unknown, "torques")
-            for coupling in self.bare.couplings:
-                name = coupling.joints[0]
-                if coupling.kind == "differential" and self.known["torques"].get(name) == 0.0:
-                    raise self.tree.error(f"torques: the motor of {name} pulls others; it is not 0")
-            return stated
+            return self._by_name(self.known["torques"], unknown, "torques")
         found, odd = unknown.copy(), dict[float, list[str]]()
         for number, name in enumerate(self.names):
             effort = joints[name].effort

@@ -11,7 +11,6 @@ from typing import TypeAlias, TypeVar
 
 import numpy as np
 
-from grasp3d.batch.inputs import MARKER
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.store import read_summary
 from grasp3d.errors import MeshError, SettingError
@@ -253,17 +252,12 @@ def labelled_rows(folder: Path) -> tuple[list[Row], int]:
     Raises:
         GraspError: It contains no results, they are damaged, or no mesh was labelled.
     """
-    where = printable(str(folder))
-    if not (folder / MARKER).is_file():
-        raise MeshError(
-            f"{where}: is a folder, but was not written by grasp3d batch; label its meshes with "
-            "grasp3d batch, or give the path of one mesh"
-        )
     rows = read_summary(folder)
     labelled = [row for row in rows if row.outcome is Outcome.LABELLED and row.labels]
     if not labelled:
         raise MeshError(
-            f"{where}: none of its {len(rows)} meshes was labelled; see report/index.html"
+            f"{printable(str(folder))}: none of its {len(rows)} meshes was labelled; see "
+            "report/index.html"
         )
     return labelled, len(rows) - len(labelled)
 

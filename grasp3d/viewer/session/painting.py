@@ -14,8 +14,6 @@ from matplotlib import colormaps
 
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.grasps.explanations import UNSEARCHED
-from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
-from grasp3d.rendering.margin_colors import BOTH_SIDES, STEPS, margin_colors, most_margin
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import epsilon_min_text
 from grasp3d.stability.label import COLORS, GREY, Label
@@ -50,8 +48,18 @@ ROUNDING = 1e-9
 
 EQUAL_GRASPS = "where several grasps have the same β*, ε is that of one of them, so it can jump"
 
+STEPS = 256
+"""Number of colours of a ramp."""
+
 RAMP = np.array(colormaps["viridis"](np.linspace(0.0, 1.0, STEPS))[:, :3] * 255.0, dtype=np.uint8)
 """Colours of a ramp, from the lowest value to the highest, shape (STEPS, 3); none is grey."""
+
+_SIDES = np.concatenate([np.linspace(0.0, 0.4, STEPS // 2), np.linspace(0.6, 1.0, STEPS // 2)])
+BOTH_SIDES = np.array(colormaps["BrBG"](_SIDES)[:, :3] * 255.0, dtype=np.uint8)
+"""Colours of values on both sides of 0, brown below and green above, shape (STEPS, 3).
+
+They jump at 0, so that the border is sharp and none is grey.
+"""
 
 NEUTRAL = (0xE9, 0xE3, 0xD6)
 """Colour of an object whose surface is not labelled, unlike the greys of hands."""
@@ -206,16 +214,14 @@ def texture_image(subject: Subject, paint: Paint, model: GraspModel) -> Bytes:
         return _labels(subject, model)
     columns = (np.arange(WIDE) + 0.5) / WIDE
     angles = (2.0 * columns - 1.0) * math.pi
-    colors = None
     values = columns
     if paint == "critical_angle":
         values = angles / math.radians(ramp.maximum)
     elif paint == "max_resolution":
         values = 2.0 * (_sharp(model) - angles) / math.radians(ramp.maximum)
     elif paint == "margin":
-        colors = margin_colors(model.sure_angle - angles, model)
-    if colors is None:
-        colors = ramp.colors[np.clip(values * STEPS, 0, STEPS - 1).astype(int)]
+        values = 0.5 + (model.sure_angle - angles) / math.radians(2.0 * ramp.maximum)
+    colors = ramp.colors[np.clip(values * STEPS, 0, STEPS - 1).astype(int)]
     return np.stack([colors, np.broadcast_to(PALETTE[UNSEARCHED], (WIDE, 3))])
 
 
@@ -232,9 +238,6 @@ def faded(image: Bytes) -> Bytes:
 
 def ramp_of(subject: Subject, paint: Paint, model: GraspModel) -> Ramp | None:
     """Legend of the quantity that is shown; None: labels."""
-    if isinstance(subject.poses, EvaluatedHandGrasps):
-        note = "of each link: by how much its cone could be narrower (green), or is too narrow"
-        return replace(_margin_ramp(model, "does not touch"), note=note)
     if subject.poses is not None or paint == "label":
         return None
     return _surface_ramp(subject, paint, model)
@@ -253,18 +256,14 @@ def _surface_ramp(subject: Subject, paint: Paint, model: GraspModel) -> Ramp:
         text = "α*: coarsest resolution at which it is S"
         return Ramp(text, 2.0 * math.degrees(most), "°", none)
     if paint == "margin":
-        return _margin_ramp(model, none)
+        most = math.degrees(model.friction_angle)
+        note = "green: by how much it is S; brown: by how much it fails to be S"
+        return Ramp("margin: S above 0°", most, "°", none, note, minimum=-most)
     if paint == "approach_margin":
         return _approach_ramp(subject)
     if paint in FORCE_PAINTS:
         return _force_ramp(subject, paint, model, none)
     return _epsilon_ramp(subject, paint, model, none)
-
-
-def _margin_ramp(model: GraspModel, none: str) -> Ramp:
-    most = math.degrees(most_margin(model))
-    note = "green: by how much it is S; brown: by how much it fails to be S"
-    return Ramp("margin: S above 0°", most, "°", none, note, minimum=-most)
 
 
 def _approach_ramp(subject: Subject) -> Ramp:

@@ -26,8 +26,7 @@ HINTS = {
 }
 """What a click does, by `ViewState.click`."""
 
-OF_HAND = "Links that touch have the colours of the margins of their contacts."
-OF_GRIPPER = "The fingers have the colour of the letter of the pose."
+OF_POSES = "Fingers that touch have the colour of the letter of the pose."
 
 NOTHING, EVERYTHING = "0.0 %", "100.0 %"
 ROUNDING = 1e-9

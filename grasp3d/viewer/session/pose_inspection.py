@@ -13,7 +13,6 @@ from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.rendering.margin_colors import margin_colors
 from grasp3d.settings import GraspModel
 from grasp3d.settings.units import small_length
 from grasp3d.stability.label import COLORS, Label
@@ -70,8 +69,7 @@ def subject_of_mesh(mesh: ObjectMesh, model: GraspModel, scene: Scene | None = N
 def marked_pose(grasps: GivenGrasps, row: int) -> MarkedContacts:
     """The contacts of a pose, with the hand that makes them.
 
-    Links of a hand with joints have colours by the margins of their contacts, the fingers of a
-    gripper that of the letter.
+    The links that touch, or the fingers of a gripper, have the colour of the letter.
 
     Args:
         grasps: Evaluated poses.
@@ -98,14 +96,12 @@ def marked_pose(grasps: GivenGrasps, row: int) -> MarkedContacts:
 
 
 def _hand_at(grasps: EvaluatedHandGrasps, row: int) -> GripperPose:
-    contacts, margins = grasps.contacts, grasps.link_margin[row]
-    known = np.flatnonzero(~np.isnan(margins))
-    colors = margin_colors(margins[known], grasps.model)
+    contacts, color = grasps.contacts, COLORS[Label(int(grasps.letter[row]))]
     return GripperPose(
         contacts.poses[row], 0.0, math.nan, math.nan, math.nan,
         posture=contacts.posture[row],
         toward=grasps.hand.approach,
-        colors=dict(zip(known.tolist(), map(tuple, colors.tolist()), strict=True)),
+        colors=dict.fromkeys(np.flatnonzero(grasps.touching[row]).tolist(), color),
     )  # fmt: skip
 
 
@@ -201,12 +197,6 @@ def _numbers(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
         for name, value in lengths
         if value > least
     ]
-    felt = np.flatnonzero(~np.isnan(grasps.link_margin[0]))
-    names = grasps.hand.link_names
-    numbers += [
-        (f"margin of {names[link]}", margin_text(float(grasps.link_margin[0, link])))
-        for link in felt.tolist()
-    ]
     return numbers
 
 
@@ -222,8 +212,3 @@ def _held(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
         ("limited by", str(load_result.limit[0]) or UNKNOWN),
         *([(load_result.load.to_hold, f"load {load}")] if load else []),
     ]
-
-
-def margin_text(margin: float) -> str:
-    """A margin of a link in degrees."""
-    return signed_angle(margin, always=True) if math.isfinite(margin) else "none"

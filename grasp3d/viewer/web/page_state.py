@@ -2,15 +2,13 @@
 
 from typing import Any
 
-from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.session.controls import CONTROLS, KEYS, PAINTS, control_values
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.painting import HEX_PALETTE, Ramp
 from grasp3d.viewer.session.panel_text import (
     HINTS,
-    OF_GRIPPER,
-    OF_HAND,
+    OF_POSES,
     PanelText,
     interval_text,
     panel_text,
@@ -111,8 +109,7 @@ def click_hint(session: Session) -> str:
         then = " Then the grasp of the clicked vertex is shown."
         return f"{session.working[0]} …{then if session.state.vertex is not None else ''}"
     if session.subject is not None and session.subject.poses is not None:
-        of_hand = isinstance(session.subject.poses, EvaluatedHandGrasps)
-        return OF_HAND if of_hand else OF_GRIPPER
+        return OF_POSES
     count, missing = len(session.state.fixed), session.state.model.fingers - 1
     if not count:
         return HINTS[session.state.click]
