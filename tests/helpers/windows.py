@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import ImageGrab
+from scipy.ndimage import label
 
 from grasp3d.rendering.opengl import WINDOW
 
@@ -157,6 +158,21 @@ class Window:
                 at = [round(a + (b - a) * step / 8.0) for a, b in zip(start, end, strict=True)]
                 words += ["sleep", 0.01, "mousemove", *at]
         self.do(*words, "mouseup", 1)
+
+    def thumbs(self) -> list[tuple[float, float]]:
+        """Middles of the sliders' thumbs, from the top."""
+        image = self.picture().astype(int)
+        blue = np.abs(image - (0x1F, 0x5F, 0xA8)).max(axis=2) < 8
+        wide = blue & np.roll(blue, 4, axis=1)  # letters are not as wide
+        regions, count = label(wide)
+        found = [np.argwhere(regions == number + 1) for number in range(count)]
+        middles = [one.mean(axis=0) for one in found if len(one) > 30]
+        return [(float(x) - 2.0, float(y)) for y, x in middles]
+
+    def slide(self, number: int, by: float) -> None:
+        """Drag the thumb of a slider to the right [pixels]."""
+        x, y = self.thumbs()[number]
+        self.drag((x, y), (x + by, y))
 
     def picture(self) -> Image8:
         """Picture of the window on the screen, shape (height, width, 3)."""

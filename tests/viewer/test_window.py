@@ -13,7 +13,6 @@ from grasp3d import GraspModel, Label, Sampling, SurfaceLabels, label_surface, l
 from grasp3d.errors import OutputError
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
-from grasp3d.viewer.session.controls import FRICTION_STEP
 from grasp3d.viewer.window.display import check_display
 from tests.helpers.shapes import LIBRARY
 from tests.helpers.windows import Image8, Window, needs_screen, wait_for
@@ -22,6 +21,8 @@ pytestmark = [pytest.mark.slow, needs_screen]
 
 WIDTH, HEIGHT, SCENE = 1000, 700, 680
 """Size of the window, and a width that only the scene has [pixels]."""
+TRACK = 268.0
+"""Length of a slider's track [pixels], to a few of them."""
 CONE = 60.0 * DEGREE
 """Wide enough for all tested settings, so that there is no second search."""
 SCRIPT = """
@@ -85,10 +86,9 @@ def test_the_window_shows_and_changes_an_object(tmp_path: Path, labels: SurfaceL
         before = window.picture()
         x, y = pixel_of_object(before)
         assert window.state["fractions"] == pytest.approx(labels.fractions())
-        steps = round((0.5 - 0.2) / FRICTION_STEP)
-        window.key(*["Left"] * steps)
-        state = window.until(lambda state: state["friction"] < 0.21, "friction")
-        assert state["friction"] == pytest.approx(0.2)
+        window.slide(0, -0.2 * TRACK)
+        state = window.until(lambda state: state["friction"] < 0.22, "friction")
+        assert state["friction"] == pytest.approx(0.5 - 0.2 * 1.49, abs=0.03)
         relabelled = labels.relabel(friction=state["friction"])
         assert state["fractions"] == pytest.approx(relabelled.fractions())
         assert seen_fractions(before)["S"] > seen_fractions(window.picture())["S"] + 0.2

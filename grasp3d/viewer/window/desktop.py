@@ -1,7 +1,8 @@
 """The desktop window: scene, side panel, keys and mouse."""
 
+import math
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,11 @@ from typing import Any
 import pyvista
 from PIL import Image
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
+from vtkmodules.vtkInteractionWidgets import vtkSliderRepresentation2D, vtkSliderWidget
 
 from grasp3d.errors import GraspError
+from grasp3d.grasps.explanations import UNSEARCHED
+from grasp3d.stability.label import Label
 from grasp3d.system.files import atomic_write
 from grasp3d.system.names import describe_unexpected
 from grasp3d.viewer.scene.framing import pixel_ratio
@@ -19,15 +23,21 @@ from grasp3d.viewer.scene.overlays import (
     PARAGRAPH_LINE,
     QUIET,
     Overlay,
+    OverlayItem,
+    Rectangle,
     TextArea,
     TextLine,
+    shortened,
     text_size,
+    text_width,
     wrapped,
 )
 from grasp3d.viewer.scene.pictures import file_name, render_copy
 from grasp3d.viewer.scene.scene import ClickDetector, Scene, new_plotter
 from grasp3d.viewer.session.background import Job, Worker
-from grasp3d.viewer.session.controls import KEYS, handle_key
+from grasp3d.viewer.session.controls import CONTROLS, KEYS, handle_key
+from grasp3d.viewer.session.inspection import Inspection
+from grasp3d.viewer.session.painting import HEX_PALETTE
 from grasp3d.viewer.session.panel_text import HINTS
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web.page import open_page
@@ -40,8 +50,9 @@ PANEL_TEXT, SMALLEST_TEXT = 0.8, 10
 PANEL_WIDTH, MAX_PANEL = 24.0, 0.45
 """Width of the panel in text sizes, and the largest one relative to the window."""
 ZOOM = 1.15
-FIRST = 10.0
-"""Priority of observers: VTK calls those that turn the scene with 0."""
+BEFORE_WIDGETS, BEHIND_WIDGETS = 10.0, 0.25
+"""Priorities of observers: VTK calls those of widgets with 0.5, and those that turn the scene with
+0."""
 BUTTONS = (
     "LeftButtonPressEvent", "LeftButtonDoubleClickEvent", "MiddleButtonPressEvent",
     "RightButtonPressEvent", "MouseWheelForwardEvent", "MouseWheelBackwardEvent",
@@ -94,7 +105,7 @@ class Window:
         self._session, self._plotter, self._watch = session, plotter, watch
         self._interactor: Any = plotter.iren.interactor
         self._scene = Scene(plotter)
-        self._panel = SidePanel(plotter.renderers[1])
+        self._panel = SidePanel(plotter.renderers[1], self._interactor, self._change)
         self._page = Worker[str]()
         self._help = False
         self._size, self._text_size = (0, 0), SMALLEST_TEXT
@@ -111,7 +122,7 @@ class Window:
         self._observe("KeyPressEvent", self._on_key)
         self._observe("CharEvent", lambda: True)  # disables VTK's own keys
         for name in BUTTONS:
-            self._observe(name, self._is_on_panel)
+            self._observe(name, self._is_on_panel, BEHIND_WIDGETS)
         ClickDetector(plotter, self._on_click)
         self._draw()
         plotter.show(title=title, interactive_update=True, auto_close=False)
@@ -126,14 +137,16 @@ class Window:
         if self._interrupted:
             raise KeyboardInterrupt
 
-    def _observe(self, name: str, handler: Callable[[], bool]) -> None:
+    def _observe(
+        self, name: str, handler: Callable[[], bool], priority: float = BEFORE_WIDGETS
+    ) -> None:
         """Call a handler for an event; if it returns True, no observer behind it is called."""
 
         def called(*_: object) -> None:
             if self._run(handler):
                 self._interactor.GetCommand(tag).SetAbortFlag(1)
 
-        tag = self._interactor.AddObserver(name, called, FIRST)
+        tag = self._interactor.AddObserver(name, called, priority)
 
     def _run(self, action: Callable[[], bool | None]) -> bool:
         """Run an action and show its error as a message; VTK would print it or abort.
@@ -203,6 +216,10 @@ class Window:
         session = self._session
         self._run(lambda: session.click(self._scene.pick(session, x, y), inspect=shift))
 
+    def _change(self, name: str, value: float) -> None:
+        """Change a control that has a slider."""
+        self._run(lambda: CONTROLS[name].change(self._session, value))
+
     def _on_key(self) -> bool:
         interactor = self._interactor
         if not interactor.GetControlKey() and not interactor.GetAltKey():
@@ -255,11 +272,12 @@ class Window:
         return path
 
 
-BACKGROUND, WARNING, WORKING = "#F6F7F9", "#9A4A00", "#1F5FA8"
+BACKGROUND, WARNING = "#F6F7F9", "#9A4A00"
+TRACK, THUMB, PRESSED = "#C3C9CF", "#1F5FA8", "#123A68"
 WIDENED = 1.03
 """Width of a text that VTK draws, relative to that of the font, at most."""
-BETWEEN = 0.4
-"""Space between paragraphs, in text sizes."""
+TRACK_HEIGHT, THUMB_HEIGHT, THUMB_WIDTH = 0.5, 1.4, 0.9
+"""Sizes of a slider, relative to the text size."""
 
 MOUSE = (
     ("drag", "rotate; with shift: pan"),
@@ -268,18 +286,101 @@ MOUSE = (
 )
 """What the mouse does in a window."""
 
-Paragraph = tuple[str, str]
-"""A text and its colour."""
+SLIDERS = ("friction", "resolution")
+"""Names of the controls that have a slider."""
+
+
+class ControlSlider:
+    """A slider widget of VTK for one control, without texts."""
+
+    def __init__(
+        self, name: str, renderer: pyvista.Renderer, interactor: Any,
+        change: Callable[[str, float], None],
+    ) -> None:  # fmt: skip
+        """Add the widget to a renderer.
+
+        Args:
+            name: Name of the control.
+            renderer: Renderer that draws it.
+            interactor: VTK's interactor of the window.
+            change: Called with the control's name and its new value.
+        """
+        self._name, self._renderer, self._change = name, renderer, change
+        field = CONTROLS[name].page
+        assert field is not None
+        self.field = field
+        self._decimals = -round(math.log10(field.step))
+        self._look = look = vtkSliderRepresentation2D()
+        look.ShowSliderLabelOff()
+        look.SetEndCapLength(0.0)
+        for part, color in (
+            (look.GetTubeProperty(), TRACK),
+            (look.GetSliderProperty(), THUMB),
+            (look.GetSelectedProperty(), PRESSED),
+        ):
+            part.SetColor(*pyvista.Color(color).float_rgb)
+        widget: Any = vtkSliderWidget()
+        self._widget = widget
+        widget.SetInteractor(interactor)
+        widget.SetRepresentation(look)
+        widget.SetDefaultRenderer(renderer)
+        widget.SetCurrentRenderer(renderer)
+        widget.SetAnimationModeToJump()
+        widget.AddObserver("InteractionEvent", self._moved)
+        widget.EnabledOn()
+
+    def value_text(self, session: Session) -> str:
+        """Current value as text, with more digits than usual if it needs them."""
+        value = CONTROLS[self._name].read(session)
+        usual = f"{value:.{self._decimals}f}"
+        exact = math.isclose(float(usual), value, abs_tol=1e-6)
+        return f"{usual if exact else format(value, '.4g')}{self.field.unit}"
+
+    def show(self, session: Session, ends: tuple[float, float], y: float, size: int) -> None:
+        """Draw the slider.
+
+        Args:
+            session: The session with the current value.
+            ends: Left and right end in the renderer [pixels].
+            y: Middle of its height, from below [pixels].
+            size: Text size, to which it is fitted [pixels].
+        """
+        look, value = self._look, CONTROLS[self._name].read(session)
+        width, height = self._renderer.GetSize()
+        points = (look.GetPoint1Coordinate(), look.GetPoint2Coordinate())
+        for point, x in zip(points, ends, strict=True):
+            point.SetCoordinateSystemToDisplay()
+            point.SetValue(x, y)
+        look.SetTubeWidth(TRACK_HEIGHT * size / height)
+        look.SetEndCapWidth(TRACK_HEIGHT * size / height)
+        look.SetSliderWidth(THUMB_HEIGHT * size / height)
+        look.SetSliderLength(THUMB_WIDTH * size / width)
+        look.SetMinimumValue(self.field.limits(session)[0])
+        look.SetMaximumValue(max(self.field.most or 0.0, value))
+        look.SetValue(value)
+
+    def _moved(self, *_: object) -> None:
+        value = round(self._look.GetValue(), self._decimals)
+        self._change(self._name, max(self._look.GetMinimumValue(), value))
 
 
 class SidePanel:
-    """Texts in a renderer of their own."""
+    """Sliders and texts in a renderer of their own."""
 
-    def __init__(self, renderer: pyvista.Renderer) -> None:
-        """Take a renderer that draws nothing else."""
+    def __init__(
+        self, renderer: pyvista.Renderer, interactor: Any, change: Callable[[str, float], None]
+    ) -> None:
+        """Take a renderer.
+
+        Args:
+            renderer: Renderer for the panel alone.
+            interactor: VTK's interactor of the window.
+            change: Called with the name of a control and its new value.
+        """
         renderer.background_color = pyvista.Color(BACKGROUND)
         renderer.InteractiveOff()
         self._renderer, self._overlay = renderer, Overlay(renderer)
+        self._sliders = [ControlSlider(one, renderer, interactor, change) for one in SLIDERS]
 
     def show(self, session: Session, notes: tuple[str, ...], size: int, *, keys: bool) -> None:
         """Draw the panel.
@@ -291,51 +392,125 @@ class SidePanel:
             keys: Show the keys instead of the inspected vertex.
         """
         width, height = self._renderer.GetSize()
-        area = TextArea(width, height, size)
-        above = _keys() if keys else _vertex(session, notes)
-        status = list(_lines(area, _status(session)))
-        down = status[-1].y - 0.5 * area.margin
-        top = area.height - down
-        shown = [line for line in _lines(area, above) if line.y >= top]
-        self._overlay.show([*shown, *(replace(line, y=line.y - down) for line in status)])
+        lines = _Lines(TextArea(width, height, size))
+        margin = lines.area.margin
+        for slider in self._sliders:
+            lines.pair(slider.field.text, slider.value_text(session), name_color=INK)
+            lines.gap(THUMB_HEIGHT)
+            middle = lines.y + 0.5 * THUMB_HEIGHT * size
+            slider.show(session, (margin, width - margin), middle, size)
+            lines.gap(0.4)
+        lines.gap(0.6)
+        if keys:
+            _add_keys(lines)
+        else:
+            _add_vertex(lines, session)
+            for note in notes:
+                lines.gap(0.5)
+                lines.paragraph(note, WARNING)
+        status = _status(lines.area, session)
+        self._overlay.show([*lines.above(status.height), *status.moved_down()])
 
 
-def _lines(area: TextArea, paragraphs: Iterable[Paragraph]) -> Iterator[TextLine]:
-    """Paragraphs one below the other, from the top of the panel."""
-    width, y = area.width - 2.0 * area.margin, area.height - 0.5 * area.margin
-    for text, color in paragraphs:
-        for line in wrapped(text, width / WIDENED, area.size):
-            y -= PARAGRAPH_LINE * area.size
-            yield TextLine(line, area.margin, y, area.size, color)
-        y -= BETWEEN * area.size
+class _Lines:
+    """Texts one below the other, from the top of a panel."""
+
+    def __init__(self, area: TextArea) -> None:
+        self.area = area
+        self.y = area.height - 0.5 * area.margin
+        """Lower end of the last line [pixels]."""
+        self._items: list[OverlayItem] = []
+
+    @property
+    def height(self) -> float:
+        """Height of all lines [pixels]."""
+        return self.area.height - self.y
+
+    def gap(self, lines: float) -> None:
+        """Leave a space, in text sizes."""
+        self.y -= lines * self.area.size
+
+    def paragraph(
+        self, text: str, color: str = INK, *, bold: bool = False, indent: float = 0.0
+    ) -> None:
+        """Add a text, broken into lines; `indent` is in pixels."""
+        width = self.area.width - 2.0 * self.area.margin - indent
+        for line in wrapped(text, width / WIDENED, self.area.size):
+            self.y -= PARAGRAPH_LINE * self.area.size
+            x = self.area.margin + indent
+            self._items.append(TextLine(line, x, self.y, self.area.size, color, bold=bold))
+
+    def pair(self, name: str, value: str, *, name_color: str = QUIET) -> None:
+        """Add a name at the left and its value at the right, below it if it is long."""
+        area, space = self.area, self.area.width - 2.0 * self.area.margin
+        self.paragraph(name, name_color)
+        if WIDENED * text_width(f"{name} {value}", area.size) + area.size > space:
+            self.y -= 1.42 * area.size
+        value = shortened(value, space / WIDENED, area.size)
+        x = area.width - area.margin - WIDENED * text_width(value, area.size)
+        self._items.append(TextLine(value, x, self.y, area.size))
+
+    def square(self, color: str) -> None:
+        """Put a coloured square before the next line."""
+        side = 0.9 * self.area.size
+        self._items.append(
+            Rectangle(self.area.margin, self.y - 1.3 * self.area.size, side, side, color)
+        )
+
+    def above(self, y: float) -> list[OverlayItem]:
+        """The texts above a height."""
+        return [item for item in self._items if item.y >= y]
+
+    def moved_down(self) -> list[OverlayItem]:
+        """The texts, moved to the lower end of the panel."""
+        return [replace(one, y=one.y - self.y + 0.5 * self.area.margin) for one in self._items]
 
 
-def _keys() -> Iterator[Paragraph]:
+def _add_keys(lines: _Lines) -> None:
+    indent = 4.6 * lines.area.size
     of_keys = ((keys.names, keys.text) for keys in KEYS)
     for key, text in (*MOUSE, *of_keys, ("w", "open the page, with all settings, in a browser")):
-        yield f"{key}: {text}", INK
+        before = lines.y
+        lines.paragraph(key)
+        lines.y = before
+        lines.paragraph(text, QUIET, indent=indent)
 
 
-def _vertex(session: Session, notes: tuple[str, ...]) -> Iterator[Paragraph]:
-    """The inspected vertex, or what a click would do; notes."""
+def _add_vertex(lines: _Lines, session: Session) -> None:
+    """The inspected vertex, or what a click would do."""
     inspection = session.inspection
     if inspection is None:
-        yield HINTS[session.state.click], QUIET
-    else:
-        yield inspection.reason, INK
-        for name, value in inspection.numbers:
-            yield f"{name}: {value}", INK
-        if inspection.budget:
-            yield inspection.budget, QUIET
-    for note in notes:
-        yield note, WARNING
+        lines.paragraph(HINTS[session.state.click], QUIET)
+        return
+    lines.square(HEX_PALETTE[inspection.code])
+    lines.paragraph(_heading(inspection), bold=True, indent=1.4 * lines.area.size)
+    lines.gap(0.2)
+    lines.paragraph(inspection.reason)
+    lines.gap(0.5)
+    for name, value in inspection.numbers:
+        lines.pair(name, value)
+    if inspection.budget:
+        lines.gap(0.4)
+        lines.paragraph(inspection.budget, QUIET)
 
 
-def _status(session: Session) -> Iterator[Paragraph]:
+def _heading(inspection: Inspection) -> str:
+    letter = "not searched" if inspection.code == UNSEARCHED else Label(inspection.code).name
+    where = "given grasp" if inspection.vertex is None else f"vertex {inspection.vertex}"
+    if inspection.held is not None and inspection.held.has_joints:
+        where = "pose of the hand"
+    return f"{letter}: {where}"
+
+
+def _status(area: TextArea, session: Session) -> _Lines:
     """Message, progress, and the keys that lead to all others."""
+    lines = _Lines(area)
     if session.message:
-        yield session.message, INK
+        lines.paragraph(session.message)
+        lines.gap(0.4)
     if session.working is not None:
         text, fraction = session.working
-        yield f"{text} … {100.0 * fraction:.0f} %", WORKING
-    yield "← → μ · ↑ ↓ α · h: all keys · w: page with all settings", QUIET
+        lines.paragraph(f"{text} … {100.0 * fraction:.0f} %", THUMB)
+        lines.gap(0.4)
+    lines.paragraph("h: keys · w: page with all settings", QUIET)
+    return lines
