@@ -65,8 +65,8 @@ STEPS = 80
 NEIGHBOUR_STEPS = 40
 """Steps of the refinement of a neighbour's grasp."""
 
-SWEEPS = 3
-"""Rounds in which the grasps of neighbouring vertices are evaluated."""
+SWEEPS = 8
+"""Most rounds in which the grasps of neighbouring vertices are evaluated."""
 
 GRID = 2.0**28
 """Positions and normals are whole multiples of 1 / GRID while grasps are sought, in object sizes;
@@ -182,6 +182,8 @@ class _Search:
             previous, grasps = grasps, make_best_grasps(len(self.mesh.vertices), n - 1)
             for stage in range(stages):
                 if stage:
+                    if not (grasps.stages == stage - 1).any():
+                        break
                     previous = BestGrasps._make(one.copy() for one in grasps)
                 with within(done / total, (done + 1) / total):
                     self._run(stage, n, limits, previous, grasps)
