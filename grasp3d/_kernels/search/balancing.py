@@ -89,6 +89,12 @@ def _write_step(domain, workspace):
 
 
 @merged
+def may_balance(v, domain):
+    """Whether fingers move freely, and the vertex has one normal: caps do not balance."""
+    return not domain.on_vertices and domain.radii[v] == 0.0
+
+
+@merged
 def balance(angle, domain, limits, workspace, plane, hull):
     """Improve the current grasp of three fingers by steps toward balance without friction.
 

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from grasp3d._kernels.compiling import merged, scratch_kernel
-from grasp3d._kernels.search.balancing import balance
+from grasp3d._kernels.search.balancing import balance, may_balance
 from grasp3d._kernels.search.coplanar_contacts import set_contact_plane
 from grasp3d._kernels.search.multifinger_evaluation import RIGHT_ANGLE, evaluate
 from grasp3d._kernels.search.multifinger_grasps import (
@@ -273,12 +273,12 @@ def exchange_fingers(n, added, angle, count, domain, limits, workspace, plane, h
 
 @merged
 def _try_neighbours(v, n, stage, most, domain, limits, previous, grasps, workspace, plane, hull):
-    """Try the other contacts of neighbouring vertices' grasps that the last stage has found.
+    """Store the best of the other contacts of neighbours' grasps that the last stage has found.
 
     Returns:
-        Whether one of them, with steps toward balance of three fingers, is better.
+        Whether one of them is better than the vertex's own, for three fingers after some steps.
     """
-    improved, balancing = False, hull is None and not domain.on_vertices
+    improved, balancing = False, hull is None and may_balance(v, domain)
     for k in range(domain.neighbour_start[v], domain.neighbour_start[v + 1]):
         if grasps.angles[v] <= limits.target:
             break
@@ -286,9 +286,9 @@ def _try_neighbours(v, n, stage, most, domain, limits, previous, grasps, workspa
         if previous.stages[other] != stage - 1 or previous.angles[other] == math.inf:
             continue
         load_grasp(other, n, previous, domain, workspace)
-        set_vertex_contact(0, v, domain, workspace.candidate)
+        fits = set_vertex_contact(0, v, domain, workspace.candidate)
         threshold = most if balancing else min(grasps.angles[v] - limits.margin, most)
-        angle = evaluate_if_allowed(True, n, threshold, limits, workspace, plane, hull)
+        angle = evaluate_if_allowed(fits, n, threshold, limits, workspace, plane, hull)
         if balancing and angle < math.inf:
             angle = balance(angle, domain, limits, workspace, plane, hull)
         if angle < grasps.angles[v] - limits.margin:
@@ -334,7 +334,7 @@ def search_fingers(
 
     Of three fingers all pairs of candidate points are evaluated and the best starts refined. Then
     the other fingers of the best grasp are moved one by one to the best of all candidate points,
-    and the result is refined again.
+    and the result is refined again. Refining is a few steps toward balance, and random ones.
 
     Of more, the last finger is added at the best candidate point to the best grasp of one finger
     less. A force-closed grasp stays so with an additional finger, so a vertex never becomes worse.
@@ -402,7 +402,7 @@ def search_fingers(
                 angle = exchange_fingers(
                     n, added, angle, count, domain, limits, workspace, plane, hull
                 )
-            if hull is None and angle < math.inf and not domain.on_vertices:
+            if hull is None and angle < math.inf and may_balance(v, domain):
                 angle = balance(angle, domain, limits, workspace, plane, hull)
             if angle < math.inf:
                 angle = refine(n, angle, step, rounds, domain, limits, workspace, plane, hull)

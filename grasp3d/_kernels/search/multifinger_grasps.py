@@ -65,7 +65,7 @@ class ContactDomain(NamedTuple):
     neighbour_start: Ints1
     """First neighbour of each vertex in `neighbours` (V + 1,)."""
     neighbours: Ints1
-    """Vertices around each vertex."""
+    """Vertices around each vertex; on a surface also those around these, and itself."""
     on_vertices: bool
     """Whether contacts are vertices; an element is then a vertex, otherwise a face."""
     candidates: CandidatePoints
@@ -229,7 +229,7 @@ def make_search_workspace(fingers: int, common_count: int) -> SearchWorkspace:
 
 @merged
 def set_current(j, domain, workspace):
-    """Place contact j of the candidate where it is in the current grasp; returns as `set_contact`."""
+    """Place contact j of the candidate as in the current grasp; returns as `set_contact`."""
     return set_contact(j, workspace.elements[0, j], workspace.weights[0, j], domain, workspace)
 
 

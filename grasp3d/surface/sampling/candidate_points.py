@@ -29,10 +29,9 @@ def contact_domain(
     """The arrays of a surface in the normalised frame, scaled by `scale`, for the kernels."""
     surface = mesh.contact_surface
     start, index = neighbours(mesh)
-    around = csr_array(
-        (np.ones(len(index), dtype=np.int32), index, start), shape=(len(start) - 1,) * 2
-    )
-    if not on_vertices:
+    links = np.ones(len(index), dtype=np.int64)
+    around = csr_array((links, index, start), shape=(len(start) - 1,) * 2)
+    if not on_vertices:  # grasps spread past vertices on creases, whose own suit no others
         around = csr_array(around + around @ around)
         around.sort_indices()
     one, two = paired_edges(mesh.faces)
