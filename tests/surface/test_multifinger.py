@@ -130,7 +130,8 @@ def test_more_fingers_never_make_a_vertex_worse(shape: str) -> None:
     for fewer, more in pairwise(angles):
         # Nearly rays make a thin hull, which is surely closed at a slightly larger angle.
         assert (more <= fewer + 3.0 * ROUNDING).all()
-    assert (angles[1] < angles[0] - 0.01).any() or shape == "box"
+    # On the others three fingers are as good as any number.
+    assert (angles[1] < angles[0] - 0.01).any() or shape != "tapered"
 
 
 @pytest.mark.slow

@@ -9,22 +9,27 @@ import math
 import numpy as np
 
 from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.search.balancing import balance, may_balance
 from grasp3d._kernels.search.coplanar_contacts import set_contact_plane
 from grasp3d._kernels.search.multifinger_evaluation import RIGHT_ANGLE, evaluate
 from grasp3d._kernels.search.multifinger_grasps import (
     NO_CONTACT,
     STARTS,
     distances_allowed,
+    evaluate_if_allowed,
     is_allowed,
+    keep_or_undo,
     load_grasp,
     set_contact,
+    set_current,
     set_finger,
     set_point_contact,
     set_vertex_contact,
     store_grasp,
+    walk_finger,
 )
-from grasp3d._kernels.surface.surface_contacts import random_fraction, walk
-from grasp3d._kernels.surface.vectors import copy, cross, difference, dot, squared_distance
+from grasp3d._kernels.surface.surface_contacts import random_fraction
+from grasp3d._kernels.surface.vectors import squared_distance
 
 MAX_PAIRINGS = 128
 """Points following a candidate point with which it is paired: any consecutive ones are well spread,
@@ -32,24 +37,10 @@ and the work grows linearly with the number of points."""
 
 
 @merged
-def _any_exceeds_elevation(candidate, sine):
-    """Whether the normal of one of three contacts rises over their plane by an angle or more.
-
-    Balanced forces of three contacts lie in that plane, which such a friction cone does not reach.
-    """
-    points = candidate.points
-    normal = cross(difference(points[1], points[0]), difference(points[2], points[0]))
-    for i in range(3):
-        if candidate.radii[i] == 0.0:
-            along = dot(candidate.normals[i], normal)
-            if along * along >= sine * sine * dot(normal, normal):
-                return True
-    return False
-
-
-@merged
 def list_reachable(v, most, domain, limits, workspace):
     """List candidate points at allowed distances from a vertex, its own point first.
+
+    Every vertex begins elsewhere among them, so that neighbours find grasps from different points.
 
     Returns:
         Their number, at most `most` + 1.
@@ -58,9 +49,10 @@ def list_reachable(v, most, domain, limits, workspace):
     if candidates.own[v] != NO_CONTACT:
         workspace.reachable[0] = candidates.own[v]
         count = 1
-    for s in range(candidates.common_count):
+    for k in range(candidates.common_count):
         if count > most:
             break
+        s = (k + v * most) % candidates.common_count
         if is_allowed(candidates.points[s], domain.surface.points[v], limits):
             workspace.reachable[count] = s
             count += 1
@@ -113,10 +105,8 @@ def seed_pairs(count, most, domain, limits, workspace, plane, hull):
             ):
                 continue
             workspace.evaluated[0] += 1
-            # Worse than the last start: most pairs are rejected by the elevation of their normals,
-            # which needs no projection.
             threshold = min(workspace.angles[STARTS - 1] - limits.margin, most)
-            if threshold > 0.0 and not _any_exceeds_elevation(candidate, math.sin(threshold)):
+            if threshold > 0.0:
                 angle = evaluate(candidate, plane, hull, 3, threshold, limits.tolerance)
                 if angle < math.inf:
                     _keep_start(angle, one, two, workspace)
@@ -151,28 +141,22 @@ MAX_EDGES = 8
 
 @merged
 def _move_finger(j, step, domain, limits, workspace):
-    """Write a random variation of finger j of the current grasp, up to two steps away."""
-    elements, weights, random_state = workspace.elements, workspace.weights, workspace.random_state
+    """Vary finger j of the current grasp at random, up to two steps; returns as `set_contact`."""
+    elements, random_state = workspace.elements, workspace.random_state
     length = 2.0 * step * random_fraction(random_state)
     # A random walk over edges, or a straight walk in a random direction.
-    if domain.on_vertices:
-        vertex = elements[0, j]
-        # The step in edges: shorter than one edge still moves the finger.
-        hops = min(MAX_EDGES, 1 + int(length / limits.edge_length))
-        for _ in range(hops):
-            first, last = domain.neighbour_start[vertex], domain.neighbour_start[vertex + 1]
-            if last > first:
-                vertex = domain.neighbours[
-                    first + int(random_fraction(random_state) * (last - first))
-                ]
-        elements[1, j] = vertex
-        return
-    copy(weights[0, j], weights[1, j])
-    surface = domain.surface
-    elements[1, j] = walk(
-        elements[0, j], weights[1, j], 2.0 * math.pi * random_fraction(random_state), length,
-        surface.points, surface.faces, domain.adjacent_faces,
-    )  # fmt: skip
+    if not domain.on_vertices:
+        angle = 2.0 * math.pi * random_fraction(random_state)
+        return walk_finger(j, angle, length, domain, workspace)
+    vertex = elements[0, j]
+    # The step in edges: shorter than one edge still moves the finger.
+    hops = min(MAX_EDGES, 1 + int(length / limits.edge_length))
+    for _ in range(hops):
+        first, last = domain.neighbour_start[vertex], domain.neighbour_start[vertex + 1]
+        if last > first:
+            vertex = domain.neighbours[first + int(random_fraction(random_state) * (last - first))]
+    elements[1, j] = vertex
+    return set_contact(j, vertex, workspace.weights[1, j], domain, workspace)
 
 
 @merged
@@ -186,7 +170,6 @@ def refine(n, angle, step, rounds, domain, limits, workspace, plane, hull):
     Returns:
         The critical angle of the refined grasp [rad].
     """
-    candidate = workspace.candidate
     for _ in range(rounds):
         # On vertices every step moves a finger by one edge at least, however short it is.
         if angle <= limits.target or (step < limits.shortest_step and not domain.on_vertices):
@@ -197,35 +180,17 @@ def refine(n, angle, step, rounds, domain, limits, workspace, plane, hull):
         fits = True
         for j in range(1, n):
             if moved in (0, j):
-                _move_finger(j, step, domain, limits, workspace)
-                fits = (
-                    set_contact(
-                        j, workspace.elements[1, j], workspace.weights[1, j], domain, workspace
-                    )
-                    and fits
-                )
-        for j in range(1, n):  # contacts 0 to j - 1, so every pair once
-            fits = fits and distances_allowed(candidate, j, j, limits)
-        threshold = angle - limits.margin
-        workspace.evaluated[0] += fits
-        changed = math.inf
-        if fits and threshold > 0.0:
-            changed = evaluate(candidate, plane, hull, n, threshold, limits.tolerance)
+                fits = _move_finger(j, step, domain, limits, workspace) and fits
+        changed = evaluate_if_allowed(
+            fits, n, angle - limits.margin, limits, workspace, plane, hull
+        )
         # The step grows after a success and shrinks after a failure, such that it stays constant
         # at a success rate of about 1/5, which is nearly optimal (Rechenberg 1973).
         better = changed < math.inf
         if better:
             angle = changed
         step *= STEP_GROWTH if better else STEP_SHRINKAGE
-        for j in range(1, n):
-            if moved in (0, j):
-                if better:
-                    workspace.elements[0, j] = workspace.elements[1, j]
-                    copy(workspace.weights[1, j], workspace.weights[0, j])
-                else:  # the candidate must again be the current grasp
-                    set_contact(
-                        j, workspace.elements[0, j], workspace.weights[0, j], domain, workspace
-                    )
+        keep_or_undo(better, moved, n, domain, workspace)
     return angle
 
 
@@ -302,34 +267,34 @@ def exchange_fingers(n, added, angle, count, domain, limits, workspace, plane, h
         if point != NO_CONTACT:
             set_finger(i, point, domain, workspace)
         elif angle > limits.target:
-            set_contact(i, workspace.elements[0, i], workspace.weights[0, i], domain, workspace)
+            set_current(i, domain, workspace)
     return angle
 
 
 @merged
-def _try_neighbours(v, n, most, domain, limits, previous, grasps, workspace, plane, hull):
-    """Evaluate the other contacts of neighbouring vertices' grasps: (best neighbour, angle)."""
-    candidate, angle, chosen = workspace.candidate, grasps.angles[v], NO_CONTACT
-    if angle <= limits.target:
-        return chosen, angle
+def _try_neighbours(v, n, stage, most, domain, limits, previous, grasps, workspace, plane, hull):
+    """Store the best of the other contacts of neighbours' grasps that the last stage has found.
+
+    Returns:
+        Whether one of them is better than the vertex's own, for three fingers after some steps.
+    """
+    improved, balancing = False, hull is None and may_balance(v, domain)
     for k in range(domain.neighbour_start[v], domain.neighbour_start[v + 1]):
+        if grasps.angles[v] <= limits.target:
+            break
         other = domain.neighbours[k]
-        if not previous.angles[other] < math.inf:
+        if previous.stages[other] != stage - 1 or previous.angles[other] == math.inf:
             continue
-        fits = True
-        for j in range(1, n):
-            element, weights = previous.elements[other, j - 1], previous.weights[other, j - 1]
-            # No shortcut: all contacts must be set for the distances.
-            fits = set_contact(j, element, weights, domain, workspace) and fits
-        for j in range(1, n):
-            fits = fits and distances_allowed(candidate, j, j, limits)
-        workspace.evaluated[0] += fits
-        threshold = min(angle - limits.margin, most)
-        if fits and threshold > 0.0:
-            changed = evaluate(candidate, plane, hull, n, threshold, limits.tolerance)
-            if changed < math.inf:
-                chosen, angle = other, changed
-    return chosen, angle
+        load_grasp(other, n, previous, domain, workspace)
+        fits = set_vertex_contact(0, v, domain, workspace.candidate)
+        threshold = most if balancing else min(grasps.angles[v] - limits.margin, most)
+        angle = evaluate_if_allowed(fits, n, threshold, limits, workspace, plane, hull)
+        if balancing and angle < math.inf:
+            angle = balance(angle, domain, limits, workspace, plane, hull)
+        if angle < grasps.angles[v] - limits.margin:
+            store_grasp(v, n, angle, stage, grasps, workspace)
+            improved = True
+    return improved
 
 
 @merged
@@ -369,7 +334,7 @@ def search_fingers(
 
     Of three fingers all pairs of candidate points are evaluated and the best starts refined. Then
     the other fingers of the best grasp are moved one by one to the best of all candidate points,
-    and the result is refined again.
+    and the result is refined again. Refining is a few steps toward balance, and random ones.
 
     Of more, the last finger is added at the best candidate point to the best grasp of one finger
     less. A force-closed grasp stays so with an additional finger, so a vertex never becomes worse.
@@ -405,16 +370,13 @@ def search_fingers(
         most = limits.max_angle
         if domain.radii[v] > 0.0:
             most = max(most, min(most + 2.0 * domain.radii[v], RIGHT_ANGLE))
-        # Later stages start from the best neighbour's grasp only where it improves this vertex.
+        # Later stages refine the best neighbour's grasp only where it improves this vertex.
         if stage > 0:
-            other, workspace.angles[0] = _try_neighbours(
-                v, n, most, domain, limits, previous, grasps, workspace, plane, hull
-            )
-            if other == NO_CONTACT:
+            if not _try_neighbours(
+                v, n, stage, most, domain, limits, previous, grasps, workspace, plane, hull
+            ):
                 continue
-            # The neighbour's other contacts with this vertex as the first.
-            load_grasp(other, n, previous, domain, workspace)
-            set_vertex_contact(0, v, domain, candidate)
+            workspace.angles[0] = load_grasp(v, n, grasps, domain, workspace)
             starts = 1
         else:
             starts = _initial_grasps(v, n, most, domain, limits, previous, workspace, plane, hull)
@@ -428,7 +390,7 @@ def search_fingers(
                     break
             else:
                 angle = workspace.angles[k]
-                if angle == math.inf:
+                if angle == math.inf or grasps.angles[v] <= limits.target:
                     continue
                 if has_exchange:  # a start is a pair of candidate points, else it is loaded already
                     set_finger(1, workspace.start_points[k, 0], domain, workspace)
@@ -440,7 +402,9 @@ def search_fingers(
                 angle = exchange_fingers(
                     n, added, angle, count, domain, limits, workspace, plane, hull
                 )
+            if hull is None and angle < math.inf and may_balance(v, domain):
+                angle = balance(angle, domain, limits, workspace, plane, hull)
             if angle < math.inf:
                 angle = refine(n, angle, step, rounds, domain, limits, workspace, plane, hull)
             if angle < grasps.angles[v]:
-                store_grasp(v, n, angle, grasps, workspace)
+                store_grasp(v, n, angle, stage, grasps, workspace)

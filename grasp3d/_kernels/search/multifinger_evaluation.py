@@ -99,10 +99,29 @@ def make_hull_scratch(contacts: int) -> HullScratch:
 
 
 @merged
+def _any_exceeds_elevation(candidate, sine):
+    """Whether the normal of one of three contacts rises over their plane by an angle or more.
+
+    Balanced forces of three contacts lie in that plane, which such a friction cone does not reach.
+    """
+    points = candidate.points
+    normal = cross(difference(points[1], points[0]), difference(points[2], points[0]))
+    for i in range(3):
+        if candidate.radii[i] == 0.0:
+            along = dot(candidate.normals[i], normal)
+            if along * along >= sine * sine * dot(normal, normal):
+                return True
+    return False
+
+
+@merged
 def _evaluate_three(candidate, plane, threshold, tolerance):
     """Evaluate three contacts; see `evaluate`."""
     normals, radii = candidate.normals, candidate.radii
-    if not set_contact_plane(candidate.points, plane):
+    # Most candidates are rejected by the elevation of their normals, which needs no projection.
+    if _any_exceeds_elevation(candidate, math.sin(threshold)) or not (
+        set_contact_plane(candidate.points, plane)
+    ):
         return math.inf
     for i in range(3):
         set_normal(normals[i], radii[i], i, plane)

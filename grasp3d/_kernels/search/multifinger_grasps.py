@@ -16,11 +16,12 @@ from grasp3d._kernels.array_types import (
     UInt64s1,
 )
 from grasp3d._kernels.compiling import merged
-from grasp3d._kernels.search.multifinger_evaluation import Candidate, make_candidate
+from grasp3d._kernels.search.multifinger_evaluation import Candidate, evaluate, make_candidate
 from grasp3d._kernels.surface.surface_contacts import (
     ContactNormals,
     Surface,
     point_on_face,
+    walk,
     write_normals,
 )
 from grasp3d._kernels.surface.turns import turn_at_vertex, turn_on_face
@@ -65,7 +66,7 @@ class ContactDomain(NamedTuple):
     neighbour_start: Ints1
     """First neighbour of each vertex in `neighbours` (V + 1,)."""
     neighbours: Ints1
-    """Vertices around each vertex."""
+    """Vertices around each vertex; on a surface also those around these, and itself."""
     on_vertices: bool
     """Whether contacts are vertices; an element is then a vertex, otherwise a face."""
     candidates: CandidatePoints
@@ -167,6 +168,8 @@ class BestGrasps(NamedTuple):
     """Face or vertex of every other finger; NO_CONTACT: no grasp (V, n - 1)."""
     weights: Floats3
     """Barycentric coordinates on the faces (V, n - 1, 3)."""
+    stages: Ints1
+    """Stage of the search in which each was found (V,)."""
 
 
 class SearchWorkspace(NamedTuple):
@@ -189,6 +192,10 @@ class SearchWorkspace(NamedTuple):
     """Faces or vertices of the fingers: row 0 the current grasp, row 1 its variation (2, n)."""
     weights: Floats3
     """Their barycentric coordinates (2, n, 3)."""
+    residuals: Floats2
+    """Derivatives of what three contacts miss balance by, and that itself (5, 4)."""
+    equations: Floats2
+    """Linear equations for a step, with their right sides (4, 5)."""
     random_state: UInt64s1
     """State of the random number generator (1,)."""
     evaluated: Ints1
@@ -201,6 +208,7 @@ def make_best_grasps(vertices: int, others: int) -> BestGrasps:
         angles=np.full(vertices, math.inf),
         elements=np.full((vertices, others), NO_CONTACT, dtype=np.int64),
         weights=np.zeros((vertices, others, 3)),
+        stages=np.zeros(vertices, dtype=np.int64),
     )
 
 
@@ -214,9 +222,60 @@ def make_search_workspace(fingers: int, common_count: int) -> SearchWorkspace:
         start_points=np.zeros((STARTS, 2), dtype=np.int64),
         elements=np.zeros((2, fingers), dtype=np.int64),
         weights=np.zeros((2, fingers, 3)),
+        residuals=np.zeros((5, 4)),
+        equations=np.zeros((4, 5)),
         random_state=np.zeros(1, dtype=np.uint64),
         evaluated=np.zeros(1, dtype=np.int64),
     )
+
+
+@merged
+def set_current(j, domain, workspace):
+    """Place contact j of the candidate as in the current grasp; returns as `set_contact`."""
+    return set_contact(j, workspace.elements[0, j], workspace.weights[0, j], domain, workspace)
+
+
+@merged
+def walk_finger(j, angle, length, domain, workspace):
+    """Vary the current grasp by a straight walk of finger j; returns as `set_contact`."""
+    elements, weights, surface = workspace.elements, workspace.weights, domain.surface
+    copy(weights[0, j], weights[1, j])
+    elements[1, j] = walk(
+        elements[0, j], weights[1, j], angle, length,
+        surface.points, surface.faces, domain.adjacent_faces,
+    )  # fmt: skip
+    return set_contact(j, elements[1, j], weights[1, j], domain, workspace)
+
+
+@merged
+def keep_or_undo(keep, moved, n, domain, workspace):
+    """Make the variation the current grasp, or the candidate the current grasp again.
+
+    Args:
+        keep: Whether the variation is better.
+        moved: The finger that was moved; 0: all.
+        n: Contacts.
+        domain: `ContactDomain`.
+        workspace: `SearchWorkspace`.
+    """
+    for j in range(1, n):
+        if moved in (0, j):
+            if keep:
+                workspace.elements[0, j] = workspace.elements[1, j]
+                copy(workspace.weights[1, j], workspace.weights[0, j])
+            else:
+                set_current(j, domain, workspace)
+
+
+@merged
+def evaluate_if_allowed(fits, n, threshold, limits, workspace, plane, hull):
+    """Evaluate the candidate, if all its fingers fit and its distances are within the limits."""
+    for j in range(1, n):  # contacts 0 to j - 1, so every pair once
+        fits = fits and distances_allowed(workspace.candidate, j, j, limits)
+    workspace.evaluated[0] += fits
+    if not fits or threshold <= 0.0:
+        return math.inf
+    return evaluate(workspace.candidate, plane, hull, n, threshold, limits.tolerance)
 
 
 @merged
@@ -227,14 +286,14 @@ def load_grasp(v, n, grasps, domain, workspace):
     for j in range(1, n):
         workspace.elements[0, j] = grasps.elements[v, j - 1]
         copy(grasps.weights[v, j - 1], workspace.weights[0, j])
-        set_contact(j, workspace.elements[0, j], workspace.weights[0, j], domain, workspace)
+        set_current(j, domain, workspace)
     return grasps.angles[v]
 
 
 @merged
-def store_grasp(v, n, angle, grasps, workspace):
+def store_grasp(v, n, angle, stage, grasps, workspace):
     """Store the current grasp as the best of a vertex."""
-    grasps.angles[v] = angle
+    grasps.angles[v], grasps.stages[v] = angle, stage
     for j in range(1, n):
         grasps.elements[v, j - 1] = workspace.elements[0, j]
         copy(workspace.weights[0, j], grasps.weights[v, j - 1])

@@ -33,7 +33,12 @@ def contact_domain(
     on_vertices: bool,
 ) -> ContactDomain:
     """The arrays of a surface in the normalised frame, scaled by `scale`, for the kernels."""
-    neighbour_start, neighbour_index = neighbours(mesh)
+    start, index = neighbours(mesh)
+    links = np.ones(len(index), dtype=np.int64)
+    around = csr_array((links, index, start), shape=(len(start) - 1,) * 2)
+    if not on_vertices:  # grasps spread past vertices on creases, whose own suit no others
+        around = csr_array(around + around @ around)
+        around.sort_indices()
     one, two = paired_edges(mesh.faces)
     adjacent = np.full(3 * len(mesh.faces), -1, dtype=np.int64)
     adjacent[one], adjacent[two] = two // 3, one // 3
@@ -44,8 +49,8 @@ def contact_domain(
         adjacent_faces=adjacent.reshape(-1, 3),
         centres=mesh.normal_centres,
         radii=mesh.normal_radii,
-        neighbour_start=neighbour_start,
-        neighbours=neighbour_index,
+        neighbour_start=around.indptr.astype(np.int64),
+        neighbours=around.indices.astype(np.int64),
         on_vertices=on_vertices,
         candidates=candidates,
     )

@@ -1,10 +1,11 @@
 """The best grasp of three fingers and more through every vertex.
 
 Contact 1 is the vertex. The others are placed at pairs of points of a blue-noise sample, and at the
-vertex's best opposing contact of two fingers. The best candidates are refined by random steps of
-their contacts and evaluated at neighbouring vertices. Each further finger is added to the best
-grasp of one finger less. Every candidate is evaluated by a closure test at the best critical angle
-so far, so the search may miss a grasp, but every grasp that it returns is real.
+vertex's best opposing contact of two fingers. The best candidates are refined, of three fingers by
+steps toward a balance without friction, then by random steps, and tried at neighbouring vertices
+until none improves. Each further finger is added to the best grasp of one finger less. Every
+candidate is evaluated by a closure test at the best critical angle so far, so the search may miss a
+grasp, but every grasp that it returns is real.
 
 At a crease the search counts the normals of a cap that contains the true ones. That holds for all
 of these, but a grasp that it passes over may be as good.
@@ -66,8 +67,8 @@ STEPS = 80
 NEIGHBOUR_STEPS = 40
 """Steps of the refinement of a neighbour's grasp."""
 
-SWEEPS = 3
-"""Rounds in which the grasps of neighbouring vertices are evaluated."""
+SWEEPS = 8
+"""Most rounds in which grasps that the last one has improved are tried at neighbouring vertices."""
 
 GRID = 2.0**28
 """Positions and normals are whole multiples of 1 / GRID while grasps are sought, in object sizes;
@@ -196,6 +197,8 @@ class _Search:
             previous, grasps = grasps, make_best_grasps(len(self.mesh.vertices), n - 1)
             for stage in range(stages):
                 if stage:
+                    if not (grasps.stages == stage - 1).any():
+                        break
                     previous = BestGrasps._make(one.copy() for one in grasps)
                 with within(done / total, (done + 1) / total):
                     self._run(stage, n, limits, previous, grasps)
