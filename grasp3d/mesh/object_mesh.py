@@ -9,6 +9,7 @@ import numpy as np
 from grasp3d._kernels.hands.touched_surface import TouchedSurface
 from grasp3d._kernels.surface.box_tree import BoxTree, box_tree
 from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
+from grasp3d._kernels.surface.nearby_normals import FacesAround
 from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
 from grasp3d._kernels.surface.turns import EXACT
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows, used_indices
@@ -281,6 +282,13 @@ class ObjectMesh:
         """The faces in the normalised frame as a tree: what is near a point or a gripper."""
         tree: BoxTree = box_tree(self.normalized, self.faces)
         return tree
+
+    @cached_property
+    def faces_around(self) -> FacesAround:
+        """The faces around each vertex, as the kernels take them."""
+        order = np.argsort(self.faces, axis=None, kind="stable")
+        start = np.searchsorted(self.faces.ravel()[order], np.arange(len(self.vertices) + 1))
+        return FacesAround(locked(start), locked(order // 3))
 
     @cached_property
     def face_tree(self) -> FaceTree:
