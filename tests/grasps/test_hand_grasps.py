@@ -87,6 +87,24 @@ def test_critical_angle_is_that_of_the_contacts_bit_for_bit(
         assert found.critical_angle[row] == critical_friction_angle(contacts)
 
 
+def test_a_location_error_costs_a_hand_what_the_surface_turns_and_torques_need(
+    box: ObjectMesh, tmp_path: Path
+) -> None:
+    """In the middle of flat sides nothing turns; an error that reaches an edge leaves no S."""
+    exact = evaluated(box, tmp_path, TOUCHING)
+    hand, poses = slider_hand.hand(tmp_path), given(TOUCHING)
+    margins = [float(exact.margin[0])]
+    for error in (1e-3, 2e-3, 0.04):
+        model = replace(FINE, location_error=error)
+        found = grasp3d.evaluate_grasps(box, poses, model, hand=hand)
+        assert isinstance(found, EvaluatedHandGrasps)
+        margins.append(float(found.margin[0]))
+        assert found.critical_angle_best.tolist() == [0.0]
+        assert (found.label[0] == Label.S) == (margins[-1] > 0.0)
+    assert margins == sorted(margins, reverse=True)
+    assert margins[0] > margins[1] > 0.0 > margins[3]
+
+
 def test_links_have_the_resolution_that_they_state_or_that_of_the_model(
     box: ObjectMesh, tmp_path: Path
 ) -> None:

@@ -1,6 +1,7 @@
 """Labels of grasps of any numbers of contacts, with different sensors."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -41,6 +42,20 @@ def test_labels_are_those_of_grasps(alike: bool) -> None:
         other = classify(of_grasp(one, grasp), 2.0 * one.tilt[one.sets.row == grasp])
         assert found.label[grasp] == other.label or abs(found.margin[grasp]) < 2e-3
         assert (found.margin[grasp] > 0.0) == (found.label[grasp] == Label.S)
+
+
+def test_location_errors_are_those_of_grasps_whose_tilts_are_wider() -> None:
+    one = random_sets(100, 4)
+    turns = np.random.default_rng(5).uniform(0.0, 0.05, len(one.tilt))
+    sets = replace(one.sets, location_error=0.02, turns=turns)
+    found = label_sets(sets, one.tilt, one.angles)
+    assert (found.label != label_sets(one.sets, one.tilt, one.angles).label).any()
+    for grasp in range(sets.size):
+        mine = sets.row == grasp
+        wide = 2.0 * (one.tilt + turns)[mine]
+        other = classify(of_grasp(one, grasp), wide, location_error=0.02)
+        assert found.label[grasp] == other.label
+        assert found.margin[grasp] == pytest.approx(other.margin, abs=1e-9)
 
 
 @pytest.mark.slow
