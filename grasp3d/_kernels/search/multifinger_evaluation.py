@@ -99,18 +99,20 @@ def make_hull_scratch(contacts: int) -> HullScratch:
 
 
 @merged
-def _any_exceeds_elevation(candidate, sine):
-    """Whether the normal of one of three contacts rises over their plane by an angle or more.
+def _any_exceeds_elevation(candidate, angle):
+    """Whether the normal of one of three contacts rises over their plane by its cone's half-angle.
 
     Balanced forces of three contacts lie in that plane, which such a friction cone does not reach.
     """
-    points = candidate.points
+    points, radii, sine = candidate.points, candidate.radii, math.sin(angle)
     normal = cross(difference(points[1], points[0]), difference(points[2], points[0]))
     for i in range(3):
-        if candidate.radii[i] == 0.0:
-            along = dot(candidate.normals[i], normal)
-            if along * along >= sine * sine * dot(normal, normal):
-                return True
+        if radii[i] >= angle:
+            return True
+        own = sine if radii[i] == 0.0 else math.sin(angle - radii[i])
+        along = dot(candidate.normals[i], normal)
+        if along * along >= own * own * dot(normal, normal):
+            return True
     return False
 
 
@@ -119,7 +121,7 @@ def _evaluate_three(candidate, plane, threshold, tolerance):
     """Evaluate three contacts; see `evaluate`."""
     normals, radii = candidate.normals, candidate.radii
     # Most candidates are rejected by the elevation of their normals, which needs no projection.
-    if _any_exceeds_elevation(candidate, math.sin(threshold)) or not (
+    if _any_exceeds_elevation(candidate, threshold) or not (
         set_contact_plane(candidate.points, plane)
     ):
         return math.inf
