@@ -184,6 +184,19 @@ def test_a_minimum_above_zero_proves_closure_with_every_tilt_of_limit_surfaces(
         assert force_closure(tilted).closed[sure].all()
 
 
+def test_hard_grasps_in_a_batch_with_soft_ones_keep_their_range() -> None:
+    torsion = np.array([[0.1], [0.0], [0.0], [0.1]]) * np.ones(2)
+    tilt = np.array([[0.1], [0.1], [0.0], [0.0]])
+    batch = grasps(4, seed=3, torsion_radius=torsion)
+    whole = epsilon_range(batch, tilt, FINE)
+    assert (whole.minimum > 0.0).all()
+    for b in range(4):
+        one = epsilon_range(batch.take(slice(b, b + 1)), tilt[b : b + 1], FINE)
+        for name in ("nominal", "minimum", "maximum"):
+            alone, together = getattr(one, name)[0], getattr(whole, name)[b]
+            assert together == pytest.approx(alone, rel=2.0 * FINE_RTOL)
+
+
 def test_a_soft_finger_without_friction_is_no_disc() -> None:
     """Friction times the radius of its points would be its torsion: the minimum is 0."""
     soft = opposite_poles(friction=[0.5, 0.0], torsion_radius=[0.0, 0.1])
