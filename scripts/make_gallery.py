@@ -32,7 +32,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Circle
 from PIL import Image, ImageDraw, ImageFont
 
 from grasp3d import (
@@ -52,7 +52,7 @@ from grasp3d import (
 )
 from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, grow
 from grasp3d._kernels.hull.polytope import Polytope, make_polytope
-from grasp3d._kernels.hull.support_functions import NO_TORSION, ROWS, WrenchSpace
+from grasp3d._kernels.hull.support_functions import ROWS, WrenchSpace
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.paper.figures import FIGURES
 from grasp3d.paper.paper_settings import PaperSettings
@@ -496,7 +496,7 @@ def grown(wrenches: Floats, vertices: int) -> tuple[Polytope, float, float]:
     axes = np.zeros((1, 6, len(wrenches)))
     axes[0, :2] = wrenches.T
     space = WrenchSpace(
-        kind=ROWS, spherical=True, torsion=NO_TORSION, axes=axes, cones=np.ones((1, 2)),
+        kind=ROWS, spherical=True, soft=False, axes=axes, cones=np.ones((1, 2)),
     )  # fmt: skip
     metric = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     _, lower, upper, _, _ = grow(
@@ -574,7 +574,7 @@ def draw_hull(path: Path) -> None:
     save_tight(figure, path)
 
 
-ELLIPSE, LINEAR, DISC = "#0072B2", "#D55E00", "#111111"
+ELLIPSE, DISC = "#0072B2", "#111111"
 MOMENT = 0.6
 """Torsional moment at which the friction circles are compared, as a fraction of the largest."""
 DISC_STEPS = 400
@@ -616,7 +616,6 @@ def draw_section(axes: Axes) -> None:
     turn = np.linspace(0.0, 2.0 * math.pi, 200)
     axes.plot(np.cos(turn), np.sin(turn), color=ELLIPSE)
     axes.fill(np.cos(turn), np.sin(turn), color=ELLIPSE, alpha=0.08)
-    axes.add_patch(Polygon([(1, 0), (0, 1), (-1, 0), (0, -1)], fill=False, edgecolor=LINEAR))
     force, moment = disc(CENTERS)
     for signs in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
         axes.plot(signs[0] * force, signs[1] * moment, "o", color=DISC, markersize=2.5)
@@ -631,8 +630,7 @@ def draw_circles(axes: Axes) -> None:
     left = math.sqrt(1.0 - MOMENT**2)
     axes.plot(*circle, color="#888888", linewidth=0.9)
     axes.plot(*(left * circle), color=ELLIPSE, linestyle=(0, (4, 2)))
-    axes.plot(*((1.0 - MOMENT) * circle), color=LINEAR, linestyle=(0, (4, 2)))
-    for radius, text in ((1.0, "no moment"), (left, f"{left:.1f}"), (1.0 - MOMENT, "0.4")):
+    for radius, text in ((1.0, "no moment"), (left, f"{left:.1f}")):
         axes.text(0.0, radius - 0.03, text, ha="center", va="top", fontsize=7)
     axes.set(
         title=f"forces beside {MOMENT:g} of the moment",
@@ -641,15 +639,12 @@ def draw_circles(axes: Axes) -> None:
 
 
 def draw_solid(figure: Figure, number: int) -> None:
-    """Draw both surfaces in space."""
+    """Draw the surface in space."""
     axes = figure.add_subplot(1, 3, number, projection="3d", computed_zorder=False)
     turn, height = np.meshgrid(np.linspace(0.0, 2.0 * math.pi, 49), np.linspace(-1.0, 1.0, 25))
-    for color, radius, alpha in (
-        (LINEAR, 1.0 - np.abs(height), 0.9),
-        (ELLIPSE, np.sqrt(1.0 - height**2), 0.22),
-    ):
-        x, y = radius * np.cos(turn), radius * np.sin(turn)
-        axes.plot_surface(x, y, height, color=color, alpha=alpha, linewidth=0, shade=True)
+    radius = np.sqrt(1.0 - height**2)
+    x, y = radius * np.cos(turn), radius * np.sin(turn)
+    axes.plot_surface(x, y, height, color=ELLIPSE, alpha=0.22, linewidth=0, shade=True)
     circle = np.linspace(0.0, 2.0 * math.pi, 100)
     axes.plot(np.cos(circle), np.sin(circle), np.zeros(100), color="#333333", linewidth=0.8)
     axes.view_init(elev=18.0, azim=-60.0)
@@ -664,8 +659,7 @@ def draw_solid(figure: Figure, number: int) -> None:
 def draw_limit_surface(path: Path) -> None:
     """What a pad's friction resists at a given normal force.
 
-    The ellipse of Howe & Cutkosky, as grip forces take it, with the linear hull inside it that
-    epsilon takes, and beside them that of an evenly pressed disc, integrated.
+    The ellipse of Howe & Cutkosky, and that of an evenly pressed disc, integrated.
     """
     figure = new_figure(7.16, 2.9)
     draw_solid(figure, 1)
@@ -675,12 +669,11 @@ def draw_limit_surface(path: Path) -> None:
         axes.set(xlim=(-1.15, 1.15), ylim=(-1.15, 1.15), aspect="equal", xticks=[-1, 0, 1],
                  yticks=[-1, 0, 1])  # fmt: skip
     handles = [
-        Line2D([], [], color=ELLIPSE, label="ellipse: grip forces"),
-        Line2D([], [], color=LINEAR, label="linear hull: epsilon"),
+        Line2D([], [], color=ELLIPSE, label="ellipse"),
         Line2D([], [], color=DISC, marker="o", markersize=2.5, linestyle="none",
                label="evenly pressed disc, e = 2/3 μ r"),
     ]  # fmt: skip
-    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    figure.legend(handles=handles, loc="outside lower center", ncols=2)
     figure.savefig(path, dpi=DPI)
 
 

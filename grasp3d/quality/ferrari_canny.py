@@ -53,8 +53,9 @@ def epsilon(
     """Grasp quality of Ferrari & Canny (ICRA 1992).
 
     Args:
-        contacts: The contacts.
-        edges: Edges of polygonal friction cones; None: circular cones.
+        contacts: The contacts; soft ones have the elliptic limit surface of Howe & Cutkosky 1996.
+        edges: Edges of polygonal friction cones; None: circular cones. The pyramid of a soft finger
+            also has its pure normal force with the torsional moment in either sense.
         actuation: 'total': all forces together are at most 1 (the hull of the contacts' wrenches);
             'per_finger': each finger's force is (the Minkowski sum), of all its points together.
         torque_scale: Length that torques are divided by [m]; `ObjectMesh.torque_scale`
@@ -63,7 +64,8 @@ def epsilon(
         cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n). For
             hard fingers with circular cones, -a gives exactly the smallest epsilon over all tilts
             of the normals by up to a, and +a a bound on the largest. Where a exceeds the half-angle
-            of some cone the lower bound is 0 and the status UNDECIDED.
+            of some cone the lower bound is 0 and the status UNDECIDED. Polygons and the cones of
+            soft fingers must stay below 90 degrees.
         phase: Polygons: angle of the first edge about the normal, from the first of
             `friction_cones.tangents` [rad].
         bounded: 'force': the length of a contact force is at most 1; 'normal': its normal

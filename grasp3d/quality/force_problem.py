@@ -9,7 +9,6 @@ from grasp3d._kernels.forces import grip_force as kernels
 from grasp3d._kernels.forces.grip_force import ForceResults
 from grasp3d._kernels.forces.tasks import POINTS, SIZE, TERM
 from grasp3d._kernels.hull.polytope import SCRATCH_ROWS
-from grasp3d._kernels.hull.support_functions import ELLIPTIC, NO_TORSION
 from grasp3d._kernels.hull.wrench_problem import Workspace
 from grasp3d.arrays import Floats, Ints
 from grasp3d.contact.contacts import Contacts
@@ -69,11 +68,6 @@ class ForceProblem:
         size: Size = "length" if bound == "norm" else "normal"
         return cls.of_contacts(contacts, size=size, total=bound == "total")
 
-    @property
-    def _form(self) -> tuple[int, bool, int, int]:
-        torsion = ELLIPTIC if self.problem.soft else NO_TORSION
-        return self.problem.kind, self.problem.spherical, torsion, self.problem.group
-
     def of_task(self, task: Task, rtol: float, masses: Floats | None = None) -> ForceResults:
         """Bounds of the force that resists a whole task, for masses (b,) or the task's own."""
         check_rtol(rtol)
@@ -92,7 +86,7 @@ class ForceProblem:
 
         def evaluate(chunk: slice, workspace: Workspace) -> None:
             kernels.wrench_forces(
-                self._form, problem.wrenches_of(chunk), problem.tangential[chunk],
+                problem.form, problem.wrenches_of(chunk), problem.tangential[chunk],
                 problem.cones[chunk], np.ascontiguousarray(wrenches[chunk]),
                 self.sizes[chunk], rtol, workspace, np.zeros((SCRATCH_ROWS, 8)),
                 part_of(results, chunk),
@@ -122,7 +116,7 @@ class ForceProblem:
             problem.with_polytope(
                 len(axes),
                 lambda first, polytope: kernels.task_forces(
-                    self._form, axes, problem.tangential[chunk], problem.cones[chunk],
+                    problem.form, axes, problem.tangential[chunk], problem.cones[chunk],
                     terms.rows, terms.points, masses[chunk], size, self.sizes[chunk],
                     rtol, first, workspace, polytope, scratch, part,
                 ),

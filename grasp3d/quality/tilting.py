@@ -2,7 +2,8 @@
 
 The true normal of each contact lies anywhere within the tilt a = alpha/2 of the perceived one
 (Wan & Howe 2018, Sec. III, who sample extreme normals). Friction may be uncertain too.
-Contacts are at their perceived locations.
+Contacts are at their perceived locations. A soft finger presses at points (`Contacts.as_points`)
+where its normal may tilt, as for forces; see `force_ranges`.
 """
 
 from collections.abc import Callable, Iterator
@@ -11,7 +12,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Floats, Ints, locked, short_repr
+from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts, tilts_of
 from grasp3d.errors import SettingError
 from grasp3d.quality.ferrari_canny import epsilon_with
@@ -20,10 +21,6 @@ from grasp3d.system.context import report_progress, unreported, within
 
 CHUNK = 32_768
 """Grasps, or grasps with tilted normals, in memory at once."""
-
-FULL_RANK = 6
-"""Dimension of all wrenches."""
-
 
 Tilt = TypeVar("Tilt")
 Result = TypeVar("Result")
@@ -66,9 +63,10 @@ def epsilon_range(
     * hard fingers with polygonal cones: epsilon of polygons of the effective friction, half-angle
       beta - a, as in the paper. A tilted polygon does not contain that polygon exactly, so epsilon
       at some tilt may be slightly smaller;
-    * soft fingers: a bound where normals may tilt. Torsion turns with the normal, so that no such
-      formula holds. Three and more have at least the epsilon of hard fingers at beta - a; nothing
-      is known of two, which resist no torque about their line as hard fingers: 0.
+    * soft fingers: the smaller of epsilon at the given normals and that of the points at which they
+      press, at beta - a: a bound in this model, in which the normal of each point tilts. A limit
+      surface that turns with its normal may attain less, but is force-closed at every tilt where
+      the minimum is above 0: it is 0 unless hard fingers are.
 
     The maximum of hard fingers is at most epsilon of circular cones at beta + a. Torsion adds at
     most its moment for a unit force: the largest of all fingers, or with actuation 'per_finger' the
@@ -91,38 +89,38 @@ def epsilon_range(
     bound = replace(options, edges=None, rtol=options.rtol if bound_rtol is None else bound_rtol)
     if ((tilts > 0.0) & (contacts.friction.reshape(tilts.shape) == 0.0)).any():
         raise SettingError("friction must be above 0 where normals may tilt")
-    soft = (contacts.torsion_radius > 0.0).any(axis=-1).reshape(-1)
-    bounded = soft & tilts.any(axis=1)
-    values, count = np.empty((3, len(soft))), 0
-    flat = contacts.reshape((-1,))
-    for rows in _chunks(soft.astype(np.int64) + bounded):
+    flat, may_tilt = contacts.reshape((-1,)), np.asarray(tilts.any(axis=1))
+    values, count = np.empty((3, len(tilts))), 0
+    for rows in _chunks(may_tilt):
         chunk, angles = flat.take(rows), tilts[rows]
-        nominal = minimum = epsilon_with(chunk, options).lower
-        hard, torsion = chunk, np.zeros(len(rows))
-        if bounded[rows[0]]:
-            hard, torsion = _hard(chunk), _torsion(chunk, options)
-        if angles.any():
+        nominal = epsilon_with(chunk, options)
+        if may_tilt[rows[0]]:
+            hard = Contacts(chunk.points, chunk.normals, chunk.friction, groups=chunk.groups)
             least = epsilon_with(hard, options, cone_offset=-angles)
-            unknown = bounded[rows] & (least.rank < FULL_RANK)
-            minimum = np.where(unknown, 0.0, np.minimum(least.lower, nominal))
-        maximum = epsilon_with(hard, bound, cone_offset=angles).upper + torsion
-        values[:, rows] = nominal, minimum, maximum
+            minimum = np.minimum(least.lower, nominal.lower)
+            if chunk.torsion_radius.any():
+                points = chunk.as_points()
+                narrower = -angles.repeat(points.count // chunk.count, axis=1)
+                pressed = epsilon_with(points, options, cone_offset=narrower)
+                # Without friction a soft finger is no disc.
+                sure = least.closed & (pressed.rank == nominal.rank)
+                minimum = np.where(sure, np.minimum(pressed.lower, nominal.lower), 0.0)
+            widest = epsilon_with(hard, bound, cone_offset=angles).upper
+            maximum = widest + _torsion(chunk, options)
+        else:
+            minimum, maximum = nominal.lower, epsilon_with(chunk, bound).upper
+        values[:, rows] = nominal.lower, minimum, maximum
         count += len(rows)
-        report_progress(count / len(soft))
+        report_progress(count / len(tilts))
     return EpsilonRange(*(locked(row.reshape(contacts.batch))[()] for row in values))
 
 
-def _chunks(kinds: Ints) -> Iterator[Ints]:
+def _chunks(kinds: Bools) -> Iterator[Ints]:
     """Indices of grasps of one kind after the other, as many at a time as fit."""
     for kind in np.unique(kinds):
         chosen = np.flatnonzero(kinds == kind)
         for start in range(0, len(chosen), CHUNK):
             yield chosen[start : start + CHUNK]
-
-
-def _hard(contacts: Contacts) -> Contacts:
-    """The contacts as hard fingers."""
-    return Contacts(contacts.points, contacts.normals, contacts.friction)
 
 
 def _torsion(contacts: Contacts, options: EpsilonOptions) -> Floats:

@@ -12,7 +12,7 @@ import numpy as np
 from grasp3d._kernels.hull import wrench_problem as kernels
 from grasp3d._kernels.hull.pair_epsilon import make_pair_scratch, pair_epsilons
 from grasp3d._kernels.hull.polytope import Polytope, make_polytope
-from grasp3d._kernels.hull.support_functions import LINEAR, NO_TORSION, PER_FINGER, ROWS, SIX, TOTAL
+from grasp3d._kernels.hull.support_functions import PER_FINGER, ROWS, SIX, TOTAL
 from grasp3d._kernels.hull.wrench_problem import SIGN, Bracket, Results, Workspace, make_workspace
 from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Floats, Ints
 from grasp3d.contact.contacts import Contacts, per_contact
@@ -116,8 +116,11 @@ class WrenchProblem:
             raise SettingError(f"the phase of the edges must be finite; got {phase}")
         angles = np.maximum(contacts.friction_angle + offset, -RIGHT_ANGLE)
         np.minimum(angles, math.pi, out=angles)
-        if options.polygonal and not (angles < RIGHT_ANGLE).all():
-            raise SettingError("polygonal friction cones must stay below 90 degrees")
+        narrow = (contacts.torsion_radius > 0.0) | options.polygonal
+        if (narrow & (angles >= RIGHT_ANGLE)).any():
+            raise SettingError(
+                "polygonal friction cones, and those of soft fingers, must stay below 90 degrees"
+            )
         points = contacts.points.reshape(-1, contacts.count, 3)
         normals = contacts.normals.reshape(points.shape)
         torsion = contacts.torsion_radius.reshape(points.shape[:-1])
@@ -227,9 +230,9 @@ class WrenchProblem:
         return results
 
     @property
-    def _form(self) -> tuple[int, bool, int, int]:
-        """Kind, boundedness, limit surface and group, as `WrenchSpace` takes them."""
-        return self.kind, self.spherical, LINEAR if self.soft else NO_TORSION, self.group
+    def form(self) -> tuple[int, bool, bool, int]:
+        """Kind, boundedness, softness and group, as `WrenchSpace` takes them."""
+        return self.kind, self.spherical, self.soft, self.group
 
     def is_pairs(self, goal: Goal) -> bool:
         """Whether epsilon is that of two hard fingers with circular cones, within a tolerance."""
@@ -264,7 +267,7 @@ class WrenchProblem:
 
         def evaluate(chunk: slice, _: Workspace) -> None:
             pair_epsilons(
-                self._form, self.wrenches_of(chunk), self.tangential[chunk], self.cones[chunk],
+                self.form, self.wrenches_of(chunk), self.tangential[chunk], self.cones[chunk],
                 goal[0], make_pair_scratch(), part_of(results, chunk), left[chunk],
             )  # fmt: skip
 
@@ -285,7 +288,7 @@ class WrenchProblem:
         def evaluate(chunk: slice, workspace: Workspace) -> None:
             written, wrenches = part_of(results, chunk), self.wrenches_of(chunk)
             intervals = NO_BRACKET if bracket is None else part_of(bracket, chunk)
-            settings = self._form, wrenches, self.tangential[chunk], self.cones[chunk], goal
+            settings = self.form, wrenches, self.tangential[chunk], self.cones[chunk], goal
 
             def run(first: int, polytope: Polytope) -> int:
                 arrays = (intervals, workspace, polytope, written)

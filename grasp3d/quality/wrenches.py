@@ -133,7 +133,8 @@ def wrenches(
     Returns:
         Rows (..., n * m, 6), contact by contact: m = `edges`; where any finger is soft two more,
         the normal force with its torsional moment in either sense (for hard fingers the first
-        edge, twice).
+        edge, twice). Their hull is a double pyramid, inscribed in the elliptic limit surface of
+        circular cones.
 
     Raises:
         SettingError: A setting outside its range.

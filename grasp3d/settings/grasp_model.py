@@ -123,7 +123,7 @@ class GraspModel(LengthSettings):
         """How epsilon's minimum over all tilts is computed; see `quality.epsilon_range`.
 
         Method extremes samples it, and the maximum, at the combinations that it tests. Of soft
-        fingers it is a lower bound.
+        fingers it is a lower bound, in the model of points at which they press.
         """
         if self.method == "extremes":
             return "sampled_tilts"

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
+from scipy.optimize import linprog, minimize_scalar
 from scipy.spatial import ConvexHull
 
 from grasp3d import Contacts
@@ -118,7 +118,11 @@ def support(
     actuation: str = "total",
     torque_scale: float = 1.0,
 ) -> float:
-    """Support function of the grasp wrench space of circular cones, from the angles to normals."""
+    """Support function of the grasp wrench space of circular cones, from the angles to normals.
+
+    That of a soft finger with an elliptic limit surface by duality: how far g is from the
+    velocities with which, at its twist, no force of the finger does work.
+    """
     supports = []
     for i, g in enumerate(velocities(contacts, u, torque_scale)):
         beta = max(float(contacts.friction_angle[i]) + cone_offset, 0.0)
@@ -126,9 +130,24 @@ def support(
         value = float(np.linalg.norm(g)) * math.cos(outside)
         twist = abs(np.dot(u[3:], contacts.normals[i])) * contacts.torsion_radius[i] / torque_scale
         if twist > 0.0:
-            value = max(value, float(np.dot(g, contacts.normals[i]) + twist))
+            value = _distance_from_idle(g, contacts.normals[i], math.tan(beta), twist)
         supports.append(max(value, 0.0))
     return max(supports) if actuation == "total" else sum(supports)
+
+
+def _distance_from_idle(g: Floats, normal: Floats, friction: float, twist: float) -> float:
+    """Least |g - x| of x with x_n + sqrt(mu^2 |x_t|^2 + twist^2) <= 0."""
+    along = float(np.dot(g, normal))
+    across = float(np.linalg.norm(g - along * normal))
+
+    def distance(x: float) -> float:
+        return math.hypot(across - x, max(along + math.hypot(friction * x, twist), 0.0))
+
+    bounds, options = (0.0, across), {"xatol": 1e-12}
+    found = minimize_scalar(
+        lambda x: distance(x) ** 2, bounds=bounds, method="bounded", options=options
+    )
+    return min(map(distance, (float(found.x), *bounds)))
 
 
 def epsilon_of_hull(rows: Floats) -> float:

@@ -11,7 +11,7 @@ from grasp3d import epsilon_of_wrenches
 from grasp3d._kernels.hull import growing_hull, polytope
 from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN
 from grasp3d._kernels.hull.polytope import UNKNOWN, Polytope, make_polytope
-from grasp3d._kernels.hull.support_functions import NO_TORSION, ROWS, WrenchSpace
+from grasp3d._kernels.hull.support_functions import ROWS, WrenchSpace
 from grasp3d.quality.wrenches import wrenches
 from tests.helpers import grasps, oracles
 
@@ -30,7 +30,7 @@ class Grown:
         self.dim = rows.shape[1]
         padded = np.pad(rows, ((0, 0), (0, 6 - self.dim)))
         space = WrenchSpace(
-            kind=ROWS, spherical=True, torsion=NO_TORSION,
+            kind=ROWS, spherical=True, soft=False,
             axes=np.ascontiguousarray(padded.T[None]), cones=np.ones((1, 2)),
         )  # fmt: skip
         self.rows = padded

@@ -268,8 +268,13 @@ def check_equilibrium(contacts: Contacts, forces: np.ndarray, cone_offset: float
         beta = max(float(contacts.friction_angle[i]) + cone_offset, 0.0)
         angle = oracles.angle(push, contacts.normals[i])
         assert angle < beta or max(angle, beta) <= 1e-12  # frictionless: along the normal
-        allowed = contacts.torsion_radius[i] * (push @ contacts.normals[i])
-        assert abs(moments[i]) <= allowed * (1.0 + ROUNDING)
+        if contacts.torsion_radius[i] == 0.0:
+            assert moments[i] == 0.0
+            continue
+        normal = float(push @ contacts.normals[i])
+        sideways = float(np.linalg.norm(push - normal * contacts.normals[i]))
+        used = math.hypot(sideways / math.tan(beta), moments[i] / contacts.torsion_radius[i])
+        assert used <= normal * (1.0 + ROUNDING)
 
 
 def check_certificate(
@@ -497,6 +502,80 @@ def test_soft_fingers_resist_the_torque_about_their_line() -> None:
     hard, soft = (grasps.regular_on_ball("pair", torsion_radius=e) for e in (0.0, 0.1))
     assert (epsilon(hard).rank, epsilon(soft).rank) == (5, 6)
     assert epsilon(soft).value < epsilon(hard).value
+
+
+def test_cones_of_soft_fingers_stay_below_90_degrees() -> None:
+    soft = grasps.regular_on_ball("triangle", torsion_radius=0.1)
+    for solve in (epsilon, force_closure):
+        with pytest.raises(SettingError, match="those of soft fingers, must stay below 90 degrees"):
+            solve(soft, cone_offset=1.2)
+
+
+@pytest.mark.parametrize("friction", [0.3, 0.8])
+@pytest.mark.parametrize("part", [0.1, 0.5])
+def test_two_opposed_soft_fingers_have_a_closed_form(friction: float, part: float) -> None:
+    """A pure twist about their line is hardest to resist where e is at most half of mu.
+
+    With forces of both up to 1 in total it takes e; with each up to 1 twice that, or less where a
+    force along the line is added, which either finger alone resists.
+    """
+    radius = part * friction
+    contacts = grasps.regular_on_ball("pair", friction=friction, torsion_radius=radius)
+    for kind, expected in (("total", radius), ("per_finger", 2.0 * radius / math.hypot(1, radius))):
+        found = epsilon(contacts, actuation=kind, bounded="normal")  # type: ignore[arg-type]
+        assert found.rank == 6
+        assert found.lower <= expected * (1.0 + ROUNDING)
+        assert found.upper >= expected * (1.0 - ROUNDING)
+        assert found.upper - found.lower <= RTOL * found.upper + ROUNDING
+
+
+def on_limit_surfaces(contacts: Contacts, bounded: str) -> np.ndarray:
+    """Wrenches on the elliptic limit surfaces of contacts, densely sampled (n, m, 6)."""
+    around, upward = np.meshgrid(np.arange(16) * math.pi / 8.0, np.arange(-4, 5) * math.pi / 8.0)
+    sides, twists = np.cos(upward).ravel(), np.sin(upward).ravel()
+    bodies = []
+    for p, n, mu, e in zip(*(getattr(contacts, name) for name in grasps.NAMES), strict=True):
+        first, second = np.linalg.svd(n[None])[2][1:]
+        across = np.outer(np.cos(around), first) + np.outer(np.sin(around), second)
+        forces = n + mu * sides[:, None] * across
+        moments = e * twists[:, None] * n
+        size = np.linalg.norm(forces, axis=1, keepdims=True) if bounded == "force" else 1.0
+        bodies.append(np.hstack([forces, np.cross(p, forces) + moments]) / size)
+    return np.array(bodies)
+
+
+@pytest.mark.parametrize("bounded", ["force", "normal"])
+def test_soft_fingers_against_qhull_on_points_of_their_limit_surfaces(bounded: Any) -> None:
+    """From inside: with steps of 22.5 degrees the points' hull is up to a sixth smaller."""
+    contacts = random_contacts(Shape(2, 8, soft=True), 6, seed=3)
+    for grasp in (grasps.one(contacts, g) for g in range(6)):
+        inner = oracles.epsilon_of_hull(on_limit_surfaces(grasp, bounded).reshape(-1, 6))
+        found = epsilon(grasp, bounded=bounded)
+        assert found.closed == (inner > 0.0)
+        assert max(inner, 0.0) <= found.upper + ROUNDING
+        assert found.lower <= 1.2 * max(inner, 0.0)
+
+
+@given(fingers, seeds, kinds, st.sampled_from(["force", "normal"]), st.floats(1.0, 3.0))
+@few
+def test_more_torsion_never_lowers_epsilon(
+    count: int, seed: int, kind: Any, bounded: Any, factor: float
+) -> None:
+    contacts = grasps.random_grasp(count, seed, soft=True)
+    softer = grasps.changed(contacts, torsion_radius=factor * contacts.torsion_radius)
+    before, after = (epsilon(c, actuation=kind, bounded=bounded) for c in (contacts, softer))
+    assert after.upper >= before.lower
+    assert after.closed >= before.closed
+
+
+@given(st.integers(3, 5), seeds, kinds)
+@few
+def test_without_torsion_soft_fingers_are_hard(count: int, seed: int, kind: Any) -> None:
+    hard = grasps.random_grasp(count, seed)
+    nearly = grasps.changed(hard, torsion_radius=1e-9)
+    before, after = (epsilon(c, actuation=kind) for c in (hard, nearly))
+    assert after.upper >= before.lower
+    assert after.lower <= before.upper + count * 2e-9
 
 
 @pytest.mark.parametrize("edges", [None, 8])
@@ -772,7 +851,7 @@ TRIPLE = grasps.regular_on_ball("triangle")
         ({"torque_scale": 0.0}, "torque_scale must be a finite length above 0; got 0"),
         ({"rtol": 0.0}, "rtol must lie between 0 and 1; got 0"),
         ({"bounded": "length"}, "no bound is called 'length'; known: force, normal"),
-        ({"edges": 8, "cone_offset": 1.2}, "polygonal friction cones must stay below 90 degrees"),
+        ({"edges": 8, "cone_offset": 1.2}, "polygonal friction cones, and those of soft fingers, "),
         ({"cone_offset": math.nan}, "cone_offset must be"),
         (
             {"cone_offset": [0.1, 0.2]},

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grasp3d import Contacts, epsilon
+from grasp3d import Contacts, epsilon, force_closure
 from grasp3d.errors import SettingError
 from grasp3d.quality import tilting
 from grasp3d.quality.tilting import epsilon_range
@@ -93,15 +93,18 @@ def test_no_tilt_leaves_the_range_with_a_different_tilt_at_each_contact(
     exact = "edges" not in options
     assert (found.minimum <= found.nominal).all()
     assert (found.nominal <= found.maximum).all()
+    points = contacts.as_points()
+    each = tilt.repeat(points.count // fingers, axis=1)
     for _ in range(20):
         other = epsilon(
             with_normals(contacts, random_tilts(contacts.normals, tilt, rng)), rtol=RTOL, **options
         )
         assert (other.lower <= found.maximum).all()
-        assert not exact or (other.upper >= found.minimum).all()
+        pressed = with_normals(points, random_tilts(points.normals, each, rng))
+        least = epsilon(pressed, rtol=RTOL, **options).upper if exact else math.inf
+        assert (least >= found.minimum).all()
     assert (found.minimum < found.nominal).any()
-    known = fingers > 2 or not contacts.torsion_radius.any()
-    assert (found.minimum > 0.0).any() == known
+    assert (found.minimum > 0.0).any()
 
 
 @pytest.mark.parametrize("torsion", [0.0, 0.1])
@@ -130,16 +133,75 @@ def test_each_grasp_of_a_batch_has_its_own_tilts(
             assert getattr(one, name) == pytest.approx(getattr(whole, name)[b], rel=1e-9)
 
 
-def test_soft_fingers_have_at_least_the_epsilon_of_hard_ones() -> None:
-    """Of two nothing is known: as hard fingers they resist no torque about their line."""
-    for fingers in (2, 3, 4):
-        soft, tilt = grasps(10, fingers, torsion_radius=0.1), 0.15
-        hard = epsilon_range(changed(soft, torsion_radius=0.0), tilt, FINE)
-        found = epsilon_range(soft, tilt, FINE)
-        assert np.array_equal(found.minimum, hard.minimum if fingers > 2 else np.zeros(10))
-        assert (found.maximum <= hard.maximum + 0.1 + 1e-12).all()
-    with_known = epsilon_range(soft, np.array([[tilt] * 4] * 9 + [[0.0] * 4]), FINE)
+@pytest.mark.parametrize("fingers", [2, 3, 4])
+def test_soft_fingers_have_at_least_the_epsilon_of_hard_ones(fingers: int) -> None:
+    """Of three and more; two hard ones resist no torque about their line."""
+    soft, tilt = grasps(10, fingers, torsion_radius=0.1), 0.15
+    hard = epsilon_range(changed(soft, torsion_radius=0.0), tilt, FINE)
+    found = epsilon_range(soft, tilt, FINE)
+    if fingers > 2:
+        assert (found.minimum >= (1.0 - FINE_RTOL) * hard.minimum).all()
+    assert (found.minimum > 0.0).any()
+    assert (found.maximum <= hard.maximum + 0.1 + 1e-12).all()
+    tilts = np.array([[tilt] * fingers] * 9 + [[0.0] * fingers])
+    with_known = epsilon_range(soft, tilts, FINE)
     assert with_known.minimum[-1] == with_known.nominal[-1]
+
+
+@pytest.mark.parametrize("actuation", ["total", "per_finger"])
+def test_no_tilt_of_the_points_of_soft_fingers_is_below_the_minimum(actuation: Any) -> None:
+    """However each normal tilts, and the limit surfaces at the given normals are not either."""
+    tilt, rng = 0.15, np.random.default_rng(4)
+    soft = grasps(30, torsion_radius=0.1)
+    found = epsilon_range(soft, tilt, options=EpsilonOptions(rtol=RTOL, actuation=actuation))
+    points = soft.as_points()
+    for _ in range(10):
+        normals = random_tilts(points.normals, tilt, rng)
+        other = epsilon(with_normals(points, normals), rtol=RTOL, actuation=actuation)
+        assert (other.upper >= found.minimum).all()
+    narrow = epsilon(points, cone_offset=-tilt, rtol=RTOL, actuation=actuation)
+    u = narrow.certificate.direction[:, None]
+    away = turned_away(points.normals, u[..., :3] + np.cross(u[..., 3:], points.points), tilt)
+    attained = epsilon(with_normals(points, away), rtol=RTOL, actuation=actuation)
+    assert (attained.lower <= narrow.upper + 1e-12).all()
+    assert (found.minimum <= found.nominal).all()
+    assert (found.minimum > 0.5 * found.nominal).any()
+
+
+@pytest.mark.parametrize("fingers", [2, 3])
+def test_a_minimum_above_zero_proves_closure_with_every_tilt_of_limit_surfaces(
+    fingers: int,
+) -> None:
+    """Whatever their size: the points of large pads also resist what no single contact does."""
+    tilt, rng = 0.15, np.random.default_rng(5)
+    soft = grasps(40, fingers, torsion_radius=0.3)
+    found = epsilon_range(soft, tilt, COARSE)
+    sure = found.minimum > 0.0
+    assert sure.any()
+    assert (epsilon(soft.as_points(), cone_offset=-tilt, rtol=RTOL).closed & ~sure).any()
+    for _ in range(20):
+        tilted = with_normals(soft, random_tilts(soft.normals, tilt, rng))
+        assert force_closure(tilted).closed[sure].all()
+
+
+def test_hard_grasps_in_a_batch_with_soft_ones_keep_their_range() -> None:
+    torsion = np.array([[0.1], [0.0], [0.0], [0.1]]) * np.ones(2)
+    tilt = np.array([[0.1], [0.1], [0.0], [0.0]])
+    batch = grasps(4, seed=3, torsion_radius=torsion)
+    whole = epsilon_range(batch, tilt, FINE)
+    assert (whole.minimum > 0.0).all()
+    for b in range(4):
+        one = epsilon_range(batch.take(slice(b, b + 1)), tilt[b : b + 1], FINE)
+        for name in ("nominal", "minimum", "maximum"):
+            alone, together = getattr(one, name)[0], getattr(whole, name)[b]
+            assert together == pytest.approx(alone, rel=2.0 * FINE_RTOL)
+
+
+def test_a_soft_finger_without_friction_is_no_disc() -> None:
+    """Friction times the radius of its points would be its torsion: the minimum is 0."""
+    soft = opposite_poles(friction=[0.5, 0.0], torsion_radius=[0.0, 0.1])
+    found = epsilon_range(soft, [0.2, 0.0])
+    assert found.minimum == 0.0 < found.nominal
 
 
 def turned_away(normals: np.ndarray, goals: np.ndarray, tilt: float) -> np.ndarray:

@@ -215,7 +215,7 @@ def _grow_slice(space, task, size, rtol, workspace, polytope, scratch):
 
 
 @scratch_kernel(
-    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, Floats2, Floats2, Floats1, "
+    "tuple[int, bool, bool, int], Floats4, Floats2, Floats3, Floats2, Floats2, Floats1, "
     "float, Floats1, float, int, Workspace, Polytope, TaskScratch, ForceResults"
 )
 def task_forces(
@@ -225,7 +225,7 @@ def task_forces(
     """Bounds of the force that resists a whole task.
 
     Args:
-        form: (kind, spherical, torsion, group) of `WrenchSpace`; not ROWS.
+        form: (kind, spherical, soft, group) of `WrenchSpace`; not ROWS.
         axes: Axes of contacts (b, n, 4, 6), torques divided by the torque scale.
         tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
         cones: As in `WrenchSpace` (b, n, 2).
@@ -244,7 +244,7 @@ def task_forces(
     Returns:
         The first grasp for which the polytope was too small, b if none; its bounds hold.
     """
-    kind, spherical, torsion, group = form
+    kind, spherical, soft, group = form
     goal = (rtol, 0.0, math.inf)
     for g in range(first, axes.shape[0]):
         _reset(results, g)
@@ -260,7 +260,7 @@ def task_forces(
             continue
         task = TaskInSpan(scratch.frame, rank, scratch.extents, own, points)
         _write_task(own, points, rank, scale, workspace, task)
-        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], group)
+        space = WrenchSpace(kind, spherical, soft, workspace.axes, cones[g], group)
         force = _force_in_all_directions(own) if rank == 6 else 0.0
         if force > 0.0:
             status, lower, upper = _grow_slice(
@@ -320,7 +320,7 @@ def _write_goal(wrench, rank, torque_scale, workspace, remainder, goal):
 
 
 @scratch_kernel(
-    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, Floats2, Floats1, float, "
+    "tuple[int, bool, bool, int], Floats4, Floats2, Floats3, Floats2, Floats1, float, "
     "Workspace, Floats2, ForceResults"
 )
 def wrench_forces(
@@ -340,7 +340,7 @@ def wrench_forces(
         vectors: Scratch (18, 8).
         results: `ForceResults`; status UNFINISHED where the search did not end.
     """
-    kind, spherical, torsion, group = form
+    kind, spherical, soft, group = form
     for g in range(axes.shape[0]):
         _reset(results, g)
         erase_forces(results, g)
@@ -358,7 +358,7 @@ def wrench_forces(
                 for k in range(4):
                     results.forces[g, i, k] = 0.0
             continue
-        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], group)
+        space = WrenchSpace(kind, spherical, soft, workspace.axes, cones[g], group)
         if rank == 6:
             status, lower, upper = resist(space, SIX, goal, rtol, vectors, results.forces[g])
         else:

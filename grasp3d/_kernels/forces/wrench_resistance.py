@@ -16,7 +16,6 @@ import math
 from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.hull.equilibrium import solve
 from grasp3d._kernels.hull.support_functions import (
-    NO_TORSION,
     ROWS,
     WrenchSpace,
     contact_forces,
@@ -221,7 +220,7 @@ def least_multiples(rows, goals, ranks, dims, rtol, vectors, empty, multiples):
         if dot6(goals[g], goals[g]) == 0.0:
             multiples[g] = 0.0
             continue
-        spherical = True
-        space = WrenchSpace(ROWS, spherical, NO_TORSION, rows[g : g + 1], empty, 1)
+        spherical, soft = True, False
+        space = WrenchSpace(ROWS, spherical, soft, rows[g : g + 1], empty, 1)
         status, _, upper = resist(space, dims[: ranks[g]], goals[g], rtol, vectors, empty)
         multiples[g] = upper if status == RESISTED else math.nan

@@ -544,7 +544,7 @@ def _epsilon(form, frames, points, normals, cones, angles, rtol, scratch, direct
 
 
 @scratch_kernel(
-    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, float, PairScratch, Results, Bools1"
+    "tuple[int, bool, bool, int], Floats4, Floats2, Floats3, float, PairScratch, Results, Bools1"
 )
 def pair_epsilons(form, wrenches, tangential, cones, rtol, scratch, results, left):
     """Epsilon of pairs of hard fingers with circular cones, where it is clear whether they close.

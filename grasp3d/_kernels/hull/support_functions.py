@@ -4,7 +4,8 @@ Wrenches and directions have six numbers, in coordinates of the grasp's span (ze
 rank). A contact's unit forces along its normal and its two tangents, and its torsional moment, give
 four wrenches, its *axes*. Every wrench that the contact can apply is a linear combination of them,
 so the three or four inner products of the axes with a direction determine the support of its
-circular cone. Polygonal cones are given as rows, the wrenches of their edges.
+circular cone, or of a soft finger's elliptic limit surface (Howe & Cutkosky 1996), (f_t / mu)^2 +
+(tau / e)^2 <= f_n^2. Polygonal cones are given as rows, the wrenches of their edges.
 """
 
 import math
@@ -15,11 +16,6 @@ import numpy.typing as npt
 
 from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.surface.vectors import clear6, dot6
-
-NO_TORSION, LINEAR, ELLIPTIC = 0, 1, 2
-"""What soft fingers resist: no torsional moment; one coupled to a pure normal force, so that the
-limit surface is the convex hull of that segment and the friction cone; or the elliptic limit
-surface of Howe & Cutkosky 1996, (f_t / mu)^2 + (tau / e)^2 <= f_n^2."""
 
 TINY = 1e-300
 """Smallest divisor."""
@@ -46,8 +42,8 @@ class WrenchSpace(NamedTuple):
     """ROWS, TOTAL or PER_FINGER."""
     spherical: bool
     """Whether the length of a contact force is bounded by 1, instead of its normal component."""
-    torsion: int
-    """NO_TORSION, LINEAR or ELLIPTIC."""
+    soft: bool
+    """Whether any finger resists a torsional moment."""
     axes: npt.NDArray[np.float64]
     """ROWS: the wrenches in columns (1, 6, n). Otherwise each contact's axes (n, 4, 6)."""
     cones: npt.NDArray[np.float64]
@@ -112,7 +108,7 @@ def _cosine_and_sine_of_torsion(friction, z0, tangent, twist):
 
 @part
 def _farthest_elliptic(spherical, friction, z0, z1, z2, z3):
-    """(support, -1, force) of a contact with the elliptic limit surface; as `_farthest_force`."""
+    """(support, force) of a contact with the elliptic limit surface; as `_farthest_force`."""
     tangent, twist = math.sqrt(z1 * z1 + z2 * z2), abs(z3)
     if spherical:
         c, s = _cosine_and_sine_of_torsion(friction, z0, tangent, twist)
@@ -123,18 +119,17 @@ def _farthest_elliptic(spherical, friction, z0, z1, z2, z3):
         normal = 1.0
     height = normal * (z0 + friction * s * tangent + c * twist)
     scale = normal * friction * s / max(tangent, TINY)
-    return height, -1, normal, scale * z1, scale * z2, math.copysign(normal * c, z3)
+    return height, normal, scale * z1, scale * z2, math.copysign(normal * c, z3)
 
 
 @merged
 def _farthest_force(space, i, u):
-    """(support, vertex, force) of one contact: not clipped at 0; force along its axes."""
+    """(support, force) of one contact: not clipped at 0; force along its axes."""
     axes = space.axes[i]
     z0, z1, z2 = dot6(axes[0], u), dot6(axes[1], u), dot6(axes[2], u)
     normal, tangential = space.cones[i, 0], space.cones[i, 1]
     # z0, z1, z2: components of g (see `support`) along the normal and the two tangents.
-    identifier = -1
-    if space.torsion == ELLIPTIC and dot6(axes[3], axes[3]) > 0.0:
+    if space.soft and dot6(axes[3], axes[3]) > 0.0:
         return _farthest_elliptic(
             space.spherical, tangential / normal, z0, z1, z2, dot6(axes[3], u)
         )
@@ -143,20 +138,9 @@ def _farthest_force(space, i, u):
     if space.spherical and tangent * normal <= z0 * tangential and (z0 > 0.0 or tangent > 0.0):
         height = math.sqrt(z0 * z0 + tangent * tangent)
         scale = 1.0 / max(height, TINY)
-        f0, f1, f2 = scale * z0, scale * z1, scale * z2
-    else:
-        height = normal * z0 + tangential * tangent
-        scale = tangential / max(tangent, TINY)
-        f0, f1, f2 = normal, scale * z1, scale * z2
-    f3 = 0.0
-    # Torsion is coupled to a pure normal force: a segment of wrenches beside the cone.
-    if space.torsion == LINEAR:
-        z3 = dot6(axes[3], u)
-        if z0 + abs(z3) > height and dot6(axes[3], axes[3]) > 0.0:  # else it is a hard finger
-            height = z0 + abs(z3)
-            f0, f1, f2, f3 = 1.0, 0.0, 0.0, math.copysign(1.0, z3)
-            identifier = 0 if z3 >= 0.0 else 1
-    return height, identifier, f0, f1, f2, f3
+        return height, scale * z0, scale * z1, scale * z2, 0.0
+    scale = tangential / max(tangent, TINY)
+    return normal * z0 + tangential * tangent, normal, scale * z1, scale * z2, 0.0
 
 
 @merged
@@ -167,7 +151,7 @@ def _farthest_of_finger(space, start, u, force):
     """
     best, owner = 0.0, -1
     for i in range(start, start + space.group):
-        height, _, f0, f1, f2, f3 = _farthest_force(space, i, u)
+        height, f0, f1, f2, f3 = _farthest_force(space, i, u)
         if height > best:
             best, owner = height, i
             force[0], force[1], force[2], force[3] = f0, f1, f2, f3
@@ -179,8 +163,7 @@ def farthest(space, u, point, force):
     """Farthest wrench of a grasp wrench space in a direction.
 
     With g = u_f + (u_tau x p) / rho at a contact and phi the angle between g and its normal, the
-    circular cone reaches |g| cos(max(0, phi - beta)), and torsion the pure normal force with the
-    moment that it allows.
+    circular cone reaches |g| cos(max(0, phi - beta)).
 
     Args:
         space: `WrenchSpace`.
@@ -218,20 +201,17 @@ def farthest(space, u, point, force):
                     force[2] * axes[i, 2, k] + force[3] * axes[i, 3, k]
                 )
         return total, -1, -1
-    best, owner, identifier = -math.inf, 0, -1
+    best, owner = -math.inf, 0
     for i in range(axes.shape[0]):
-        height, index, f0, f1, f2, f3 = _farthest_force(space, i, u)
+        height, f0, f1, f2, f3 = _farthest_force(space, i, u)
         if height > best:
-            best, owner, identifier = height, i, index
+            best, owner = height, i
             force[0], force[1], force[2], force[3] = f0, f1, f2, f3
     for k in range(6):
         point[k] = (force[0] * axes[owner, 0, k] + force[1] * axes[owner, 1, k]) + (
             force[2] * axes[owner, 2, k] + force[3] * axes[owner, 3, k]
         )
-    # Either sense of a contact's torsion has a number of its own.
-    if identifier >= 0:
-        identifier += 2 * owner
-    return best, identifier, owner
+    return best, -1, owner
 
 
 @scratch_kernel()

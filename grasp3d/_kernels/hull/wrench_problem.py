@@ -25,7 +25,7 @@ from grasp3d._kernels.hull.growing_hull import (
     grow,
 )
 from grasp3d._kernels.hull.polytope import TOLERANCE
-from grasp3d._kernels.hull.support_functions import NO_TORSION, PER_FINGER, ROWS, WrenchSpace
+from grasp3d._kernels.hull.support_functions import PER_FINGER, ROWS, WrenchSpace
 from grasp3d._kernels.hull.wrenches import span
 from grasp3d._kernels.surface.vectors import copy6, dot6
 
@@ -118,7 +118,7 @@ def make_workspace(kind: int, count: int) -> Workspace:
 
 
 @merged
-def _load_contacts(axes, tangential, torsion, workspace):
+def _load_contacts(axes, tangential, soft, workspace):
     """Copy the axes (n, 4, 6) of contacts, the tangential ones scaled by friction (n,)."""
     rows = workspace.rows
     for i in range(axes.shape[0]):
@@ -127,7 +127,7 @@ def _load_contacts(axes, tangential, torsion, workspace):
             # Without friction, or without torsion, the axis does not belong to the span.
             if 1 <= j <= 2:
                 factor = tangential[i]
-            elif j == 3 and torsion == NO_TORSION:
+            elif j == 3 and not soft:
                 factor = 0.0
             for k in range(6):
                 rows[4 * i + j, k] = factor * axes[i, j, k]
@@ -136,12 +136,12 @@ def _load_contacts(axes, tangential, torsion, workspace):
 @merged
 def load(form, wrenches, tangential, workspace):
     """Write the wrenches of a grasp, as `epsilons` takes them, and their span; returns its rank."""
-    kind, torsion = form[0], form[2]
+    kind, soft = form[0], form[2]
     if kind == ROWS:
         for i in range(wrenches.shape[0]):
             copy6(wrenches[i, 0], workspace.rows[i])
     else:
-        _load_contacts(wrenches, tangential, torsion, workspace)
+        _load_contacts(wrenches, tangential, soft, workspace)
     return span(workspace.rows, workspace.scratch, workspace.basis)
 
 
@@ -293,7 +293,7 @@ def _separated_up_to(axes, wider, rank, u):
 
 
 @scratch_kernel(
-    "tuple[int, bool, int, int], Floats4, Floats2, Floats3, tuple[float, float, float], int, int, "
+    "tuple[int, bool, bool, int], Floats4, Floats2, Floats3, tuple[float, float, float], int, int, "
     "tuple[int, int, int, int, int, int] | Ints1, Bracket, Workspace, Polytope, Results"
 )
 def epsilons(
@@ -303,7 +303,7 @@ def epsilons(
     """Epsilon, force closure and certificates of many grasps, or their critical angles.
 
     Args:
-        form: (kind, spherical, torsion, group) of `WrenchSpace`.
+        form: (kind, spherical, soft, group) of `WrenchSpace`.
         wrenches: Axes of contacts (b, n, 4, 6), or rows (b, n, 1, 6).
         tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
         cones: As in `WrenchSpace` (b, n, 2); with a negative tangential part, which tilts leave
@@ -323,7 +323,7 @@ def epsilons(
         The first grasp for which the polytope was too small, whose bounds hold, or that has the
         status OTHER_RANK; b if none.
     """
-    kind, spherical, torsion, group = form
+    kind, spherical, soft, group = form
     fingers = 1
     if kind == PER_FINGER or (kind == ROWS and group > 1):
         fingers = wrenches.shape[1] // group
@@ -341,7 +341,7 @@ def epsilons(
             results.status[g] = OTHER_RANK
             return g
         project(kind, fingers, wrenches[g], workspace, rank)
-        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], group)
+        space = WrenchSpace(kind, spherical, soft, workspace.axes, cones[g], group)
         size = _largest_wrench(workspace)
         least = CLOSED * size
         angle = begin = low = high = not_closed = not_open = 0.0

@@ -21,7 +21,7 @@ from grasp3d._kernels.array_types import Floats1, Floats2, Floats3, Ints1
 from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, grow
 from grasp3d._kernels.hull.polytope import Polytope, make_polytope
-from grasp3d._kernels.hull.support_functions import NO_TORSION, SIX, TOTAL, WrenchSpace
+from grasp3d._kernels.hull.support_functions import SIX, TOTAL, WrenchSpace
 from grasp3d._kernels.hull.wrench_problem import SIGN
 from grasp3d._kernels.search.coplanar_contacts import (
     arc_sine,
@@ -214,8 +214,8 @@ def _hull_force_closed(candidate, hull, n, angle):
     for i in range(n):
         own = angle - candidate.radii[i]
         cones[i, 0], cones[i, 1] = math.cos(own), math.sin(own)
-    spherical = True
-    space = WrenchSpace(TOTAL, spherical, NO_TORSION, axes[:n], cones[:n], 1)
+    spherical, soft = True, False
+    space = WrenchSpace(TOTAL, spherical, soft, axes[:n], cones[:n], 1)
     _, lower, _, _, facets = grow(space, SIX, hull.metric, None, AROUND_ORIGIN, SIGN, polytope)
     if facets > 0 and lower > ROUNDING:
         return True
