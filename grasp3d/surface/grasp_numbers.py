@@ -5,7 +5,6 @@ With method extremes they come from an enumeration of extreme normals (Wan & How
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -27,9 +26,9 @@ from grasp3d.stability.extremes import (
 )
 from grasp3d.stability.label import Label
 from grasp3d.stability.normal_sets import Creases
-from grasp3d.surface.contacts import GraspContacts, JawContacts
+from grasp3d.surface.contacts import JawContacts, SurfaceContacts
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.load_result import LoadResult, load_result_of
+from grasp3d.surface.load_result import LoadResult, at_rows, load_result_of
 from grasp3d.system.context import report_progress
 
 BEFORE_ENUMERATION = 0.3
@@ -52,7 +51,7 @@ def check_combinations_of(model: GraspModel) -> None:
     check_combinations([1 + rings * EXTREME_NORMALS] * model.fingers)
 
 
-def hull_labels(grasps: GraspContacts, model: GraspModel) -> Bytes:
+def hull_labels(grasps: SurfaceContacts, model: GraspModel) -> Bytes:
     """Label grasps by their wrench hulls at extreme normals (Wan & Howe 2018, Sec. III).
 
     Args:
@@ -92,7 +91,7 @@ def _labels_of_jaws(grasps: JawContacts, model: GraspModel) -> Bytes:
 
 
 def hull_epsilons(
-    grasps: GraspContacts, model: GraspModel, options: EpsilonOptions
+    grasps: SurfaceContacts, model: GraspModel, options: EpsilonOptions
 ) -> tuple[Floats, Floats]:
     """Smallest and largest epsilon over the combinations of extreme normals, shape (b,) each.
 
@@ -115,7 +114,7 @@ def hull_epsilons(
 
 
 def _enumerated(
-    grasps: GraspContacts, model: GraspModel, options: EpsilonOptions | None
+    grasps: SurfaceContacts, model: GraspModel, options: EpsilonOptions | None
 ) -> Iterator[tuple[Ints, Extremes, Extremes]]:
     """Rows of grasps, and their extremes at the smallest and at the largest friction."""
     for rows, contacts, creases in _groups(grasps, model):
@@ -127,7 +126,7 @@ def _enumerated(
         yield rows, worst, best
 
 
-def _groups(grasps: GraspContacts, model: GraspModel) -> Iterator[tuple[Ints, Contacts, Creases]]:
+def _groups(grasps: SurfaceContacts, model: GraspModel) -> Iterator[tuple[Ints, Contacts, Creases]]:
     """Rows of grasps with equal numbers of normals at each contact, the contacts, and creases."""
     normals = _normals(grasps)
     points = grasps.points - grasps.mesh.center_mass
@@ -146,13 +145,13 @@ def _groups(grasps: GraspContacts, model: GraspModel) -> Iterator[tuple[Ints, Co
             yield rows, contacts, {i: set_ for i, set_ in enumerate(sets) if set_.shape[1] > 1}
 
 
-def _normals(grasps: GraspContacts) -> list[Floats]:
+def _normals(grasps: SurfaceContacts) -> list[Floats]:
     """Normals of the faces at every contact, (k, 3) each, at most `MAX_FACE_NORMALS`."""
     normals = []
-    for first, end in pairwise(grasps.set_start.tolist()):
+    for first, end in pairwise(grasps.sets.start.tolist()):
         count = min(end - first, MAX_FACE_NORMALS)
         rows = np.linspace(0, end - first, count, endpoint=False).astype(np.int64)
-        normals.append(grasps.set_normals[first + rows])
+        normals.append(grasps.sets.normals[first + rows])
     return normals
 
 
@@ -163,7 +162,7 @@ BOUND_RTOL = 3e-2
 """The same for the largest epsilon, itself only a bound; saves most time for symmetric grasps."""
 
 
-def surface_epsilons(grasps: GraspContacts, model: GraspModel) -> EpsilonRange:
+def surface_epsilons(grasps: SurfaceContacts, model: GraspModel) -> EpsilonRange:
     """Epsilon of grasps about the mesh's centre of mass, torques divided by its torque scale.
 
     Args:
@@ -197,7 +196,7 @@ def surface_epsilons(grasps: GraspContacts, model: GraspModel) -> EpsilonRange:
 
 
 def surface_metrics(
-    grasps: GraspContacts, model: GraspModel, names: str | Sequence[str] = ALL
+    grasps: SurfaceContacts, model: GraspModel, names: str | Sequence[str] = ALL
 ) -> dict[str, Floats]:
     """Quality measures of grasps about the mesh's centre of mass, torques divided by its scale.
 
@@ -221,7 +220,7 @@ def surface_metrics(
     return {name: locked(column) for name, column in values.items()}
 
 
-def surface_load_result(grasps: GraspContacts, model: GraspModel, case: LoadCase) -> LoadResult:
+def surface_load_result(grasps: SurfaceContacts, model: GraspModel, case: LoadCase) -> LoadResult:
     """Grip forces and payloads of grasps under a load, about the mesh's centre of mass.
 
     Args:
@@ -234,24 +233,8 @@ def surface_load_result(grasps: GraspContacts, model: GraspModel, case: LoadCase
         label with force is M.
     """
     rows = grasps.with_normals
-    if not len(rows):
-        return _unknown_normals(LoadResult.none(case, grasps.size))
     subset = grasps.take(rows)
-    load_result = load_result_of(
-        subset.contacts(model), subset.tilts(model), case, friction=model.friction_interval,
-    )  # fmt: skip
-    if len(rows) == grasps.size:
-        return load_result
-    return _unknown_normals(load_result.at_rows(rows, grasps.size))
-
-
-def _unknown_normals(load_result: LoadResult) -> LoadResult:
-    """The forces of rows without numbers, whose normals cancel out: anything may be true."""
-    unknown = np.isnan(load_result.grip_force)
-    payload = np.where(unknown & load_result.has_payload, 0.0, load_result.payload)
-    return replace(
-        load_result,
-        grip_force_least=locked(np.where(unknown, 0.0, load_result.grip_force_least)),
-        grip_force_largest=locked(np.where(unknown, math.inf, load_result.grip_force_largest)),
-        payload=locked(payload),
-    )
+    found = load_result_of(
+        subset.contacts(model), subset.tilts(model), case, friction=model.friction_interval
+    ).each(lambda values: at_rows(values, rows, grasps.size))
+    return found.with_forces(np.isnan(found.grip_force), math.nan, 0.0, math.inf)

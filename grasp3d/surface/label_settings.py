@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
@@ -11,8 +11,13 @@ from grasp3d.settings import GraspModel, Sampling
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import Label, Mode
 from grasp3d.surface.grasp_numbers import EPSILON_RTOL
-from grasp3d.surface.vertex_grasps import VertexGrasps
 from grasp3d.system.versions import package_version
+
+if TYPE_CHECKING:
+    from grasp3d.surface.labels import SurfaceLabels
+
+INFINITE = "infinite_"
+"""Start of the names of arrays that hold where values, which are nan here, are infinite."""
 
 SETTING = "setting_"
 """Start of the names of settings beside arrays, some of which have the name of a setting."""
@@ -23,7 +28,7 @@ GIVEN_ANGLE = "given_angle"
 Values = dict[str, str | float | int | None]
 
 
-def settings_of(labels: VertexGrasps) -> Values:
+def settings_of(labels: "SurfaceLabels") -> Values:
     """Settings and versions that the labels were computed with; angles in radians."""
     mesh, search = labels.mesh, labels.search
     u_means = "no_grasp_found" if labels.mode == "label" else "surely_unstable"
@@ -45,7 +50,7 @@ def settings_of(labels: VertexGrasps) -> Values:
     }
 
 
-def complete_settings(labels: VertexGrasps) -> Values:
+def complete_settings(labels: "SurfaceLabels") -> Values:
     """The same with what a prepared mesh has beside its arrays, and the extent of the search."""
     mesh, sampling = labels.mesh, labels.sampling
     angle = None if sampling is None else sampling.search_angle

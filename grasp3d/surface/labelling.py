@@ -280,7 +280,6 @@ def label_pairs(
         mesh,
         model,
         angles=(angles[0], angles[1]),
-        partners=np.where(lost[:, None], math.nan, pairs.partner)[:, None],
         partner_points=points,
         grip=np.where(lost, 0, pairs.grip),
         reason=reasons,
@@ -317,14 +316,11 @@ def label_multifinger(
     angles = np.full((2, count), math.inf)
     with within(BEFORE_ANGLES, 1.0):
         angles[:, vertices] = critical_angles(grasps, location_error=model.location_error)
-    partners = np.full((count, model.fingers - 1, 3), math.nan)
-    partners[vertices] = grasps.points[:, 1:]
     report_progress(1.0)
     return SurfaceLabels.of_vertices(
         mesh,
         model,
         angles=(angles[0], angles[1]),
-        partners=partners,
         partner_points=points,
         grip=0,
         reason=reasons,

@@ -88,7 +88,7 @@ class ClosedNumbers:
             case: What must be held, and with which force; None: nothing is stated.
         """
         closes = jaws.closed
-        shape, contacts = closes.shape, JawContacts.of(mesh, jaws)
+        shape, contacts = closes.shape, JawContacts.of(mesh, jaws.take(closes))
         label, found = np.zeros(shape, dtype=np.uint8), contacts.contacts(model)
         margin, held = np.full(shape, -math.inf), np.zeros(shape)
         force, score = np.full(shape, math.inf), np.full(shape, LOST)

@@ -297,7 +297,7 @@ def test_progress_ends_at_1_with_and_without_grasps(opening: float) -> None:
         return
     fractions.clear()
     with running(progress=fractions.append):
-        labels.compute("epsilon_range")
+        _ = labels.epsilon_range
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
 

@@ -123,10 +123,8 @@ class AntipodalGrasps:
     worst locations too, as far as the search knows them. (V,)"""
     best: Floats
     """That of the same grasp over the contacts' best normals at their perceived places. (V,)"""
-    partner: Floats
-    """Second contact, nan where there is none. (V, 3)"""
     partner_points: SurfacePoints
-    """The same as surface points, face -1 where there is none. (V, 1)"""
+    """Second contact, face -1 where there is none. (V, 1)"""
     grip: np.ndarray[Any, np.dtype[np.int8]]
     """+1 squeeze, -1 expand, 0 none. (V,)"""
     reason: Bytes
@@ -224,7 +222,6 @@ class _Search(ABC):
         return AntipodalGrasps(
             worst=grasps.worst[canonical],
             best=grasps.best[canonical],
-            partner=self.mesh.from_normalized(grasps.partner[canonical]),
             partner_points=SurfacePoints(
                 grasps.faces[canonical, None], grasps.weights[canonical, None]
             ),
