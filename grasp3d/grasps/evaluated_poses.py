@@ -15,6 +15,7 @@ from grasp3d.grasps.audit import FEWEST, SUSPECTED, PoseReading, audit_poses
 from grasp3d.grasps.gripper_reasons import GripperReasons
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.reasons import Reasons
+from grasp3d.grasps.robustness import Robustness, robustness_of
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws, Closing
 from grasp3d.hand.hand import Hand
@@ -34,7 +35,6 @@ from grasp3d.surface.fields import (
 )
 from grasp3d.surface.grasp_table import GraspRows
 from grasp3d.surface.labelled_grasps import LabelledGrasps
-from grasp3d.surface.robustness import Robustness, robustness_of
 from grasp3d.surface.scores import written_scores
 
 STALE = frozenset(
