@@ -16,7 +16,6 @@ from grasp3d.quality.measures import ALL, metrics
 from grasp3d.quality.tilting import EpsilonRange, uncertain_epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import GraspModel
-from grasp3d.stability.classification import classify
 from grasp3d.stability.extremes import (
     EXTREME_NORMALS,
     Extremes,
@@ -26,7 +25,7 @@ from grasp3d.stability.extremes import (
 )
 from grasp3d.stability.label import Label
 from grasp3d.stability.normal_sets import Creases
-from grasp3d.surface.contacts import JawContacts, SurfaceContacts
+from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.load_result import LoadResult, at_rows, load_result_of
 from grasp3d.system.context import report_progress
@@ -64,30 +63,11 @@ def hull_labels(grasps: SurfaceContacts, model: GraspModel) -> Bytes:
     Raises:
         SettingError: A grasp has too many combinations.
     """
-    if isinstance(grasps, JawContacts):
-        return _labels_of_jaws(grasps, model)
     labels = np.full(grasps.size, Label.M, dtype=np.uint8)
-    done = 0
     for rows, worst, best in _enumerated(grasps, model, None):
         labels[rows[best.unstable]] = Label.U
         labels[rows[worst.stable]] = Label.S
-        done += len(rows)
-        report_progress(done / len(labels))
     return labels
-
-
-def _labels_of_jaws(grasps: JawContacts, model: GraspModel) -> Bytes:
-    """Label codes of patches that closed jaws touch, which have one normal each, shape (b,)."""
-    if not grasps.size:
-        return np.zeros(0, dtype=np.uint8)
-    low, high = model.friction_interval
-    result = classify(
-        grasps.contacts(model),
-        2.0 * model.tilt,
-        method=model.method,
-        friction_interval=(low, high) if low < high else None,
-    )
-    return np.asarray(result.label)
 
 
 def hull_epsilons(
@@ -105,11 +85,9 @@ def hull_epsilons(
     Raises:
         SettingError: A grasp has too many combinations.
     """
-    epsilons, done = np.zeros((2, grasps.size)), 0
+    epsilons = np.zeros((2, grasps.size))
     for rows, worst, best in _enumerated(grasps, model, options):
         epsilons[:, rows] = worst.minimum, best.maximum
-        done += len(rows)
-        report_progress(done / grasps.size)
     return epsilons[0], epsilons[1]
 
 
@@ -117,6 +95,7 @@ def _enumerated(
     grasps: SurfaceContacts, model: GraspModel, options: EpsilonOptions | None
 ) -> Iterator[tuple[Ints, Extremes, Extremes]]:
     """Rows of grasps, and their extremes at the smallest and at the largest friction."""
+    done = 0
     for rows, contacts, creases in _groups(grasps, model):
         tilt = np.full((len(rows), grasps.count), model.tilt)
         low, high = model.friction_interval
@@ -124,6 +103,8 @@ def _enumerated(
         if low != high:
             best = extremes(contacts.with_friction(high), tilt, creases=creases, options=options)
         yield rows, worst, best
+        done += len(rows)
+        report_progress(done / grasps.size)
 
 
 def _groups(grasps: SurfaceContacts, model: GraspModel) -> Iterator[tuple[Ints, Contacts, Creases]]:
@@ -184,7 +165,7 @@ def surface_epsilons(grasps: SurfaceContacts, model: GraspModel) -> EpsilonRange
     chosen_grasps = grasps.take(rows)
     contacts = chosen_grasps.contacts(model)
     options = EpsilonOptions(torque_scale=grasps.mesh.torque_scale, rtol=EPSILON_RTOL)
-    if model.method == "extremes" and not isinstance(grasps, JawContacts):
+    if model.method == "extremes":
         values[0, rows] = epsilon_with(contacts, options).lower
         values[1:, rows] = hull_epsilons(chosen_grasps, model, options)
     else:
@@ -214,10 +195,7 @@ def surface_metrics(
     rows = grasps.with_normals
     contacts = grasps.take(rows).contacts(model)
     known = metrics(contacts, names, torque_scale=grasps.mesh.torque_scale)
-    values = {name: np.full(grasps.size, math.nan) for name in known}
-    for name, column in values.items():
-        column[rows] = known[name]
-    return {name: locked(column) for name, column in values.items()}
+    return {name: locked(at_rows(column, rows, grasps.size)) for name, column in known.items()}
 
 
 def surface_load_result(grasps: SurfaceContacts, model: GraspModel, case: LoadCase) -> LoadResult:

@@ -1,7 +1,8 @@
 """Result of labelling a surface: the best grasp at every vertex, its label and epsilon."""
 
+import json
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
@@ -11,20 +12,29 @@ from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.quality.loads import load_settings
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, search_cone
 from grasp3d.settings.model_text import model_line
 from grasp3d.settings.sampling import not_covered
 from grasp3d.stability.angle_distributions import SampledAngles
-from grasp3d.stability.label import Mode
+from grasp3d.stability.label import Label, Mode
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.area_statistics import Weights, label_fractions, quantiles, vertex_weights
 from grasp3d.surface.contacts import SurfaceContacts, with_vertices
 from grasp3d.surface.fields import XYZ, Arrays, present
+from grasp3d.surface.grasp_numbers import EPSILON_RTOL
 from grasp3d.surface.grasp_table import GraspRows, GraspTable, chosen
-from grasp3d.surface.label_settings import INFINITE, SETTING, complete_settings, settings_of
+from grasp3d.surface.label_settings import (
+    GIVEN_ANGLE,
+    INFINITE,
+    SETTING,
+    Values,
+    chosen_settings,
+)
 from grasp3d.surface.vertex_fields import CORNER_NORMALS, CORNERS, VERTICES
 from grasp3d.surface.vertex_grasps import Reason, SearchReport
 from grasp3d.system.names import unknown
+from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
     import pyvista
@@ -271,6 +281,46 @@ class SurfaceLabels(GraspRows):
         filled = np.where(np.isnan(values), known[name].worst, values)
         return quantiles(filled, levels, vertex_weights(self.mesh, weights))
 
+    def settings(self) -> Values:
+        """Settings and versions that the labels were computed with; angles in radians."""
+        model, search = self.model, self.search
+        u_means = "no_grasp_found" if self.mode == "label" else "surely_unstable"
+        return {
+            "version": package_version(),
+            **chosen_settings(self.mesh, model, self.sampling, self.mode, self.scene),
+            **({} if self.load is None else load_settings(self.load)),
+            "search_angle": search.cone,
+            "rays_traced": search.rays,
+            "candidates_evaluated": search.evaluated,
+            "file_vertices": self.mesh.file_vertices,
+            "epsilon_rank": model.epsilon_rank,
+            "torque_scale": self.mesh.torque_scale,
+            "epsilon_rtol": EPSILON_RTOL,
+            "epsilon_min": model.tilts,
+            "epsilon_max": "sampled_tilts" if model.method == "extremes" else "upper_bound",
+            **({} if self.load_result is None else self.load_result.settings()),
+            "label_codes": (
+                f"{Label.U:d}=U({u_means}) {Label.M:d}=M(cannot_tell) {Label.S:d}=S(stable)"
+            ),
+        }
+
+    def complete_settings(self) -> Values:
+        """The same with what a prepared mesh has besides, and the extent of the search."""
+        mesh, sampling = self.mesh, self.sampling
+        surface: dict[str, Any] = {
+            "center": mesh.center.tolist(),
+            "size": mesh.size,
+            "center_mass": mesh.center_mass.tolist(),
+            "volume": mesh.volume,
+            "report": asdict(mesh.report),
+        }
+        angle = None if sampling is None else sampling.search_angle
+        return {
+            **self.settings(),
+            "surface": json.dumps(surface),
+            "search": json.dumps({**asdict(self.search), GIVEN_ANGLE: angle}),
+        }
+
     def to_table(self) -> Any:
         """Return a `pyarrow.Table` with a row for each vertex: the columns of `write_fields`.
 
@@ -294,7 +344,7 @@ class SurfaceLabels(GraspRows):
         }
         columns |= dict(zip(XYZ, self.mesh.vertices.T, strict=True))
         texts = {field.name: field.texts for field, _ in pairs if field.texts}
-        return table_of_arrays(columns, texts, settings=complete_settings(self))
+        return table_of_arrays(columns, texts, settings=self.complete_settings())
 
     def to_trimesh(self) -> "trimesh.Trimesh":
         """Return a `trimesh.Trimesh` coloured by label.
@@ -307,7 +357,7 @@ class SurfaceLabels(GraspRows):
         surface, arrays = self.mesh.to_trimesh(), self._point_arrays()
         surface.visual = ColorVisuals(surface, vertex_colors=arrays.pop("color"))
         surface.vertex_attributes.update(arrays)
-        surface.metadata["grasp3d"] = settings_of(self)
+        surface.metadata["grasp3d"] = self.settings()
         return surface
 
     def to_polydata(self) -> "pyvista.PolyData":
@@ -325,7 +375,7 @@ class SurfaceLabels(GraspRows):
             data.point_data[name] = shown
         for field, values in present((CORNERS, CORNER_NORMALS), self.mesh):
             (data.cell_data if field is CORNERS else data.field_data)[field.name] = values
-        for key, value in complete_settings(self).items():
+        for key, value in self.complete_settings().items():
             data.field_data[f"{SETTING}{key}"] = [str(value)]
         return data
 
