@@ -176,22 +176,21 @@ class JawContacts(SurfaceContacts):
         return NormalSets(np.arange(len(rows) + 1), each, rows, normals, none)
 
 
-def with_vertices(mesh: ObjectMesh, vertices: Ints, others: SurfacePoints) -> SurfacePoints:
-    """Contact points of grasps, those at vertices first.
+def grasps_at(mesh: ObjectMesh, partner_points: SurfacePoints, vertices: Ints) -> SurfaceContacts:
+    """The grasps of chosen vertices as contacts on the surface.
 
     Args:
         mesh: The surface.
-        vertices: Numbers of vertices, shape (b,).
-        others: The other contacts, shape (b, n - 1).
+        partner_points: Opposing contacts of every vertex's grasp, shape (V, n - 1).
+        vertices: Chosen vertices, shape (b,).
 
     Returns:
-        Shape (b, n).
+        The grasps (b, n), the contacts at the vertices first.
     """
-    first = vertex_surface_points(mesh, vertices)
-    return SurfacePoints(
-        locked(np.concatenate([first.faces[:, None], others.faces], axis=1)),
-        locked(np.concatenate([first.weights[:, None], others.weights], axis=1)),
-    )
+    own = vertex_surface_points(mesh, vertices)
+    faces = np.concatenate([own.faces[:, None], partner_points.faces[vertices]], axis=1)
+    weights = np.concatenate([own.weights[:, None], partner_points.weights[vertices]], axis=1)
+    return SurfaceContacts(mesh, SurfacePoints(locked(faces), locked(weights)))
 
 
 def vertex_surface_points(mesh: ObjectMesh, vertices: ArrayLike) -> SurfacePoints:

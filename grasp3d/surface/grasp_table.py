@@ -342,14 +342,14 @@ Rows = TypeVar("Rows", bound=GraspRows)
 def chosen(kind: type[Rows], grasps: GraspRows, rows: Ints) -> Rows:
     """The chosen rows of a table as one of another kind, with what has been computed of them."""
     names = {field.name for field in fields(kind)}
-    values = {name: _rows_of(values, rows) for name, values in vars(grasps).items()
+    values = {name: rows_of(values, rows) for name, values in vars(grasps).items()
               if name in names | COMPUTED}  # fmt: skip
     found = kind(**{name: values.pop(name) for name in names & values.keys()})
     vars(found).update(values)
     return found
 
 
-def _rows_of(values: Any, rows: Ints) -> Any:
+def rows_of(values: Any, rows: Ints) -> Any:
     """The chosen rows of what has a row for each grasp; else the same."""
     if isinstance(values, np.ndarray):
         return locked(values[rows])

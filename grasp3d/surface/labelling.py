@@ -24,13 +24,14 @@ from grasp3d.settings import (
 )
 from grasp3d.settings.costs import check_cost
 from grasp3d.settings.pose_error import PoseError
+from grasp3d.surface.contacts import grasps_at
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_numbers import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import DENSITY, LoadCase, input_warnings
 from grasp3d.surface.sampling.antipodal import best_pairs
 from grasp3d.surface.sampling.multifinger import search
-from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at
+from grasp3d.surface.vertex_grasps import Reason, SearchReport
 from grasp3d.system.context import refuse_warnings, report_progress, within
 
 BEFORE_ANGLES = 0.9

@@ -20,7 +20,7 @@ from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.stability.label import Label, Mode
 from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.area_statistics import Weights, label_fractions, quantiles, vertex_weights
-from grasp3d.surface.contacts import SurfaceContacts, with_vertices
+from grasp3d.surface.contacts import grasps_at
 from grasp3d.surface.fields import XYZ, Arrays, present
 from grasp3d.surface.grasp_numbers import EPSILON_RTOL
 from grasp3d.surface.grasp_table import GraspRows, GraspTable, chosen
@@ -96,14 +96,13 @@ class SurfaceLabels(GraspRows):
         outside = np.where(mesh.on_surface, Reason.EXCLUDED, Reason.OFF_SURFACE)
         reasons = locked(np.where(mesh.allowed, reason, outside), np.uint8)
         first, found = mesh.canonical, reasons == Reason.FOUND
-        none = ~found[:, None]
-        points = SurfacePoints(
-            np.where(none, -1, partner_points.faces[first]),
-            np.where(none[..., None], 0.0, partner_points.weights[first]),
+        others_at = SurfacePoints(
+            np.where(found[:, None], partner_points.faces, -1),
+            np.where(found[:, None, None], partner_points.weights, 0.0),
         )
         worst, best = (locked(np.where(found, one[first], math.inf)) for one in angles)
         return cls(
-            contacts=SurfaceContacts(mesh, with_vertices(mesh, first, points)),
+            contacts=grasps_at(mesh, others_at, first),
             model=model,
             critical_angle=worst,
             critical_angle_best=best,

@@ -11,11 +11,11 @@ from grasp3d.errors import SettingError
 from grasp3d.mesh import MeshSource, load_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
 from grasp3d.settings import GivenModel, GraspModel, with_fingers
-from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.contacts import SurfaceContacts, grasps_at
 from grasp3d.surface.critical_angles import SAME_POINT, critical_angles
 from grasp3d.surface.grasp_numbers import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at
+from grasp3d.surface.vertex_grasps import Reason, SearchReport
 from grasp3d.system.context import within
 
 

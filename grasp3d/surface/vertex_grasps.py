@@ -4,10 +4,6 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from grasp3d._kernels.search import antipodal_candidates
-from grasp3d.arrays import Ints
-from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.surface.contacts import SurfaceContacts, with_vertices
 
 
 class Reason(IntEnum):
@@ -41,18 +37,3 @@ class SearchReport:
     evaluated: int = 0
     """Number of candidate grasps evaluated, for three fingers and more; for two fingers that
     squeeze, faces on which the best contact was computed."""
-
-
-def grasps_at(mesh: ObjectMesh, partner_points: SurfacePoints, vertices: Ints) -> SurfaceContacts:
-    """The grasps of chosen vertices as contacts on the surface.
-
-    Args:
-        mesh: The surface.
-        partner_points: Opposing contacts of every vertex's grasp, shape (V, n - 1).
-        vertices: Chosen vertices, shape (b,), which have a grasp.
-
-    Returns:
-        The grasps (b, n), the contacts at the vertices first.
-    """
-    points = SurfacePoints(partner_points.faces[vertices], partner_points.weights[vertices])
-    return SurfaceContacts(mesh, with_vertices(mesh, vertices, points))

@@ -24,10 +24,10 @@ from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.stability.thresholds import label_angles, unstable_from
 from grasp3d.surface import Reason
 from grasp3d.surface import labelling as search_module
+from grasp3d.surface.contacts import grasps_at
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.sampling.antipodal import FoundGrasps
 from grasp3d.surface.sweeps import mean_sweep, sweep
-from grasp3d.surface.vertex_grasps import grasps_at
 from grasp3d.viewer.session.painting import corner_coordinates
 from grasp3d.viewer.subjects.subject import subject_of
 from tests.helpers import shapes
