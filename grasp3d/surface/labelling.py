@@ -40,7 +40,12 @@ BEFORE_ANGLES = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Labelling:
-    """An object to be labelled, and settings that fit it and one another."""
+    """An object to be labelled, and settings that fit it and one another.
+
+    Raises:
+        SettingError: As in `label_surface`.
+        MeshError: Labels for so many fingers would need too much memory.
+    """
 
     mesh: ObjectMesh
     model: GraspModel
@@ -50,42 +55,20 @@ class Labelling:
     load: Load | None
     """What each grasp must hold; None: nothing."""
 
-    @classmethod
-    def of(
-        cls,
-        mesh: ObjectMesh,
-        model: GraspModel,
-        sampling: Sampling | None = None,
-        scene: Scene | None = None,
-        load: Load | None = None,
-    ) -> "Labelling":
-        """Settings as they are given, checked.
-
-        Args:
-            mesh: The object.
-            model: As in `label_surface`.
-            sampling: As in `label_surface`.
-            scene: As in `label_surface`.
-            load: What each grasp must hold; None: nothing.
-
-        Raises:
-            SettingError: As in `label_surface`.
-            MeshError: Labels for so many fingers would need too much memory.
-        """
-        mesh.check_units(model, sampling)
-        limits = sampling or Sampling()
-        check_search_settings(model, limits)
+    def __post_init__(self) -> None:
+        mesh, model, scene = self.mesh, self.model, self.scene
+        mesh.check_units(model, self.sampling)
+        check_search_settings(model, self.sampling)
         if scene is not None:
             mesh.needs_metres(IN_METRES)
             scene.hand.check_fingers(model.fingers)
-        if load is not None:
-            LoadCase.of(load, mesh, model, None if scene is None else scene.hand)
+        if self.load is not None:
+            LoadCase.of(self.load, mesh, model, None if scene is None else scene.hand)
         if model.method == "extremes":
             check_combinations_of(model)
         most, count = mesh.options.max_memory, len(mesh.vertices)
         check_cost(count, most, mesh.report.source, "use a coarser mesh", model.fingers)
-        refuse_warnings(input_warnings(mesh, scene, load, model, limits))
-        return cls(mesh, model, limits, scene, load)
+        refuse_warnings(input_warnings(mesh, scene, self.load, model, self.sampling))
 
     @classmethod
     def read(
@@ -118,7 +101,7 @@ class Labelling:
         mesh = _mesh_of(source, options, model, sampling, load, hand=hand)
         if not force:
             refuse_lengths(mesh, model, sampling)
-        return cls.of(mesh, model, sampling, Scene.of(reach, mesh), load)
+        return cls(mesh, model, sampling, Scene.of(reach, mesh), load)
 
     def labels(self) -> SurfaceLabels:
         """Search for the best grasp through every vertex, and label it; see `label_surface`."""
@@ -267,7 +250,7 @@ def label_surface(
     on_hand = hand is not None or scene is not None
     surface = _mesh_of(mesh, None, model, sampling, load, hand=on_hand)
     scene = scene or Scene.given(surface, hand, table, approach, pose_error)
-    return Labelling.of(surface, model, sampling, scene, load).labels()
+    return Labelling(surface, model, sampling or Sampling(), scene, load).labels()
 
 
 def _mesh_of(
