@@ -44,10 +44,7 @@ LAYERS = [
 
 Within a package no modules import each other in a circle."""
 
-UPWARD = {
-    ("grasp3d.surface.grasp_table", "grasp3d.viewer.show"),
-    ("grasp3d.surface.labels", "grasp3d.viewer.show"),
-}
+UPWARD = {("grasp3d.surface.labelled_grasps", "grasp3d.viewer.show")}
 """`labels.show()` finds the viewer when it is called, as pandas does with plotting."""
 
 ENGINES = {

@@ -78,7 +78,7 @@ def test_contacts_without_a_unit_are_in_that_of_the_meshs_file(tmp_path: Path) -
     np.testing.assert_allclose(found.opening, [0.06])
     (tmp_path / "stated.csv").write_text("x1,y1,z1,x2,y2,z2,unit\n3,0,0,-3,0,0,cm")
     stated = grasp3d.evaluate_grasps(in_mm, tmp_path / "stated.csv")
-    np.testing.assert_allclose(stated.positions, found.positions)
+    np.testing.assert_allclose(stated.contacts.points, found.contacts.points)
     (tmp_path / "pose.csv").write_text("px,py,pz,qx,qy,qz,qw\n0,0,6,1,0,0,0")
     posed = grasp3d.evaluate_grasps(in_mm, tmp_path / "pose.csv", hand="franka")
     np.testing.assert_allclose(posed.opening, [0.06], rtol=1e-6)

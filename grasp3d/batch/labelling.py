@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -122,8 +122,7 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
     if allowed is not None and cost.memory > allowed:
         raise NeedsMemory(cost.memory)
     labels = task.labels()
-    for name in ("epsilon_range", "load_result"):
-        labels.compute(name)
+    _ = labels.epsilon_range, labels.load_result
     labelling = next(clock)
     best = _best_of(labels, settings.best)
     _write(labels, job)
@@ -190,9 +189,9 @@ def _angle_values(labels: "SurfaceLabels") -> dict[str, Any]:
     model, angles = labels.model, _angles_of(labels)
     available = replace(model, sensor_resolution=0.0).sure_angle  # for a sensor
     return {
-        **_quantiles("critical_angle", QUARTILES, labels.angle_quantiles(QUARTILES)),
-        **_quantiles("epsilon", DECILES, labels.epsilon_quantiles(DECILES)),
-        **_quantiles("epsilon_min", DECILES, labels.epsilon_quantiles(DECILES, of="minimum")),
+        **_quantiles(labels, "critical_angle", QUARTILES),
+        **_quantiles(labels, "epsilon", DECILES),
+        **_quantiles(labels, "epsilon_min", DECILES),
         **{
             f"required_resolution_{100.0 * fraction:.0f}": max(
                 0.0, 2.0 * (available - angles.worst_quantile(fraction))
@@ -231,18 +230,18 @@ def _verdict_values(labels: "SurfaceLabels") -> dict[str, Any]:
 def _load_values(labels: "SurfaceLabels") -> dict[str, Any]:
     """What the grasps hold; nothing without a load."""
     from grasp3d.quality.loads import load_settings
-    from grasp3d.surface.area_statistics import held_fractions, payload_quantiles
+    from grasp3d.surface.area_statistics import label_fractions, vertex_weights
 
     load_result = labels.load_result
     if load_result is None:
         return {}
-    fractions, payloads = held_fractions(labels), payload_quantiles(labels, DECILES)
+    codes, weights = load_result.label, vertex_weights(labels.mesh, "area")
     return {
         "task": load_settings(labels.load)["task"],
         "mass": load_result.mass,
         "grip_force_at_hand": load_result.available,
-        "held": None if fractions is None else fractions["S"],
-        **({} if payloads is None else _quantiles("payload", DECILES, payloads)),
+        "held": None if codes is None else label_fractions(codes, weights)["S"],
+        **_quantiles(labels, "payload", DECILES),
     }
 
 
@@ -250,8 +249,11 @@ def _finite_or_none(number: float) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _quantiles(name: str, levels: Iterable[float], values: Iterable[float]) -> dict[str, float]:
-    """Quantiles of one quantity by the names of their columns."""
+def _quantiles(labels: "SurfaceLabels", name: str, levels: Sequence[float]) -> dict[str, float]:
+    """Quantiles of a column, where the labels have it, by the names of their columns."""
+    values = labels.quantiles(name, levels)
+    if values is None:
+        return {}
     return {
         f"{name}_p{100.0 * level:.0f}": float(value)
         for level, value in zip(levels, values, strict=True)

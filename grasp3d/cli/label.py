@@ -125,7 +125,7 @@ def _labels(command: Label) -> tuple[SurfaceLabels, list[int]]:
     with progress_bars.progress(f"labelling {command.file.name}", quiet=quiet):
         labels = task.labels()
     with progress_bars.progress("measuring", quiet=quiet):  # what is computed when it is first read
-        labels.epsilon_range, labels.load_result  # noqa: B018
+        _ = labels.epsilon_range, labels.load_result
     return labels, vertices
 
 

@@ -12,7 +12,7 @@ from grasp3d.arrays import ARCHIVE_ERRORS
 from grasp3d.export.stored import FIELDS, Stored, settings_in
 from grasp3d.mesh.reading.sources import Source
 from grasp3d.surface.fields import Arrays, Field, present
-from grasp3d.surface.label_settings import SETTING, complete_settings
+from grasp3d.surface.label_settings import SETTING
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from grasp3d.system.files import atomic_write
@@ -36,7 +36,7 @@ def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
     arrays: dict[str, Any] = {
         **{field.name: values for field, values in present(SURFACE, labels.mesh)},
         **{field.name: values for field, values in present(VERTICES, labels) if field.array},
-        **{f"{SETTING}{key}": str(value) for key, value in complete_settings(labels).items()},
+        **{f"{SETTING}{key}": str(value) for key, value in labels.complete_settings().items()},
     }
     with atomic_write(Path(path)) as part, part.open("wb") as stream:
         np.savez_compressed(stream, **arrays)

@@ -12,7 +12,6 @@ from grasp3d.export.stored import Stored, damaged, fingers_of
 from grasp3d.mesh.reading.polygon_files import Column, Element, PlyFile, open_ply, read_elements
 from grasp3d.mesh.reading.sources import Source, check_corners
 from grasp3d.surface.fields import DECIDED, EPSILONS, FLOAT, Arrays, present
-from grasp3d.surface.label_settings import complete_settings
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from grasp3d.system.ply_files import settings_of_header, write_ply_columns
@@ -50,7 +49,7 @@ def write_ply(path: str | Path, labels: SurfaceLabels) -> None:
         for field, values in present(fields, labels)
         for name, column in field.as_columns(values).items()
     }
-    settings = {**complete_settings(labels), PACKED: packed((*HIDDEN, *SURFACE[1:]), labels)}
+    settings = {**labels.complete_settings(), PACKED: packed((*HIDDEN, *SURFACE[1:]), labels)}
     write_ply_columns(Path(path), columns, labels.mesh.faces, settings)
 
 

@@ -123,14 +123,14 @@ def _labels(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Surface
         "load_result": _load_result(stored, settings, mesh),
     }  # fmt: skip
     worst, best = (_floats(stored, f"critical_angle{end}") for end in ("", "_best"))
-    return SurfaceLabels.of_vertices(
-        mesh, model, angles=(worst, best),
-        partners=stored.field("partners"), partner_points=_partner_points(stored),
+    labels = SurfaceLabels.of_vertices(
+        mesh, model, angles=(worst, best), partner_points=_partner_points(stored),
         grip=stored.field("grip"), reason=stored.field("reason"),
         reach=_reach(stored, settings), sampling=settings.sampling, mode=settings.mode,
         search=settings.search, scene=settings.scene, load=settings.load,
-        known={name: value for name, value in known.items() if value is not None},
     )  # fmt: skip
+    vars(labels).update({name: value for name, value in known.items() if value is not None})
+    return labels
 
 
 _ENDS = ("", "_min", "_max")

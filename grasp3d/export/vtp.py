@@ -6,8 +6,8 @@ from pathlib import Path
 from grasp3d.export.stored import Stored, damaged, fingers_of, settings_in
 from grasp3d.export.vtp_arrays import vtp_arrays
 from grasp3d.mesh.reading.sources import Source
-from grasp3d.surface.conversions import INFINITE
 from grasp3d.surface.fields import Array, Arrays
+from grasp3d.surface.label_settings import INFINITE
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import CORNER_NORMALS, CORNERS, VERTICES
 from grasp3d.system.files import atomic_write

@@ -11,7 +11,6 @@ from grasp3d.export.npz import write_npz
 from grasp3d.export.parquet import write_fields
 from grasp3d.export.ply import write_ply
 from grasp3d.export.vtp import write_vtp
-from grasp3d.surface.label_settings import settings_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import label_colors
 from grasp3d.system.files import atomic_write
@@ -44,7 +43,7 @@ def write_glb(path: str | Path, labels: SurfaceLabels) -> None:
         vertex_colors=np.round(255.0 * linear).astype(np.uint8),
         process=False,
     )
-    settings = {key: str(value) for key, value in settings_of(labels).items()}
+    settings = {key: str(value) for key, value in labels.settings().items()}
 
     def add_settings(tree: dict[str, Any]) -> None:
         tree["asset"]["extras"] = {"grasp3d": settings}

@@ -15,6 +15,7 @@ from grasp3d.grasps.audit import FEWEST, SUSPECTED, PoseReading, audit_poses
 from grasp3d.grasps.gripper_reasons import GripperReasons
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.reasons import Reasons
+from grasp3d.grasps.robustness import Robustness, robustness_of
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws, Closing
 from grasp3d.hand.hand import Hand
@@ -32,9 +33,8 @@ from grasp3d.surface.fields import (
     columns_of,
     given_poses,
 )
-from grasp3d.surface.grasp_table import Deferred, GraspRows
+from grasp3d.surface.grasp_table import GraspRows
 from grasp3d.surface.labelled_grasps import LabelledGrasps
-from grasp3d.surface.robustness import Robustness, robustness_of
 from grasp3d.surface.scores import written_scores
 
 STALE = frozenset(
@@ -186,7 +186,7 @@ NOWHERE = np.zeros((1, 3))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class EvaluatedPoses(GivenGrasps, GraspRows):
+class EvaluatedPoses(GraspRows, GivenGrasps):
     """Poses of a gripper with the grasps that its jaws make there, a row for each.
 
     Contacts are where the jaws touch, at the mean normals of the patches. Numbers are nan, and the
@@ -210,14 +210,12 @@ class EvaluatedPoses(GivenGrasps, GraspRows):
     load_result = None
     """What the patches hold is in `payload` and `grip_force`."""
 
-    COMPUTED = ("epsilon_range", "robustness", "approach_margin")
-
     __repr__ = short_repr
 
     @property
-    def has_grasp(self) -> Bools:
-        """Whether the jaws close on the object, shape (k,)."""
-        return self.jaws.closed
+    def first(self) -> Ints:
+        """The rows themselves, shape (k,); -1: the jaws do not close on the object."""
+        return np.where(self.jaws.closed, np.arange(self.size), -1)
 
     @property
     def state(self) -> Bytes:
@@ -229,7 +227,7 @@ class EvaluatedPoses(GivenGrasps, GraspRows):
         """Distance of the pads, or of the nearest points of round tips [m], shape (k,)."""
         return self.jaws.opening
 
-    @Deferred
+    @cached_property
     def robustness(self) -> Robustness:
         """Scores of the touched patches, and of poses that are a little wrong; rows (k,).
 
@@ -259,7 +257,7 @@ class EvaluatedPoses(GivenGrasps, GraspRows):
         """Why poses are not S; computed when first read."""
         return GripperReasons(self)
 
-    @Deferred
+    @cached_property
     def approach_margin(self) -> Floats:
         """How far the approach may turn about the closing axis, either way, free of collisions.
 
@@ -324,17 +322,6 @@ class EvaluatedPoses(GivenGrasps, GraspRows):
         # Where the object yields to the pads the first touch may be beyond the stroke.
         opening = np.minimum(self.opening, self.hand.max_opening)
         return replace(poses, opening=opening, columns={**poses.columns, **touched})
-
-    def take(self, rows: Ints) -> Self:
-        """The chosen poses, in that order; see `GivenGrasps.take`."""
-        return replace(
-            self,
-            **self.rows(rows),
-            given=self.given.take(rows),
-            jaws=self.jaws.take(rows),
-            collides=locked(self.collides[rows]),
-            reachable=locked(self.reachable[rows]),
-        )
 
     def _warnings(self) -> Iterable[str | None]:
         return [None if self.reading else self._starting_inside()]

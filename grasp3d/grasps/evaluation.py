@@ -481,13 +481,16 @@ def closed_at(
     held = jaws.closed if object_motion == "fixed" else np.zeros(start.count, dtype=np.bool_)
     colliding, shift = _blocked(mesh, start, jaws, held, scene, most)
     jaws = replace(jaws, shift=locked(shift))
-    contacts, angles = JawContacts.of(mesh, jaws), np.full((2, start.count), math.nan)
+    contacts, angles = (
+        JawContacts.of(mesh, jaws.take(jaws.closed)),
+        np.full((2, start.count), math.nan),
+    )
     if contacts.size:
         found = critical_angles(contacts, location_error=model.location_error)
         allowed = allowed_contacts(mesh, contacts.points)
         angles[:, jaws.closed] = np.where(allowed, found, math.inf)
     return EvaluatedPoses(
-        contacts=JawContacts(mesh, jaws),
+        contacts=JawContacts.of(mesh, jaws),
         model=model,
         critical_angle=locked(angles[0]),
         critical_angle_best=locked(angles[1]),

@@ -8,6 +8,7 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Bytes, Floats, angles_between
 from grasp3d.grasps.reasons import Reasons
+from grasp3d.grasps.robustness import Robustness
 from grasp3d.hand.closed_jaws import MEANING, ClosedJaws, Closing
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaw_reach import collides
@@ -18,7 +19,6 @@ from grasp3d.mesh.region import allowed_contacts
 from grasp3d.mesh.surface_points import contains, nearest_surface_points
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.robustness import Robustness
 from grasp3d.system.context import unreported
 from grasp3d.system.counts import short_number
 

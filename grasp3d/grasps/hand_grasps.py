@@ -415,7 +415,7 @@ def evaluate_hand(
     )  # fmt: skip
     refuse_warnings(result.warnings)
     with within(TOUCHED, 1.0):
-        result.compute("label")
+        _ = result.label
         if result.hand_load_result is not None:
             result.hand_load_result.compute()
         report_progress(1.0)

@@ -19,6 +19,7 @@ from grasp3d.grasps.evaluation import using
 from grasp3d.grasps.explanations import finger_words
 from grasp3d.grasps.gripper_reasons import MISSED, OFF_PADS, UNSURE
 from grasp3d.grasps.ranking import ranked_rows
+from grasp3d.grasps.robustness import PAYLOAD_RTOL
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.scene import Scene
 from grasp3d.quality.grip_forces import Resistance
@@ -28,7 +29,6 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_result import HARD_FINGERS, LoadResult
-from grasp3d.surface.robustness import PAYLOAD_RTOL
 from grasp3d.system.context import unreported
 from grasp3d.system.counts import short_number
 

@@ -41,9 +41,10 @@ class SurfacePoints:
     __repr__ = short_repr
 
     def positions(self, mesh: ObjectMesh) -> Floats:
-        """Positions in the mesh's frame, shape (..., 3)."""
+        """Positions in the mesh's frame, shape (..., 3); nan: no point."""
         corners = mesh.vertices[mesh.faces[self.faces]]  # (..., 3, 3)
-        return (self.weights[..., None, :] @ corners)[..., 0, :]
+        positions = (self.weights[..., None, :] @ corners)[..., 0, :]
+        return np.where(self.faces[..., None] >= 0, positions, math.nan)
 
 
 def nearest_surface_points(
@@ -74,7 +75,7 @@ def nearest_surface_points(
     corners = mesh.normalized[mesh.faces[faces[near]]]
     weights[near] = _weights(corners, _closest(corners, normalized[near]))
     surface_points = SurfacePoints(faces, weights)
-    positions = np.where(near[:, None], surface_points.positions(mesh), math.nan)
+    positions = surface_points.positions(mesh)
     distances = np.where(near, np.linalg.norm(positions - points, axis=1), math.inf)
     return surface_points, positions, distances
 

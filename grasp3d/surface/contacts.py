@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from grasp3d.arrays import (
     Bools,
     Floats,
     Ints,
-    angles_between,
     locked,
     short_repr,
     unit_rows,
@@ -28,6 +26,7 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.mesh.turns import normal_turns, turns_beside
 from grasp3d.settings import GraspModel
+from grasp3d.stability.normal_sets import NormalSets
 
 WIDEST = RIGHT_ANGLE - 1e-9
 """Largest tilt that is evaluated [rad]: no force is the same for all normals of half a ball."""
@@ -36,33 +35,19 @@ OFF_SURFACE = 1e-3
 """Distance of contacts in a file from the surface, in object sizes, up to which they are on it."""
 
 
-class NormalSets(NamedTuple):
-    """Sets of normals at a flat batch of surface points (m,)."""
-
-    start: Ints
-    """First row of each set in `normals` (m + 1,)."""
-    normals: Floats
-    """Unit normals (K, 3)."""
-    counts: Ints
-    """Number of corners of each set, 0 where it spans every direction (m,)."""
-    middles: Floats
-    """Unit normal in the middle of each set, 0 where its normals cancel out (m, 3)."""
-
-
-class GraspContacts:
-    """Contacts of grasps on an object, and the sets of normals that each may have.
+@dataclass(frozen=True, eq=False)
+class SurfaceContacts:
+    """Contacts of grasps at points of a surface, and the sets of normals that each may have.
 
     Where the surface is smooth a contact has one normal; on creases and at corners it may have any
-    of a convex set. The rows of `set_normals` are in the order of the contacts: those of contact i
-    of grasp g are `set_start[n * g + i]` to `set_start[n * g + i + 1]`.
+    of a convex set.
     """
 
     mesh: ObjectMesh
+    surface_points: SurfacePoints
+    """Contact points on the faces, shape (b, n)."""
 
-    if TYPE_CHECKING:  # a field or an attribute of each class that has this base
-
-        @property
-        def surface_points(self) -> SurfacePoints: ...  # noqa: D102
+    __repr__ = short_repr
 
     @property
     def size(self) -> int:
@@ -79,37 +64,18 @@ class GraspContacts:
         """Positions in the mesh's frame, shape (b, n, 3)."""
         return locked(self.surface_points.positions(self.mesh))
 
-    @cached_property
+    @property
     def normals(self) -> Floats:
         """Inward unit normals, the middle of the set on creases, shape (b, n, 3).
 
         Zero where the normals cancel out.
         """
-        return locked(self._sets.middles.reshape(self.size, self.count, 3))
-
-    @cached_property
-    def set_start(self) -> Ints:
-        """First row of each contact in `set_normals`, shape (b * n + 1,)."""
-        return locked(self._sets.start)
-
-    @cached_property
-    def set_normals(self) -> Floats:
-        """Inward unit normals (K, 3): one where smooth, else corners of convex sets, in order.
-
-        Where a set spans every direction they are the normals of the faces there, unordered.
-        """
-        return locked(self._sets.normals)
+        return self.sets.middles
 
     @cached_property
     def on_crease(self) -> Bools:
         """Whether each contact may have more than one normal, shape (b, n)."""
-        several = (np.diff(self._sets.start) > 1).reshape(self.size, self.count)
-        return locked(several | self.any_normal)
-
-    @cached_property
-    def any_normal(self) -> Bools:
-        """Whether the set of each contact spans every direction, shape (b, n)."""
-        return locked((self._sets.counts == 0).reshape(self.size, self.count))
+        return locked((self.sets.counts != 1).reshape(self.size, self.count))
 
     @cached_property
     def with_normals(self) -> Ints:
@@ -125,15 +91,8 @@ class GraspContacts:
         Args:
             model: The resolution and the location error.
         """
-        counts = np.diff(self.set_start)
-        middles = np.repeat(self.normals.reshape(-1, 3), counts, axis=0)
-        angles = angles_between(middles, self.set_normals)
-        spread = np.maximum.reduceat(angles, self.set_start[:-1]) if len(angles) else angles
-        spread = np.where(self.on_crease, spread.reshape(self.size, self.count), 0.0)
-        spread = np.where(self.any_normal, WIDEST, spread)
-        if model.location_error > 0.0:
-            spread += self.turns(model.location_error)
-        return np.asarray(np.minimum(spread + model.tilt, WIDEST))
+        turns = self.turns(model.location_error) if model.location_error > 0.0 else 0.0
+        return np.asarray(np.minimum(self.sets.radii + turns + model.tilt, WIDEST))
 
     def turns(self, location_error: float) -> Floats:
         """How far the surface turns within a location error of each contact [rad], shape (b, n).
@@ -142,8 +101,7 @@ class GraspContacts:
             location_error: Largest distance between true and perceived contacts [m].
         """
         points, faces = self.points.reshape(-1, 3), self.surface_points.faces.ravel()
-        counts = np.where(self.any_normal.ravel(), 0, np.diff(self.set_start))
-        sets = ContactNormals(self.set_start, counts, self.set_normals)
+        sets = ContactNormals(self.sets.start, self.sets.counts, self.sets.normals)
         turns = normal_turns(self.mesh, points, faces, sets, location_error)
         return turns.reshape(self.size, self.count)
 
@@ -159,32 +117,24 @@ class GraspContacts:
         points = self.points - self.mesh.center_mass
         return Contacts(points, self.normals, model.nominal_friction, model.torsion_radius)
 
-    def take(self, which: slice | Ints | Bools) -> "GraspContacts":
+    def take(self, which: slice | Ints | Bools) -> "SurfaceContacts":
         """The chosen grasps."""
         points = self.surface_points
         return SurfaceContacts(self.mesh, SurfacePoints(points.faces[which], points.weights[which]))
 
     @cached_property
-    def _sets(self) -> NormalSets:
+    def sets(self) -> NormalSets:
+        """Inward normals that each contact may have.
+
+        Where a set spans every direction they are the normals of the faces there, unordered.
+        """
         return _normal_sets_at(self.mesh, self.surface_points)
 
 
 @dataclass(frozen=True, eq=False)
-class SurfaceContacts(GraspContacts):
-    """Contacts of grasps at points of a surface."""
+class JawContacts(SurfaceContacts):
+    """Contacts where jaws have closed on an object: patches, on no one face, each with a normal."""
 
-    mesh: ObjectMesh
-    surface_points: SurfacePoints
-    """Contact points on the faces, shape (b, n)."""
-
-    __repr__ = short_repr
-
-
-@dataclass(frozen=True, eq=False)
-class JawContacts(GraspContacts):
-    """Contacts where jaws have closed on an object: patches, each with one normal."""
-
-    mesh: ObjectMesh
     jaws: ClosedJaws
     """Where the jaws touch; numbers are of those that close."""
 
@@ -192,30 +142,20 @@ class JawContacts(GraspContacts):
 
     @classmethod
     def of(cls, mesh: ObjectMesh, jaws: ClosedJaws) -> "JawContacts":
-        """The contacts where jaws close on an object, of those that do.
+        """The contacts where jaws close on an object.
 
         Args:
             mesh: The object.
             jaws: Where the jaws touch.
         """
-        return cls(mesh, jaws.take(jaws.closed))
-
-    @cached_property
-    def surface_points(self) -> SurfacePoints:
-        """Points on no one face, whose number is -1, shape (b, n)."""
-        shape = self.points.shape
-        return SurfacePoints(locked(np.full(shape[:2], -1)), locked(np.zeros(shape)))
+        shape = jaws.points.shape
+        nowhere = SurfacePoints(locked(np.full(shape[:2], -1)), locked(np.zeros(shape)))
+        return cls(mesh, nowhere, jaws)
 
     @property
     def points(self) -> Floats:
         """Positions in the mesh's frame, shape (b, n, 3)."""
         return self.jaws.points
-
-    def tilts(self, model: GraspModel) -> ArrayLike:
-        """Largest angle between the normal of each contact and any that may be true [rad]."""
-        if model.location_error == 0.0:
-            return model.tilt
-        return np.asarray(np.minimum(self.turns(model.location_error) + model.tilt, WIDEST))
 
     def turns(self, location_error: float) -> Floats:
         """The same about the middles of the patches, which need not be on the surface."""
@@ -225,31 +165,32 @@ class JawContacts(GraspContacts):
 
     def take(self, which: slice | Ints | Bools) -> "JawContacts":
         """The chosen grasps."""
-        return JawContacts(self.mesh, self.jaws.take(which))
+        return JawContacts.of(self.mesh, self.jaws.take(which))
 
     @cached_property
-    def _sets(self) -> NormalSets:
-        normals = self.jaws.normals.reshape(-1, 3)
-        count = len(normals)
-        return NormalSets(np.arange(count + 1), normals, np.ones(count, dtype=np.int64), normals)
+    def sets(self) -> NormalSets:
+        """One normal of each contact."""
+        normals = self.jaws.normals
+        rows = normals.reshape(-1, 3)
+        each, none = np.ones(len(rows), dtype=np.int64), np.zeros(normals.shape[:2])
+        return NormalSets(np.arange(len(rows) + 1), each, rows, normals, none)
 
 
-def with_vertices(mesh: ObjectMesh, vertices: Ints, others: SurfacePoints) -> SurfacePoints:
-    """Contact points of grasps, those at vertices first.
+def grasps_at(mesh: ObjectMesh, partner_points: SurfacePoints, vertices: Ints) -> SurfaceContacts:
+    """The grasps of chosen vertices as contacts on the surface.
 
     Args:
         mesh: The surface.
-        vertices: Numbers of vertices, shape (b,).
-        others: The other contacts, shape (b, n - 1).
+        partner_points: Opposing contacts of every vertex's grasp, shape (V, n - 1).
+        vertices: Chosen vertices, shape (b,).
 
     Returns:
-        Shape (b, n).
+        The grasps (b, n), the contacts at the vertices first.
     """
-    first = vertex_surface_points(mesh, vertices)
-    return SurfacePoints(
-        locked(np.concatenate([first.faces[:, None], others.faces], axis=1)),
-        locked(np.concatenate([first.weights[:, None], others.weights], axis=1)),
-    )
+    own = vertex_surface_points(mesh, vertices)
+    faces = np.concatenate([own.faces[:, None], partner_points.faces[vertices]], axis=1)
+    weights = np.concatenate([own.weights[:, None], partner_points.weights[vertices]], axis=1)
+    return SurfaceContacts(mesh, SurfacePoints(locked(faces), locked(weights)))
 
 
 def vertex_surface_points(mesh: ObjectMesh, vertices: ArrayLike) -> SurfacePoints:
@@ -292,6 +233,9 @@ def _normal_sets_at(mesh: ObjectMesh, surface_points: SurfacePoints) -> NormalSe
     arcs = np.flatnonzero((counts == 2) & ~at_vertex)
     sums = pairs[arcs].sum(axis=1)
     middles[arcs] = unit_rows(sums)
-    counts[arcs[np.linalg.norm(sums, axis=1) < 2.0 * HEMISPHERE]] = 0
     middles[at_vertex] = mesh.normals[vertices[at_vertex]]
-    return NormalSets(start, normals, counts, middles)
+    spans_all = counts == 0
+    spans_all[arcs[np.linalg.norm(sums, axis=1) < 2.0 * HEMISPHERE]] = True
+    counts = np.where(spans_all, 0, rows)
+    shaped = locked(middles.reshape(*surface_points.faces.shape, 3))
+    return NormalSets.about(locked(start), counts, locked(normals), shaped)

@@ -11,9 +11,9 @@ import numpy as np
 
 from grasp3d.arrays import locked
 from grasp3d.quality.critical_angle import check_tolerance
-from grasp3d.stability.normal_sets import NormalSets, WorstAndBest
+from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.stability.uncertain_angles import uncertain_angles
-from grasp3d.surface.contacts import GraspContacts
+from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.system.context import report_progress
 
 SAME_POINT = 1e-12
@@ -24,7 +24,7 @@ CHUNK = 1 << 14
 
 
 def critical_angles(
-    contacts: GraspContacts, *, location_error: float = 0.0, tolerance: float = 1e-4
+    contacts: SurfaceContacts, *, location_error: float = 0.0, tolerance: float = 1e-4
 ) -> WorstAndBest:
     """Critical friction angles of grasps over the worst and over the best normals of the contacts.
 
@@ -63,13 +63,11 @@ def critical_angles(
     return locked(bounds[0]), locked(bounds[1])
 
 
-def _angles(contacts: GraspContacts, location_error: float, tolerance: float) -> WorstAndBest:
-    counts = np.where(contacts.any_normal.ravel(), 0, np.diff(contacts.set_start))
-    sets = NormalSets.about(contacts.set_start, counts, contacts.set_normals, contacts.normals)
+def _angles(contacts: SurfaceContacts, location_error: float, tolerance: float) -> WorstAndBest:
     location = turns = None
     if location_error > 0.0:
         location = np.full(contacts.points.shape[:2], location_error)
         turns = contacts.turns(location_error)
     return uncertain_angles(
-        contacts.points, sets, location=location, turns=turns, tolerance=tolerance
+        contacts.points, contacts.sets, location=location, turns=turns, tolerance=tolerance
     )

@@ -5,7 +5,6 @@ With method extremes they come from an enumeration of extreme normals (Wan & How
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +16,6 @@ from grasp3d.quality.measures import ALL, metrics
 from grasp3d.quality.tilting import EpsilonRange, uncertain_epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import GraspModel
-from grasp3d.stability.classification import classify
 from grasp3d.stability.extremes import (
     EXTREME_NORMALS,
     Extremes,
@@ -27,9 +25,9 @@ from grasp3d.stability.extremes import (
 )
 from grasp3d.stability.label import Label
 from grasp3d.stability.normal_sets import Creases
-from grasp3d.surface.contacts import GraspContacts, JawContacts
+from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.load_result import LoadResult, load_result_of
+from grasp3d.surface.load_result import LoadResult, at_rows, load_result_of
 from grasp3d.system.context import report_progress
 
 BEFORE_ENUMERATION = 0.3
@@ -52,7 +50,7 @@ def check_combinations_of(model: GraspModel) -> None:
     check_combinations([1 + rings * EXTREME_NORMALS] * model.fingers)
 
 
-def hull_labels(grasps: GraspContacts, model: GraspModel) -> Bytes:
+def hull_labels(grasps: SurfaceContacts, model: GraspModel) -> Bytes:
     """Label grasps by their wrench hulls at extreme normals (Wan & Howe 2018, Sec. III).
 
     Args:
@@ -65,34 +63,15 @@ def hull_labels(grasps: GraspContacts, model: GraspModel) -> Bytes:
     Raises:
         SettingError: A grasp has too many combinations.
     """
-    if isinstance(grasps, JawContacts):
-        return _labels_of_jaws(grasps, model)
     labels = np.full(grasps.size, Label.M, dtype=np.uint8)
-    done = 0
     for rows, worst, best in _enumerated(grasps, model, None):
         labels[rows[best.unstable]] = Label.U
         labels[rows[worst.stable]] = Label.S
-        done += len(rows)
-        report_progress(done / len(labels))
     return labels
 
 
-def _labels_of_jaws(grasps: JawContacts, model: GraspModel) -> Bytes:
-    """Label codes of patches that closed jaws touch, which have one normal each, shape (b,)."""
-    if not grasps.size:
-        return np.zeros(0, dtype=np.uint8)
-    low, high = model.friction_interval
-    result = classify(
-        grasps.contacts(model),
-        2.0 * model.tilt,
-        method=model.method,
-        friction_interval=(low, high) if low < high else None,
-    )
-    return np.asarray(result.label)
-
-
 def hull_epsilons(
-    grasps: GraspContacts, model: GraspModel, options: EpsilonOptions
+    grasps: SurfaceContacts, model: GraspModel, options: EpsilonOptions
 ) -> tuple[Floats, Floats]:
     """Smallest and largest epsilon over the combinations of extreme normals, shape (b,) each.
 
@@ -106,18 +85,17 @@ def hull_epsilons(
     Raises:
         SettingError: A grasp has too many combinations.
     """
-    epsilons, done = np.zeros((2, grasps.size)), 0
+    epsilons = np.zeros((2, grasps.size))
     for rows, worst, best in _enumerated(grasps, model, options):
         epsilons[:, rows] = worst.minimum, best.maximum
-        done += len(rows)
-        report_progress(done / grasps.size)
     return epsilons[0], epsilons[1]
 
 
 def _enumerated(
-    grasps: GraspContacts, model: GraspModel, options: EpsilonOptions | None
+    grasps: SurfaceContacts, model: GraspModel, options: EpsilonOptions | None
 ) -> Iterator[tuple[Ints, Extremes, Extremes]]:
     """Rows of grasps, and their extremes at the smallest and at the largest friction."""
+    done = 0
     for rows, contacts, creases in _groups(grasps, model):
         tilt = np.full((len(rows), grasps.count), model.tilt)
         low, high = model.friction_interval
@@ -125,9 +103,11 @@ def _enumerated(
         if low != high:
             best = extremes(contacts.with_friction(high), tilt, creases=creases, options=options)
         yield rows, worst, best
+        done += len(rows)
+        report_progress(done / grasps.size)
 
 
-def _groups(grasps: GraspContacts, model: GraspModel) -> Iterator[tuple[Ints, Contacts, Creases]]:
+def _groups(grasps: SurfaceContacts, model: GraspModel) -> Iterator[tuple[Ints, Contacts, Creases]]:
     """Rows of grasps with equal numbers of normals at each contact, the contacts, and creases."""
     normals = _normals(grasps)
     points = grasps.points - grasps.mesh.center_mass
@@ -146,13 +126,13 @@ def _groups(grasps: GraspContacts, model: GraspModel) -> Iterator[tuple[Ints, Co
             yield rows, contacts, {i: set_ for i, set_ in enumerate(sets) if set_.shape[1] > 1}
 
 
-def _normals(grasps: GraspContacts) -> list[Floats]:
+def _normals(grasps: SurfaceContacts) -> list[Floats]:
     """Normals of the faces at every contact, (k, 3) each, at most `MAX_FACE_NORMALS`."""
     normals = []
-    for first, end in pairwise(grasps.set_start.tolist()):
+    for first, end in pairwise(grasps.sets.start.tolist()):
         count = min(end - first, MAX_FACE_NORMALS)
         rows = np.linspace(0, end - first, count, endpoint=False).astype(np.int64)
-        normals.append(grasps.set_normals[first + rows])
+        normals.append(grasps.sets.normals[first + rows])
     return normals
 
 
@@ -163,7 +143,7 @@ BOUND_RTOL = 3e-2
 """The same for the largest epsilon, itself only a bound; saves most time for symmetric grasps."""
 
 
-def surface_epsilons(grasps: GraspContacts, model: GraspModel) -> EpsilonRange:
+def surface_epsilons(grasps: SurfaceContacts, model: GraspModel) -> EpsilonRange:
     """Epsilon of grasps about the mesh's centre of mass, torques divided by its torque scale.
 
     Args:
@@ -185,7 +165,7 @@ def surface_epsilons(grasps: GraspContacts, model: GraspModel) -> EpsilonRange:
     chosen_grasps = grasps.take(rows)
     contacts = chosen_grasps.contacts(model)
     options = EpsilonOptions(torque_scale=grasps.mesh.torque_scale, rtol=EPSILON_RTOL)
-    if model.method == "extremes" and not isinstance(grasps, JawContacts):
+    if model.method == "extremes":
         values[0, rows] = epsilon_with(contacts, options).lower
         values[1:, rows] = hull_epsilons(chosen_grasps, model, options)
     else:
@@ -197,7 +177,7 @@ def surface_epsilons(grasps: GraspContacts, model: GraspModel) -> EpsilonRange:
 
 
 def surface_metrics(
-    grasps: GraspContacts, model: GraspModel, names: str | Sequence[str] = ALL
+    grasps: SurfaceContacts, model: GraspModel, names: str | Sequence[str] = ALL
 ) -> dict[str, Floats]:
     """Quality measures of grasps about the mesh's centre of mass, torques divided by its scale.
 
@@ -215,13 +195,10 @@ def surface_metrics(
     rows = grasps.with_normals
     contacts = grasps.take(rows).contacts(model)
     known = metrics(contacts, names, torque_scale=grasps.mesh.torque_scale)
-    values = {name: np.full(grasps.size, math.nan) for name in known}
-    for name, column in values.items():
-        column[rows] = known[name]
-    return {name: locked(column) for name, column in values.items()}
+    return {name: locked(at_rows(column, rows, grasps.size)) for name, column in known.items()}
 
 
-def surface_load_result(grasps: GraspContacts, model: GraspModel, case: LoadCase) -> LoadResult:
+def surface_load_result(grasps: SurfaceContacts, model: GraspModel, case: LoadCase) -> LoadResult:
     """Grip forces and payloads of grasps under a load, about the mesh's centre of mass.
 
     Args:
@@ -234,24 +211,8 @@ def surface_load_result(grasps: GraspContacts, model: GraspModel, case: LoadCase
         label with force is M.
     """
     rows = grasps.with_normals
-    if not len(rows):
-        return _unknown_normals(LoadResult.none(case, grasps.size))
     subset = grasps.take(rows)
-    load_result = load_result_of(
-        subset.contacts(model), subset.tilts(model), case, friction=model.friction_interval,
-    )  # fmt: skip
-    if len(rows) == grasps.size:
-        return load_result
-    return _unknown_normals(load_result.at_rows(rows, grasps.size))
-
-
-def _unknown_normals(load_result: LoadResult) -> LoadResult:
-    """The forces of rows without numbers, whose normals cancel out: anything may be true."""
-    unknown = np.isnan(load_result.grip_force)
-    payload = np.where(unknown & load_result.has_payload, 0.0, load_result.payload)
-    return replace(
-        load_result,
-        grip_force_least=locked(np.where(unknown, 0.0, load_result.grip_force_least)),
-        grip_force_largest=locked(np.where(unknown, math.inf, load_result.grip_force_largest)),
-        payload=locked(payload),
-    )
+    found = load_result_of(
+        subset.contacts(model), subset.tilts(model), case, friction=model.friction_interval
+    ).each(lambda values: at_rows(values, rows, grasps.size))
+    return found.with_forces(np.isnan(found.grip_force), math.nan, 0.0, math.inf)

@@ -5,18 +5,15 @@ computed once for each distinct grasp.
 """
 
 import math
-import threading
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import InitVar, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from importlib import import_module
-from typing import Any, ClassVar, Self, TypeVar
-from weakref import WeakKeyDictionary
+from typing import Any, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach import Reach
@@ -30,7 +27,7 @@ from grasp3d.settings import GraspModel
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.stability.thresholds import label_angles
-from grasp3d.surface.contacts import GraspContacts
+from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.fields import CONTACTS, GRASPS, Field, columns_of, present
 from grasp3d.surface.grasp_numbers import (
@@ -50,35 +47,7 @@ NO_POSES = (
     "gripper (--hand, in Python hand=...)"
 )
 
-T = TypeVar("T")
 Columns = dict[str, npt.NDArray[Any]]
-
-
-class Deferred(cached_property[T]):
-    """An attribute that is computed when it is first read.
-
-    Several threads that read the attribute of one instance compute it once. The value is in the
-    instance's dictionary, under the name of the attribute: it is read as fast as any attribute, and
-    pickled with the instance.
-    """
-
-    def __init__(self, function: Callable[[Any], T]) -> None:
-        super().__init__(function)
-        self._locks: WeakKeyDictionary[Any, threading.Lock] = WeakKeyDictionary()
-        self._making = threading.Lock()
-
-    def __get__(self, instance: Any, owner: type[Any] | None = None) -> T:  # type: ignore[override]
-        """The value, computed if it is not known; of a class the descriptor itself."""
-        if instance is None:
-            return self  # type: ignore[return-value]
-        values, name = vars(instance), self.attrname or ""
-        with self._making:
-            lock = self._locks.setdefault(instance, threading.Lock())
-        with lock:
-            if name not in values:
-                values[name] = self.func(instance)
-        value: T = values[name]
-        return value
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -89,7 +58,7 @@ class GraspRows(LabelledGrasps):
     search; S means surely stable, U surely unstable.
     """
 
-    contacts: GraspContacts
+    contacts: SurfaceContacts
     """Contacts, on the surface or where closed jaws touch, shape (b, n)."""
     model: GraspModel
     """Friction and sensor resolution; `fingers` is the number of contacts."""
@@ -102,9 +71,6 @@ class GraspRows(LabelledGrasps):
     critical_angle_best: Floats
     """The same over the best ones, shape (b,); different only for contacts on creases, and where
     locations are uncertain."""
-    points: Floats | None = None
-    """Positions of the contacts as a search has found them, in the mesh's frame, shape
-    (b, n, 3); None: `contacts.points`, from which they differ by rounding."""
     grip: npt.NDArray[np.int8] | None = None
     """Two fingers: +1 for an external grasp, -1 for an internal one, shape (b,); 0: no grasp, and
     three fingers and more; None: unknown."""
@@ -114,17 +80,6 @@ class GraspRows(LabelledGrasps):
     """How the gripper reaches each grasp, with its pose, rows (b,); None: no gripper."""
     load: Load | None = None
     """What each grasp must hold; None: `load_result` is not computed."""
-    known: InitVar[Mapping[str, Any] | None] = None
-    """What is known of `COMPUTED` already, by name."""
-
-    COMPUTED: ClassVar[tuple[str, ...]] = (
-        "label", "epsilon_range", "load_result",
-    )  # fmt: skip
-    """What is computed when it is first read, a row for each grasp."""
-
-    def __post_init__(self, known: Mapping[str, Any] | None) -> None:
-        vars(self).update(known or {})
-
     __repr__ = short_repr
 
     @property
@@ -138,36 +93,23 @@ class GraspRows(LabelledGrasps):
         return self.contacts.mesh
 
     @property
-    def same(self) -> Ints:
-        """The first row that has the same grasp, shape (b,); a row without one is that itself."""
+    def first(self) -> Ints:
+        """The first row that has the same grasp, shape (b,); -1: there is none."""
         return np.arange(self.size)
-
-    @property
-    def has_grasp(self) -> Bools:
-        """Whether each row has a grasp, shape (b,)."""
-        return np.ones(self.size, dtype=np.bool_)
 
     @cached_property
     def distinct(self) -> Ints:
         """The rows that have a grasp, of those with the same one the first, shape (d,)."""
-        return locked(np.flatnonzero(self.has_grasp & (self.same == np.arange(self.size))))
+        return locked(np.flatnonzero(self.first == np.arange(self.size)))
 
     @cached_property
-    def distinct_contacts(self) -> GraspContacts:
+    def distinct_contacts(self) -> SurfaceContacts:
         """Contacts of the distinct grasps, shape (d, n)."""
         return self.contacts.take(self.distinct)
 
-    def spread(self, values: npt.NDArray[Any], missing: float) -> npt.NDArray[Any]:
-        """Values of the distinct grasps at every row that has one.
-
-        Args:
-            values: Shape (d, ...).
-            missing: Value of rows without a grasp.
-
-        Returns:
-            Shape (b, ...), read-only.
-        """
-        return locked(at_rows(values, self.distinct, self.size, missing)[self.same])
+    def spread(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Values of the distinct grasps (d, ...) at every row; nan, or 0, where there is none."""
+        return locked(at_rows(values, self.distinct, self.size + 1)[self.first])
 
     @cached_property
     def load_case(self) -> LoadCase | None:
@@ -177,7 +119,7 @@ class GraspRows(LabelledGrasps):
         hand = None if self.scene is None else self.scene.hand
         return LoadCase.of(self.load, self.mesh, self.model, hand)
 
-    @Deferred
+    @cached_property
     def label(self) -> Bytes:
         """`Label` codes by `model.method`: 0 U, 1 M, 2 S; shape (b,).
 
@@ -187,38 +129,30 @@ class GraspRows(LabelledGrasps):
         if self.model.method == "exact":
             worst, best = self.critical_angle, self.critical_angle_best
             return locked(label_angles(worst, best, self.model))
-        codes = np.full(self.size, Label.U, dtype=np.uint8)
-        rows = self.distinct[np.isfinite(self.critical_angle[self.distinct])]
-        codes[rows] = hull_labels(self.contacts.take(rows), self.model)
-        return locked(codes[self.same])
+        codes = np.full(len(self.distinct), Label.U, dtype=np.uint8)
+        finite = np.isfinite(self.critical_angle[self.distinct])
+        codes[finite] = hull_labels(self.distinct_contacts.take(finite), self.model)
+        return self.spread(codes)
 
-    @Deferred
+    @cached_property
     def epsilon_range(self) -> EpsilonRange:
         """`epsilon`, `epsilon_min` and `epsilon_max`, rows (b,); nan: no grasp."""
         found = surface_epsilons(self.distinct_contacts, self.model)
-        values = found.nominal, found.minimum, found.maximum
-        return EpsilonRange(*(self.spread(one, math.nan) for one in values))
+        return EpsilonRange(*map(self.spread, (found.nominal, found.minimum, found.maximum)))
 
-    @Deferred
+    @cached_property
     def load_result(self) -> LoadResult | None:
         """Grip force and payload under the load, rows (b,); None: there is no load."""
-        case, rows = self.load_case, self.distinct
-        if case is None:
+        if self.load_case is None:
             return None
-        found = surface_load_result(self.distinct_contacts, self.model, case)
-        outside = np.isinf(self.critical_angle_best[rows])  # of the region
-        found = found.replaced(outside, LoadResult.failed(case, len(rows)))
-        return found.at_rows(rows, self.size).take(self.same)
-
-    @property
-    def positions(self) -> Floats:
-        """Positions of the contacts, in the mesh's frame, shape (b, n, 3)."""
-        return self.contacts.points if self.points is None else self.points
+        found = surface_load_result(self.distinct_contacts, self.model, self.load_case)
+        outside = np.isinf(self.critical_angle_best[self.distinct])  # of the region
+        return found.with_forces(outside, math.inf, math.inf, math.inf).each(self.spread)
 
     @cached_property
     def opening(self) -> Floats:
         """Largest distance between any two contacts, shape (b,); nan: no grasp."""
-        return locked(_distances(self.positions).max(axis=1, initial=0.0))
+        return locked(_distances(self.contacts.points).max(axis=1, initial=0.0))
 
     def metrics(self, names: str | Sequence[str] = ALL) -> dict[str, Floats]:
         """Quality measures of each grasp, shape (b,) each; computed when called.
@@ -233,20 +167,15 @@ class GraspRows(LabelledGrasps):
             SettingError: An unknown name.
         """
         values = surface_metrics(self.distinct_contacts, self.model, names)
-        return {name: self.spread(column, math.nan) for name, column in values.items()}
+        return {name: self.spread(column) for name, column in values.items()}
 
-    def rows(self, rows: Ints) -> dict[str, Any]:
-        """Fields and known values of the chosen rows, by name.
+    def take(self, rows: Ints) -> Self:
+        """The chosen grasps, in that order, with what has been computed of them.
 
         Args:
-            rows: The rows, shape (c,).
+            rows: Their rows, shape (c,).
         """
-        names = ("contacts", "critical_angle", "critical_angle_best", "points", "grip", "reach")
-        known = {name: self.computed(name) for name in self.COMPUTED}
-        return {
-            **{name: _rows_of(getattr(self, name), rows) for name in names},
-            "known": {name: _rows_of(one, rows) for name, one in known.items() if one is not None},
-        }
+        return chosen(type(self), self, rows)
 
     def using(self, **changed: Any) -> Self:
         """The same grasps with another model or load, without checks or a new search.
@@ -357,28 +286,13 @@ class GraspTable(GraspRows):
     @cached_property
     def separation(self) -> Floats:
         """Smallest distance between any two contacts, shape (b,)."""
-        return locked(_distances(self.positions).min(axis=1, initial=math.inf))
-
-    def take(self, rows: Ints) -> "GraspTable":
-        """The chosen grasps, in that order, with what has been computed of them.
-
-        Args:
-            rows: Their rows, shape (c,).
-        """
-        return replace(self, **self.rows(rows), moved=_rows_of(self.moved, rows))
+        return locked(_distances(self.contacts.points).min(axis=1, initial=math.inf))
 
     def whole(self) -> "GraspTable":
-        """The grasps as given by their contacts: with the angles of these.
-
-        Epsilon, which is that of the contacts, stays.
-        """
+        """The grasps as given by their contacts: with the angles of these."""
         error = self.model.location_error
         worst, best = critical_angles(self.contacts, location_error=error)
-        epsilon = self.computed("epsilon_range")
-        return replace(
-            self, critical_angle=worst, critical_angle_best=best, points=None,
-            known=None if epsilon is None else {"epsilon_range": epsilon},
-        )  # fmt: skip
+        return replace(self, critical_angle=worst, critical_angle_best=best)
 
     def columns(self, metrics: Mapping[str, Floats] | None = None) -> Columns:
         """What files have of each grasp as a whole by name, shape (b,) each.
@@ -418,28 +332,28 @@ class GraspTable(GraspRows):
 
         return table_of_columns(self.table_columns(), settings=self.settings())
 
-    def show(self, **options: Any) -> Any:
-        """Show each grasp on the surface: in a notebook below the cell, elsewhere in a window.
 
-        The colours are the labels that the first finger would have elsewhere, with the others as
-        they are. The viewer's buttons for the next and the previous object lead to other grasps.
+COMPUTED = frozenset({"label", "epsilon_range", "load_result", "robustness", "approach_margin"})
+"""What takes long, and is kept where rows are taken."""
 
-        Args:
-            options: As in `grasp3d.viewer.show.show`: settings, height, proxy.
-
-        Raises:
-            OutputError: Nothing can be shown in this environment.
-        """
-        return import_module("grasp3d.viewer.show").show(self, **options)
+Rows = TypeVar("Rows", bound=GraspRows)
 
 
-def _rows_of(values: Any, rows: Ints) -> Any:
-    """The chosen rows of an array, a tuple of arrays, or a class that takes rows; None: None."""
-    if values is None:
-        return None
-    if isinstance(values, tuple):
-        return tuple(_rows_of(one, rows) for one in values)
-    return locked(values[rows]) if isinstance(values, np.ndarray) else values.take(rows)
+def chosen(kind: type[Rows], grasps: GraspRows, rows: Ints) -> Rows:
+    """The chosen rows of a table as one of another kind, with what has been computed of them."""
+    names = {field.name for field in fields(kind)}
+    values = {name: rows_of(values, rows) for name, values in vars(grasps).items()
+              if name in names | COMPUTED}  # fmt: skip
+    found = kind(**{name: values.pop(name) for name in names & values.keys()})
+    vars(found).update(values)
+    return found
+
+
+def rows_of(values: Any, rows: Ints) -> Any:
+    """The chosen rows of what has a row for each grasp; else the same."""
+    if isinstance(values, np.ndarray):
+        return locked(values[rows])
+    return values.take(rows) if hasattr(values, "take") else values
 
 
 def _distances(points: Floats) -> Floats:

@@ -1,6 +1,7 @@
 """What follows from the angles, epsilon and forces of grasps, whatever has a row for each."""
 
 from functools import cached_property
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -78,14 +79,6 @@ class LabelledGrasps:
         """
         return vars(self).get(name)
 
-    def compute(self, name: str) -> None:
-        """Compute an attribute now that is otherwise computed when it is first read.
-
-        Args:
-            name: `epsilon_range`, `load_result` or another one.
-        """
-        getattr(self, name)
-
     def compute_labels(self) -> None:
         """Compute `label` now, which takes time with method extremes only.
 
@@ -93,7 +86,7 @@ class LabelledGrasps:
             SettingError: A grasp has too many combinations of extreme normals.
         """
         if self.model.method == "extremes" and self.computed("label") is None:
-            self.compute("label")
+            _ = self.label
             report_progress(1.0)
 
     @property
@@ -193,6 +186,23 @@ class LabelledGrasps:
         See `LoadResult.payload`.
         """
         return None if self.load_result is None else self.load_result.payload
+
+    def show(self, **options: Any) -> Any:
+        """Show the object: in a notebook as a page below the cell, elsewhere in a window.
+
+        Of grasps the viewer's buttons for the next and the previous object lead to the others; the
+        colours are the labels that the first finger would have elsewhere, with the others as they
+        are.
+
+        Args:
+            options: As in `grasp3d.viewer.show.show`: settings, height, proxy.
+
+        Raises:
+            OutputError: Nothing can be shown in this environment.
+        """
+        # The viewer belongs to a higher layer and is slow to import, so it is imported by name when
+        # it is needed, as pandas does with its plotting backends.
+        return import_module("grasp3d.viewer.show").show(self, **options)
 
     def to_dataframe(self) -> Any:
         """Return `to_table` as a `pandas.DataFrame`; labels and reasons are categories.

@@ -1,21 +1,17 @@
 """Labelling of a surface: the search for the best grasp through every vertex."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bytes
 from grasp3d.hand.hand_files import GivenHand, given_hand
 from grasp3d.hand.jaws import IN_METRES
-from grasp3d.hand.reach import Reach
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach, GivenTable
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.mesh.preparing import prepare
-from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.loads import GivenLoad, Load
 from grasp3d.settings import (
     GivenModel,
@@ -28,19 +24,28 @@ from grasp3d.settings import (
 )
 from grasp3d.settings.costs import check_cost
 from grasp3d.settings.pose_error import PoseError
+from grasp3d.surface.contacts import grasps_at
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_numbers import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import DENSITY, LoadCase, input_warnings
 from grasp3d.surface.sampling.antipodal import best_pairs
 from grasp3d.surface.sampling.multifinger import search
-from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at
+from grasp3d.surface.vertex_grasps import Reason, SearchReport
 from grasp3d.system.context import refuse_warnings, report_progress, within
+
+BEFORE_ANGLES = 0.9
+"""Fraction of the work that the search is expected to take where angles are computed after it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Labelling:
-    """An object to be labelled, and settings that fit it and one another."""
+    """An object to be labelled, and settings that fit it and one another.
+
+    Raises:
+        SettingError: As in `label_surface`.
+        MeshError: Labels for so many fingers would need too much memory.
+    """
 
     mesh: ObjectMesh
     model: GraspModel
@@ -50,42 +55,20 @@ class Labelling:
     load: Load | None
     """What each grasp must hold; None: nothing."""
 
-    @classmethod
-    def of(
-        cls,
-        mesh: ObjectMesh,
-        model: GraspModel,
-        sampling: Sampling | None = None,
-        scene: Scene | None = None,
-        load: Load | None = None,
-    ) -> "Labelling":
-        """Settings as they are given, checked.
-
-        Args:
-            mesh: The object.
-            model: As in `label_surface`.
-            sampling: As in `label_surface`.
-            scene: As in `label_surface`.
-            load: What each grasp must hold; None: nothing.
-
-        Raises:
-            SettingError: As in `label_surface`.
-            MeshError: Labels for so many fingers would need too much memory.
-        """
-        mesh.check_units(model, sampling)
-        limits = sampling or Sampling()
-        check_search_settings(model, limits)
+    def __post_init__(self) -> None:
+        mesh, model, scene = self.mesh, self.model, self.scene
+        mesh.check_units(model, self.sampling)
+        check_search_settings(model, self.sampling)
         if scene is not None:
             mesh.needs_metres(IN_METRES)
             scene.hand.check_fingers(model.fingers)
-        if load is not None:
-            LoadCase.of(load, mesh, model, None if scene is None else scene.hand)
+        if self.load is not None:
+            LoadCase.of(self.load, mesh, model, None if scene is None else scene.hand)
         if model.method == "extremes":
             check_combinations_of(model)
         most, count = mesh.options.max_memory, len(mesh.vertices)
         check_cost(count, most, mesh.report.source, "use a coarser mesh", model.fingers)
-        refuse_warnings(input_warnings(mesh, scene, load, model, limits))
-        return cls(mesh, model, limits, scene, load)
+        refuse_warnings(input_warnings(mesh, scene, self.load, model, self.sampling))
 
     @classmethod
     def read(
@@ -118,21 +101,57 @@ class Labelling:
         mesh = _mesh_of(source, options, model, sampling, load, hand=hand)
         if not force:
             refuse_lengths(mesh, model, sampling)
-        return cls.of(mesh, model, sampling, Scene.of(reach, mesh), load)
+        return cls(mesh, model, sampling, Scene.of(reach, mesh), load)
 
     def labels(self) -> SurfaceLabels:
         """Search for the best grasp through every vertex, and label it; see `label_surface`."""
         enumerated = self.model.method == "extremes"
         with within(0.0, BEFORE_ENUMERATION if enumerated else 1.0):
-            if self.model.fingers == 2:
-                labels = label_pairs(self.mesh, self.model, self.sampling, self.scene)
-            else:
-                labels = label_multifinger(self.mesh, self.model, self.sampling, self.scene)
-        if self.load is not None:
-            labels = labels.using(load=self.load)
+            labels = self._searched()
         with within(BEFORE_ENUMERATION, 1.0):
             labels.compute_labels()
         return labels
+
+    def _searched(self) -> SurfaceLabels:
+        """The best grasps; labels are computed later."""
+        mesh, model, sampling, scene = self.mesh, self.model, self.sampling, self.scene
+        cone, error, pairs = search_cone(model, sampling), model.location_error, model.fingers == 2
+        exact = pairs and error == 0.0  # else the search knows the angles about
+        with within(0.0, 1.0 if exact else BEFORE_ANGLES):
+            if pairs:
+                found = best_pairs(mesh, sampling, cone, scene=scene, location_error=error)
+            else:
+                found = search(mesh, model.fingers, sampling, cone, error)
+        points, reason, reach = found.partner_points, found.reason.copy(), found.reach
+        vertices = np.flatnonzero((reason == Reason.FOUND) & mesh.on_surface)
+        if scene is not None and reach is None:
+            contacts, grip = grasps_at(mesh, points, vertices), found.grip[vertices]
+            signs = np.where(grip < 0, -1, 1)
+            reached = scene.reach(mesh, contacts.points, contacts.normals, grip=signs)
+            reason[vertices[~reached.reached]] = Reason.NOT_REACHED
+            reach = reached.among(len(mesh.vertices), vertices)
+            vertices = vertices[reached.reached]
+        angles = np.stack([found.worst, found.best])
+        if not exact:
+            vertices = np.unique(mesh.canonical[vertices])
+            contacts = grasps_at(mesh, points, vertices)
+            with within(BEFORE_ANGLES, 1.0):
+                angles[:, vertices] = critical_angles(contacts, location_error=error)
+        report_progress(1.0)
+        return SurfaceLabels.of_vertices(
+            mesh,
+            model,
+            angles=(angles[0], angles[1]),
+            partner_points=points,
+            grip=found.grip,
+            reason=reason,
+            reach=reach,
+            sampling=sampling,
+            mode="label",
+            search=SearchReport(cone, found.rays, found.evaluated),
+            scene=scene,
+            load=self.load,
+        )
 
 
 def label_surface(
@@ -231,7 +250,7 @@ def label_surface(
     on_hand = hand is not None or scene is not None
     surface = _mesh_of(mesh, None, model, sampling, load, hand=on_hand)
     scene = scene or Scene.given(surface, hand, table, approach, pose_error)
-    return Labelling.of(surface, model, sampling, scene, load).labels()
+    return Labelling(surface, model, sampling or Sampling(), scene, load).labels()
 
 
 def _mesh_of(
@@ -246,104 +265,3 @@ def _mesh_of(
     has_density = any(isinstance(one, Load) and one.density is not None for one in settings)
     in_metres = IN_METRES if hand else DENSITY if has_density else ""
     return prepare(source, options or MeshOptions(), *settings, in_metres=in_metres)[0]
-
-
-BEFORE_ANGLES = 0.9
-"""Fraction of the work for three fingers and more that the search is expected to take."""
-
-
-def label_pairs(
-    mesh: ObjectMesh, model: GraspModel, sampling: Sampling, scene: Scene | None
-) -> SurfaceLabels:
-    """Label a surface by the best grasps with two fingers.
-
-    Args:
-        mesh: The object's surface.
-        model: Friction and sensor resolution; labels are computed later.
-        sampling: How grasps are searched for.
-        scene: The gripper that must reach each grasp; None: ideal points.
-    """
-    cone = search_cone(model, sampling)
-    error = model.location_error
-    pairs = best_pairs(mesh, sampling, cone, scene=scene, location_error=error)
-    points, reasons, reach = pairs.partner_points, pairs.reason, pairs.reach
-    if scene is not None and reach is None:
-        reasons, reach = _reach_of(mesh, points, reasons, scene, grip=pairs.grip)
-    lost, angles = reasons != pairs.reason, np.stack([pairs.worst, pairs.best])
-    if error > 0.0:  # the search knows these about
-        vertices = np.unique(mesh.canonical[(reasons == Reason.FOUND) & mesh.on_surface])
-        angles[:, vertices] = critical_angles(
-            grasps_at(mesh, points, vertices), location_error=error
-        )
-    angles[:, lost] = math.inf
-    return SurfaceLabels.of_vertices(
-        mesh,
-        model,
-        angles=(angles[0], angles[1]),
-        partners=np.where(lost[:, None], math.nan, pairs.partner)[:, None],
-        partner_points=points,
-        grip=np.where(lost, 0, pairs.grip),
-        reason=reasons,
-        reach=reach,
-        sampling=sampling,
-        mode="label",
-        search=SearchReport(cone, pairs.rays, pairs.evaluated),
-        scene=scene,
-    )
-
-
-def label_multifinger(
-    mesh: ObjectMesh, model: GraspModel, sampling: Sampling, scene: Scene | None
-) -> SurfaceLabels:
-    """Label a surface by the best grasps with three fingers or more.
-
-    Args:
-        mesh: The object's surface.
-        model: Friction and sensor resolution; labels are computed later.
-        sampling: How grasps are searched for.
-        scene: The hand that must reach each grasp; None: ideal points.
-
-    Raises:
-        SettingError: The mesh has fewer vertices than fingers.
-    """
-    cone, count = search_cone(model, sampling), len(mesh.vertices)
-    with within(0.0, BEFORE_ANGLES):
-        result = search(mesh, model.fingers, sampling, cone, model.location_error)
-    points, reasons, reach = result.partner_points, result.reason, None
-    if scene is not None:
-        reasons, reach = _reach_of(mesh, points, reasons, scene)
-    vertices = np.unique(mesh.canonical[(reasons == Reason.FOUND) & mesh.on_surface])
-    grasps = grasps_at(mesh, points, vertices)
-    angles = np.full((2, count), math.inf)
-    with within(BEFORE_ANGLES, 1.0):
-        angles[:, vertices] = critical_angles(grasps, location_error=model.location_error)
-    partners = np.full((count, model.fingers - 1, 3), math.nan)
-    partners[vertices] = grasps.points[:, 1:]
-    report_progress(1.0)
-    return SurfaceLabels.of_vertices(
-        mesh,
-        model,
-        angles=(angles[0], angles[1]),
-        partners=partners,
-        partner_points=points,
-        grip=0,
-        reason=reasons,
-        reach=reach,
-        sampling=sampling,
-        mode="label",
-        search=SearchReport(cone, evaluated=result.evaluated),
-        scene=scene,
-    )
-
-
-def _reach_of(
-    mesh: ObjectMesh, points: SurfacePoints, reasons: Bytes, scene: Scene, grip: ArrayLike = 1
-) -> tuple[Bytes, Reach]:
-    """The reasons, and how the hand reaches each vertex's grasp."""
-    tried = np.flatnonzero((reasons == Reason.FOUND) & mesh.on_surface)
-    contacts = grasps_at(mesh, points, tried)
-    signs = np.broadcast_to(grip, len(reasons))[tried]
-    reach = scene.reach(mesh, contacts.points, contacts.normals, grip=signs)
-    reasons = reasons.copy()
-    reasons[tried[~reach.reached]] = Reason.NOT_REACHED
-    return reasons, reach.among(len(mesh.vertices), tried)

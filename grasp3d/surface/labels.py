@@ -1,29 +1,48 @@
 """Result of labelling a surface: the best grasp at every vertex, its label and epsilon."""
 
-from dataclasses import dataclass, replace
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal
+import json
+import math
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Floats, locked
-from grasp3d.settings import ANGLE_ROUNDING, check_choice, search_cone
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked
+from grasp3d.errors import SettingError
+from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.quality.loads import load_settings
+from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, search_cone
 from grasp3d.settings.model_text import model_line
 from grasp3d.settings.sampling import not_covered
 from grasp3d.stability.angle_distributions import SampledAngles
+from grasp3d.stability.label import Label, Mode
+from grasp3d.stability.normal_sets import WorstAndBest
 from grasp3d.surface.area_statistics import Weights, label_fractions, quantiles, vertex_weights
-from grasp3d.surface.conversions import labels_to_polydata, labels_to_table, labels_to_trimesh
-from grasp3d.surface.vertex_grasps import VertexGrasps
+from grasp3d.surface.contacts import grasps_at
+from grasp3d.surface.fields import XYZ, Arrays, present
+from grasp3d.surface.grasp_numbers import EPSILON_RTOL
+from grasp3d.surface.grasp_table import GraspRows, GraspTable, chosen
+from grasp3d.surface.label_settings import (
+    GIVEN_ANGLE,
+    INFINITE,
+    SETTING,
+    Values,
+    chosen_settings,
+)
+from grasp3d.surface.vertex_fields import CORNER_NORMALS, CORNERS, VERTICES
+from grasp3d.surface.vertex_grasps import Reason, SearchReport
+from grasp3d.system.names import unknown
+from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
     import pyvista
     import trimesh
 
-Quantity = Literal["nominal", "minimum", "maximum"]
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SurfaceLabels(VertexGrasps):
+class SurfaceLabels(GraspRows):
     """The best grasp found at every vertex of a surface, and its reliability.
 
     Arrays have one row per vertex of `mesh`; positions are in its unit and frame. An S is a proof:
@@ -44,6 +63,54 @@ class SurfaceLabels(VertexGrasps):
         ((42, 29), <trimesh.Trimesh(vertices.shape=(42, 3), faces.shape=(80, 3))>, 42)
     """
 
+    reason: Bytes
+    """`Reason` codes, shape (V,)."""
+    sampling: Sampling | None
+    """How grasps were searched for; None in a scan, where they are given."""
+    mode: Mode
+    search: SearchReport
+
+    @classmethod
+    def of_vertices(
+        cls,
+        mesh: ObjectMesh,
+        model: GraspModel,
+        *,
+        angles: WorstAndBest,
+        partner_points: SurfacePoints,
+        grip: ArrayLike,
+        reason: ArrayLike,
+        **others: Any,
+    ) -> Self:
+        """Labels of the grasps of a surface's vertices, those of one position being the same.
+
+        Args:
+            mesh: The surface.
+            model: Friction and sensor resolution.
+            angles: Critical angles (worst, best) [rad], shape (V,) each.
+            partner_points: As the attribute.
+            grip: As the field; one number for all vertices or shape (V,).
+            reason: `Reason` codes of the vertices on the surface, shape (V,).
+            **others: Other fields by name: sampling, mode, search, scene, reach, load.
+        """
+        outside = np.where(mesh.on_surface, Reason.EXCLUDED, Reason.OFF_SURFACE)
+        reasons = locked(np.where(mesh.allowed, reason, outside), np.uint8)
+        first, found = mesh.canonical, reasons == Reason.FOUND
+        others_at = SurfacePoints(
+            np.where(found[:, None], partner_points.faces, -1),
+            np.where(found[:, None, None], partner_points.weights, 0.0),
+        )
+        worst, best = (locked(np.where(found, one[first], math.inf)) for one in angles)
+        return cls(
+            contacts=grasps_at(mesh, others_at, first),
+            model=model,
+            critical_angle=worst,
+            critical_angle_best=best,
+            grip=locked(np.where(found, np.broadcast_to(grip, len(first))[first], 0), np.int8),
+            reason=reasons,
+            **others,
+        )
+
     def __repr__(self) -> str:
         model = self.model
         has_labels = model.method == "exact" or self.computed("label") is not None
@@ -54,6 +121,56 @@ class SurfaceLabels(VertexGrasps):
             f"{model.fingers} fingers, {model_line(model, metres=self.mesh.unit is not None)}; "
             f"{', '.join(fractions) or 'not labelled yet'}>"
         )
+
+    @property
+    def first(self) -> Ints:
+        """The first vertex at the same position, shape (V,); -1: no grasp."""
+        return np.where(self.reason == Reason.FOUND, self.mesh.canonical, -1)
+
+    def take(self, rows: Ints) -> GraspTable:  # type: ignore[override]
+        """The grasps of chosen vertices as a table, with what has been computed of them.
+
+        Args:
+            rows: Vertices that have a grasp, shape (c,).
+        """
+        return chosen(GraspTable, self, rows)
+
+    @property
+    def partners(self) -> Floats:
+        """Opposing contacts of the vertex's best grasp, shape (V, n - 1, 3); nan: no grasp."""
+        return self.contacts.points[:, 1:]
+
+    @cached_property
+    def partner_normals(self) -> Floats:
+        """Inward unit normals there, the middle of the set on creases, shape (V, n - 1, 3)."""
+        return self.spread(self.distinct_contacts.normals[:, 1:])
+
+    @cached_property
+    def partner_points(self) -> SurfacePoints:
+        """Opposing contacts as surface points, shape (V, n - 1); face -1: no grasp."""
+        points = self.contacts.surface_points
+        return SurfacePoints(locked(points.faces[:, 1:]), locked(points.weights[:, 1:]))
+
+    @property
+    def reachable(self) -> Bools | None:
+        """Whether the gripper reaches the grasp of each vertex, shape (V,); None: no gripper."""
+        return None if self.reach is None else locked(self.reach.reached)
+
+    @property
+    def approach(self) -> Floats | None:
+        """Direction from which the gripper comes, the z axis of its pose, shape (V, 3).
+
+        nan where it reaches no grasp; None: no gripper.
+        """
+        return None if self.reach is None else locked(self.reach.poses[:, :3, 2])
+
+    @property
+    def approach_margin(self) -> Floats | None:
+        """Angle by which the approach may turn either way about the closing axis [rad], shape (V,).
+
+        nan where the gripper reaches no grasp; None: no gripper.
+        """
+        return None if self.reach is None else self.reach.approach_margin
 
     def relabel(
         self,
@@ -107,7 +224,7 @@ class SurfaceLabels(VertexGrasps):
             >>> {name: round(fraction, 2) for name, fraction in labels.fractions().items()}
             {'S': 0.67, 'M': 0.0, 'U': 0.33}
         """
-        return label_fractions(self.label, self._weights(weights))
+        return label_fractions(self.label, vertex_weights(self.mesh, weights))
 
     def angle_distribution(self, *, weights: Weights = "area") -> SampledAngles:
         """Distribution of critical angles: fractions S, M and U at any friction and resolution.
@@ -128,7 +245,7 @@ class SurfaceLabels(VertexGrasps):
             >>> {name: round(fraction, 2) for name, fraction in found.items()}
             {'S': 0.68, 'M': 0.19, 'U': 0.13}
         """
-        values = self._weights(weights)
+        values = vertex_weights(self.mesh, weights)
         weighted = values > 0.0
         worst, best = self.critical_angle, self.critical_angle_best
         return SampledAngles(
@@ -139,34 +256,69 @@ class SurfaceLabels(VertexGrasps):
             fingers=self.model.fingers,
         )
 
-    def angle_quantiles(self, levels: ArrayLike, *, weights: Weights = "area") -> Floats:
-        """Quantiles of the critical angle over the surface [rad]; inf where no grasp was found.
+    def quantiles(
+        self, name: str, levels: ArrayLike, *, weights: Weights = "area"
+    ) -> Floats | None:
+        """Quantiles of a column over the surface, shape (k,); None: the labels do not have it.
+
+        Where no grasp was found an angle or a force is inf, anything else 0.
 
         Args:
+            name: `critical_angle`, `epsilon`, `payload` or another column of one number.
             levels: From 0 to 1, shape (k,).
             weights: As in `fractions`.
 
         Raises:
-            SettingError: A level is outside its range.
+            SettingError: A level is outside its range, or there is no such column.
         """
-        return quantiles(self.critical_angle, levels, self._weights(weights))
+        known = {field.name: field for field in VERTICES if not field.shape}
+        if name not in known:
+            raise SettingError(unknown("column", name, known))
+        values = known[name].values_of(self)
+        if values is None:
+            return None
+        filled = np.where(np.isnan(values), known[name].worst, values)
+        return quantiles(filled, levels, vertex_weights(self.mesh, weights))
 
-    def epsilon_quantiles(
-        self, levels: ArrayLike, *, of: Quantity = "nominal", weights: Weights = "area"
-    ) -> Floats:
-        """Quantiles of epsilon over the surface; it is 0 where no grasp was found.
+    def settings(self) -> Values:
+        """Settings and versions that the labels were computed with; angles in radians."""
+        model, search = self.model, self.search
+        u_means = "no_grasp_found" if self.mode == "label" else "surely_unstable"
+        return {
+            "version": package_version(),
+            **chosen_settings(self.mesh, model, self.sampling, self.mode, self.scene),
+            **({} if self.load is None else load_settings(self.load)),
+            "search_angle": search.cone,
+            "rays_traced": search.rays,
+            "candidates_evaluated": search.evaluated,
+            "file_vertices": self.mesh.file_vertices,
+            "epsilon_rank": model.epsilon_rank,
+            "torque_scale": self.mesh.torque_scale,
+            "epsilon_rtol": EPSILON_RTOL,
+            "epsilon_min": model.tilts,
+            "epsilon_max": "sampled_tilts" if model.method == "extremes" else "upper_bound",
+            **({} if self.load_result is None else self.load_result.settings()),
+            "label_codes": (
+                f"{Label.U:d}=U({u_means}) {Label.M:d}=M(cannot_tell) {Label.S:d}=S(stable)"
+            ),
+        }
 
-        Args:
-            levels: From 0 to 1, shape (k,).
-            of: Field of `epsilon_range`.
-            weights: As in `fractions`.
-
-        Raises:
-            SettingError: A level is outside its range, or `of` is unknown.
-        """
-        check_choice("epsilon", of, Quantity)
-        values = np.nan_to_num(getattr(self.epsilon_range, of))
-        return quantiles(values, levels, self._weights(weights))
+    def complete_settings(self) -> Values:
+        """The same with what a prepared mesh has besides, and the extent of the search."""
+        mesh, sampling = self.mesh, self.sampling
+        surface: dict[str, Any] = {
+            "center": mesh.center.tolist(),
+            "size": mesh.size,
+            "center_mass": mesh.center_mass.tolist(),
+            "volume": mesh.volume,
+            "report": asdict(mesh.report),
+        }
+        angle = None if sampling is None else sampling.search_angle
+        return {
+            **self.settings(),
+            "surface": json.dumps(surface),
+            "search": json.dumps({**asdict(self.search), GIVEN_ANGLE: angle}),
+        }
 
     def to_table(self) -> Any:
         """Return a `pyarrow.Table` with a row for each vertex: the columns of `write_fields`.
@@ -183,7 +335,15 @@ class SurfaceLabels(VertexGrasps):
             >>> table["label"].unique().to_pylist()
             ['S']
         """
-        return labels_to_table(self)
+        from grasp3d.system.tables import table_of_arrays
+
+        pairs = [(field, values) for field, values in present(VERTICES, self) if field.table]
+        columns = {
+            name: part for field, values in pairs for name, part in field.as_columns(values).items()
+        }
+        columns |= dict(zip(XYZ, self.mesh.vertices.T, strict=True))
+        texts = {field.name: field.texts for field, _ in pairs if field.texts}
+        return table_of_arrays(columns, texts, settings=self.complete_settings())
 
     def to_trimesh(self) -> "trimesh.Trimesh":
         """Return a `trimesh.Trimesh` coloured by label.
@@ -191,27 +351,38 @@ class SurfaceLabels(VertexGrasps):
         Every array is in its `vertex_attributes`: those of the file that `write_npz` writes, with
         `partner_2`, `partner_2_normal` and so on for the other fingers. Computes epsilon.
         """
-        return labels_to_trimesh(self)
+        from trimesh.visual import ColorVisuals
+
+        surface, arrays = self.mesh.to_trimesh(), self._point_arrays()
+        surface.visual = ColorVisuals(surface, vertex_colors=arrays.pop("color"))
+        surface.vertex_attributes.update(arrays)
+        surface.metadata["grasp3d"] = self.settings()
+        return surface
 
     def to_polydata(self) -> "pyvista.PolyData":
         """Return a `pyvista.PolyData` with the arrays of the file that `write_vtp` writes.
 
         nan where there is no grasp. Computes epsilon.
         """
-        return labels_to_polydata(self)
+        data = self.mesh.to_polydata()
+        for name, values in self._point_arrays().items():
+            rows, shown = np.flatnonzero(np.isinf(values)), values
+            if len(rows):  # those of negative values are -1 - row
+                data.field_data[f"{INFINITE}{name}"] = np.where(values[rows] > 0.0, rows, ~rows)
+                # An infinite value would stretch the colour map; nan has a separate colour.
+                shown = np.where(np.isinf(values), math.nan, values)
+            data.point_data[name] = shown
+        for field, values in present((CORNERS, CORNER_NORMALS), self.mesh):
+            (data.cell_data if field is CORNERS else data.field_data)[field.name] = values
+        for key, value in self.complete_settings().items():
+            data.field_data[f"{SETTING}{key}"] = [str(value)]
+        return data
 
-    def show(self, **options: Any) -> Any:
-        """Show the surface: in a notebook as a page below the cell, elsewhere in a window.
-
-        Args:
-            options: As in `grasp3d.viewer.show.show`: settings, height, proxy.
-
-        Raises:
-            OutputError: Nothing can be shown in this environment.
-        """
-        # The viewer belongs to a higher layer and is slow to import, so it is imported by name when
-        # it is needed, as pandas does with its plotting backends.
-        return import_module("grasp3d.viewer.show").show(self, **options)
-
-    def _weights(self, weights: Weights) -> Floats:
-        return vertex_weights(self.mesh, weights)
+    def _point_arrays(self) -> Arrays:
+        """The arrays over the vertices beside their positions, those of each finger apart."""
+        fields = (field for field in VERTICES[1:] if field.array)
+        return {
+            name: part
+            for field, values in present(fields, self)
+            for name, part in field.as_points(values).items()
+        }

@@ -1,5 +1,7 @@
 """Grip forces and payloads of grasps under a load."""
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -74,23 +76,6 @@ class LoadResult:
 
     __repr__ = short_repr
 
-    @classmethod
-    def none(cls, case: LoadCase, size: int) -> "LoadResult":
-        """Rows of no grasps."""
-        unknown, codes = locked(np.full(size, np.nan)), locked(np.zeros(size, dtype=np.uint8))
-        return cls(case, unknown, unknown, unknown, unknown, codes, "exact")
-
-    @classmethod
-    def failed(cls, case: LoadCase, size: int) -> "LoadResult":
-        """Rows of grasps that no force makes hold anything."""
-        none = cls.none(case, size)
-        forces = locked(np.full(size, np.inf))
-        payload = locked(np.zeros(size)) if none.has_payload else none.payload
-        return replace(
-            none, grip_force=forces, grip_force_least=forces, grip_force_largest=forces,
-            payload=payload,
-        )  # fmt: skip
-
     @property
     def mass(self) -> float | None:
         """Mass of the object [kg]; None: not given, forces are those for 1 kg."""
@@ -132,43 +117,40 @@ class LoadResult:
             return ""
         return HARD_FINGERS
 
+    def each(self, change: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]) -> "LoadResult":
+        """The same with every array changed."""
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        changed: dict[str, Any] = {
+            name: locked(change(values)) for name, values in arrays.items() if values is not None
+        }
+        return replace(self, **changed)
+
     def take(self, rows: slice | Ints) -> "LoadResult":
         """The chosen rows."""
-        return self._with({name: values[rows] for name, values in self._arrays().items()})
+        return self.each(lambda values: values[rows])
 
-    def at_rows(self, rows: Ints, size: int) -> "LoadResult":
-        """The same in a table of `size` rows, of which these are `rows`; others are no grasps."""
-        missing = {"f": np.nan, "u": 0}
-        return self._with(
-            {
-                name: at_rows(values, rows, size, missing[values.dtype.kind])
-                for name, values in self._arrays().items()
-            }
-        )
-
-    def replaced(self, where: Bools, other: "LoadResult") -> "LoadResult":
-        """The same with the rows of another one, of as many grasps, at a mask of shape (b,)."""
-        both = {name: (values, getattr(other, name)) for name, values in self._arrays().items()}
-        return self._with({name: np.where(where, new, old) for name, (old, new) in both.items()})
+    def with_forces(
+        self, where: Bools, nominal: float, least: float, largest: float
+    ) -> "LoadResult":
+        """The same with other forces [N], which hold nothing, at a mask of shape (b,)."""
+        values = nominal, least, largest, 0.0 if self.has_payload else math.nan, 0
+        changed: dict[str, Any] = {
+            name: locked(np.where(where, value, getattr(self, name)))
+            for name, value in zip(_ARRAYS, values, strict=True)
+        }
+        return replace(self, **changed)
 
     def settings(self) -> dict[str, Any]:
         """Settings in files, with how the least and the largest forces are known."""
         return {**self.case.settings(), "force_bounds": self.how}
 
-    def _with(self, arrays: dict[str, npt.NDArray[Any]]) -> "LoadResult":
-        changed: dict[str, Any] = {name: locked(values) for name, values in arrays.items()}
-        return replace(self, **changed)
-
-    def _arrays(self) -> dict[str, npt.NDArray[Any]]:
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
-        return {name: values for name, values in arrays.items() if values is not None}
-
 
 _ARRAYS = ("grip_force", "grip_force_least", "grip_force_largest", "payload", "resistance")
 
 
-def at_rows(values: npt.NDArray[Any], rows: Ints, size: int, missing: float) -> npt.NDArray[Any]:
-    """Values (d, ...) at rows (d,) of an array with `size` rows, whose others are missing."""
+def at_rows(values: npt.NDArray[Any], rows: Ints, size: int) -> npt.NDArray[Any]:
+    """Values (d, ...) at rows (d,) of an array with `size` rows, whose others are nan, or 0."""
+    missing = math.nan if values.dtype.kind == "f" else 0
     every = np.full((size, *values.shape[1:]), missing, dtype=values.dtype)
     every[rows] = values
     return every

@@ -11,11 +11,11 @@ from grasp3d.errors import SettingError
 from grasp3d.mesh import MeshSource, load_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
 from grasp3d.settings import GivenModel, GraspModel, with_fingers
-from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.contacts import SurfaceContacts, grasps_at
 from grasp3d.surface.critical_angles import SAME_POINT, critical_angles
 from grasp3d.surface.grasp_numbers import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.vertex_grasps import Reason, SearchReport, grasps_at
+from grasp3d.surface.vertex_grasps import Reason, SearchReport
 from grasp3d.system.context import within
 
 
@@ -81,7 +81,6 @@ def scan_surface(mesh: MeshSource, model: GivenModel = None, *, fixed: ArrayLike
         mesh,
         own_model,
         angles=(angles[0], angles[1]),
-        partners=np.tile(on_surface, (count, 1, 1)),
         partner_points=SurfacePoints(np.tile(faces, (count, 1)), np.tile(weights, (count, 1, 1))),
         grip=grip,
         reason=np.where(np.isinf(angles[0, mesh.canonical]), Reason.SAME_POINT, Reason.FOUND),
@@ -112,7 +111,7 @@ def _fixed_points(fixed: ArrayLike) -> Floats:
 def _scan_pairs(fixed: SurfaceContacts, position: Floats) -> tuple[Floats, npt.NDArray[np.int8]]:
     """Angles (2, V) and grips (V,) of every vertex with one fixed finger."""
     mesh = fixed.mesh
-    normals = fixed.set_normals[:0] if fixed.any_normal.any() else fixed.set_normals
+    normals = fixed.sets.normals[:0] if (fixed.sets.counts == 0).any() else fixed.sets.normals
     angles = np.empty((2, len(mesh.vertices)))
     grip = np.empty(len(mesh.vertices), dtype=np.int8)
     scan(position, normals, mesh.normalized, mesh.contact_normals, angles[0], angles[1], grip)

@@ -31,12 +31,13 @@ from grasp3d.surface.fields import (
     names_of,
     of_part,
 )  # fmt: skip
-from grasp3d.surface.vertex_grasps import Reason, VertexGrasps
+from grasp3d.surface.grasp_table import GraspRows
+from grasp3d.surface.vertex_grasps import Reason
 
 _COLORS = np.array([*(COLORS[label] for label in sorted(Label)), GREY], dtype=np.uint8)
 
 
-def label_colors(labels: VertexGrasps) -> Bytes:
+def label_colors(labels: GraspRows) -> Bytes:
     """Colour of each vertex by its label, red, green, blue, shape (V, 3)."""
     region = labels.mesh.region
     codes = labels.label if region is None else np.where(region, labels.label, len(Label))
@@ -55,12 +56,12 @@ def unpacked_bits(numbers: Array, count: int) -> Bools:
     return (bits & np.uint64(1)).astype(np.bool_)
 
 
-def _pose(column: int) -> Callable[[VertexGrasps], Array | None]:
+def _pose(column: int) -> Callable[[GraspRows], Array | None]:
     """An axis of the gripper's poses, or their origin."""
     return lambda labels: None if labels.reach is None else labels.reach.poses[:, :3, column]
 
 
-def _free_angles(labels: VertexGrasps) -> Array | None:
+def _free_angles(labels: GraspRows) -> Array | None:
     """Free approach angles as bits; None: none are tested, as for three round tips and more."""
     free = None if labels.reach is None else labels.reach.free
     return None if free is None or not free.shape[1] else packed_bits(free)

@@ -150,9 +150,9 @@ class Evaluation:
             evaluated = replace(closed.take(part - rows[0]), load=load)
             start, done = done, done + 0.5 * len(part) / len(rows)
             with within(start, start + 0.8 * (done - start)):
-                evaluated.compute("epsilon_range")
+                _ = evaluated.epsilon_range
             with within(start + 0.8 * (done - start), done):
-                evaluated.compute("load_result")
+                _ = evaluated.load_result
             parts.append((evaluated, part))
         return closed, parts
 

@@ -74,11 +74,11 @@ def test_a_row_has_the_values_of_labelling_the_file(tmp_path: Path) -> None:
     row, labels = row_of(job_of(source, tmp_path / "out")), labels_of(source)
     assert (row.outcome, row.error, row.unit, row.closed) == ("labelled", "", "m", True)
     assert (row.stable, row.ambiguous, row.no_grasp_found) == tuple(labels.fractions().values())
-    assert row.critical_angle_p25 == labels.angle_quantiles([0.25])[0]
+    assert row.critical_angle_p25 == labels.quantiles("critical_angle", [0.25])[0]
     quantiles = (row.epsilon_p10, row.epsilon_p50, row.epsilon_p90)
-    assert quantiles == tuple(labels.epsilon_quantiles([0.1, 0.5, 0.9]))
+    assert quantiles == tuple(labels.quantiles("epsilon", [0.1, 0.5, 0.9]))
     quantiles = (row.epsilon_min_p10, row.epsilon_min_p50, row.epsilon_min_p90)
-    assert quantiles == tuple(labels.epsilon_quantiles([0.1, 0.5, 0.9], of="minimum"))
+    assert quantiles == tuple(labels.quantiles("epsilon_min", [0.1, 0.5, 0.9]))
     assert row.volume == pytest.approx(labels.mesh.volume)
     assert row.area == pytest.approx(1e-4 * trimesh.load_mesh(source).area, rel=0.01)
     assert row.torque_scale == labels.mesh.torque_scale

@@ -19,7 +19,7 @@ from grasp3d.batch.plan import Job
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.storage.folder import Folder
 from grasp3d.quality.loads import Load
-from grasp3d.surface.area_statistics import held_fractions, payload_quantiles
+from grasp3d.surface.area_statistics import label_fractions, vertex_weights
 from tests.helpers import shapes
 
 LOAD = Load(mass=0.5, grip_force=40.0)
@@ -56,11 +56,11 @@ def row_under(load: Load | None, folder: Path, **options: Any) -> Row:
 def test_a_row_has_the_values_of_the_labels(tmp_path: Path) -> None:
     row = row_under(LOAD, tmp_path)
     assert row.outcome is Outcome.LABELLED, row.error
-    load_result, fractions = labels().load_result, held_fractions(labels())
-    payloads = payload_quantiles(labels(), [0.1, 0.5, 0.9])
+    load_result, payloads = labels().load_result, labels().quantiles("payload", [0.1, 0.5, 0.9])
     assert load_result is not None
-    assert fractions is not None
+    assert load_result.label is not None
     assert payloads is not None
+    fractions = label_fractions(load_result.label, vertex_weights(labels().mesh, "area"))
     assert (row.mass, row.grip_force_at_hand, row.task) == (0.5, 40.0, "weight")
     assert row.holds
     assert "N of 40 N to hold 0.5 kg in any orientation" in (row.verdict_text or "")

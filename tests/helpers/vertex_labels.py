@@ -17,7 +17,6 @@ def with_arrays(labels: SurfaceLabels, **changed: Any) -> SurfaceLabels:
         "mesh": labels.mesh,
         "model": labels.model,
         "angles": (labels.critical_angle, labels.critical_angle_best),
-        "partners": labels.partners,
         "partner_points": labels.partner_points,
         "grip": labels.grip,
         "reason": labels.reason,
@@ -32,7 +31,13 @@ def with_arrays(labels: SurfaceLabels, **changed: Any) -> SurfaceLabels:
     return SurfaceLabels.of_vertices(arguments.pop("mesh"), arguments.pop("model"), **arguments)
 
 
+def with_known(labels: SurfaceLabels, **known: Any) -> SurfaceLabels:
+    """The same labels with values that are known, as those of a file."""
+    vars(labels).update(known)
+    return labels
+
+
 def with_critical_angles(labels: SurfaceLabels, angles: Floats) -> SurfaceLabels:
     """The same surface with other critical angles, shape (V,), and the same epsilon."""
-    known = {"epsilon_range": labels.epsilon_range}
-    return with_arrays(labels, angles=(angles, angles), known=known)
+    changed = with_arrays(labels, angles=(angles, angles))
+    return with_known(changed, epsilon_range=labels.epsilon_range)

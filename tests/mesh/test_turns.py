@@ -15,7 +15,7 @@ from grasp3d._kernels.surface.surface_contacts import ContactNormals
 from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.turns import located_surface, normal_turns, turns_beside
-from grasp3d.surface.vertex_grasps import grasps_at
+from grasp3d.surface.contacts import grasps_at
 from tests.helpers import shapes
 
 BEYOND = 1.2e-3

@@ -17,10 +17,10 @@ from grasp3d._kernels.search.face_contacts import (
     upper_bound,
 )
 from grasp3d.settings.sampling import Grip
+from grasp3d.surface.contacts import grasps_at
 from grasp3d.surface.sampling import antipodal
 from grasp3d.surface.sampling.antipodal import best_pairs
 from grasp3d.surface.sampling.vertices import tangents
-from grasp3d.surface.vertex_grasps import grasps_at
 from grasp3d.system.context import running
 from tests.helpers import oracles, shapes
 from tests.helpers.pair_search import domain_of, own_normals, read
@@ -70,7 +70,9 @@ def test_the_search_finds_the_grasps_of_an_exhaustive_search(
     assert len(shortfalls) > 100
     assert max(shortfalls) < 1e-6
     found = smooth[grasps.reason[smooth] == 0]
-    openings = np.linalg.norm(grasps.partner[found] - mesh.vertices[found], axis=1)
+    openings = np.linalg.norm(
+        grasps.partner_points.positions(mesh)[found, 0] - mesh.vertices[found], axis=1
+    )
     assert openings.min() >= smallest - 2.0 * antipodal.OPENING_SLACK * mesh.size
 
 
@@ -83,9 +85,9 @@ def test_the_grasp_found_is_real_and_its_angle_exact(grip: str) -> None:
     smooth = np.flatnonzero((mesh.contact_normals.counts == 1) & (grasps.reason == 0))
     assert len(smooth) > 1000
     normals = grasps_at(mesh, grasps.partner_points, smooth).normals[:, 1]
-    gaps = []
+    partners, gaps = grasps.partner_points.positions(mesh)[:, 0], []
     for vertex, normal in zip(smooth, normals, strict=True):
-        point, partner = mesh.vertices[vertex], grasps.partner[vertex]
+        point, partner = mesh.vertices[vertex], partners[vertex]
         angle = oracles.critical_angle(
             point, mesh.normals[vertex], partner, normal, int(grasps.grip[vertex])
         )
@@ -102,7 +104,7 @@ def test_the_grasp_found_is_real_and_its_angle_exact(grip: str) -> None:
 def test_the_result_does_not_depend_on_the_number_of_threads() -> None:
     mesh = load_mesh(shapes.lopsided(), max_edge=9.0)
     one, three = (running(threads=n)(best_pairs)(mesh, Sampling(), 0.7) for n in (1, 3))
-    for name in ("worst", "best", "partner", "grip", "reason"):
+    for name in ("worst", "best", "grip", "reason"):
         assert np.array_equal(getattr(one, name), getattr(three, name), equal_nan=True)
     assert one.rays == three.rays
 

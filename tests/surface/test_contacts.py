@@ -22,8 +22,8 @@ def at_vertices(mesh: ObjectMesh, vertices: object) -> SurfaceContacts:
 
 
 def normals_of(contacts: SurfaceContacts, contact: int) -> np.ndarray:
-    first, end = contacts.set_start[contact : contact + 2]
-    return contacts.set_normals[first:end]
+    first, end = contacts.sets.start[contact : contact + 2]
+    return contacts.sets.normals[first:end]
 
 
 @pytest.mark.parametrize("shape", [shapes.sphere(2), shapes.box(), shapes.cone(0.3, sections=16)])
@@ -61,7 +61,7 @@ def test_inside_a_face_the_normal_is_interpolated_between_its_corners() -> None:
     expected = (weights[..., None] * mesh.normals[mesh.faces[faces]]).sum(axis=2)
     expected /= np.linalg.norm(expected, axis=2, keepdims=True)
     np.testing.assert_allclose(contacts.normals, expected, atol=1e-12)
-    np.testing.assert_array_equal(contacts.set_normals, contacts.normals.reshape(-1, 3))
+    np.testing.assert_array_equal(contacts.sets.normals, contacts.normals.reshape(-1, 3))
     assert not contacts.on_crease.any()
     flat = SurfaceContacts(box(), SurfacePoints(faces[:, :1] % 12, weights[:, :1]))
     assert np.sort(np.abs(flat.normals), axis=2) == pytest.approx(
@@ -92,7 +92,7 @@ def test_sets_of_normals_on_an_edge_and_at_a_corner() -> None:
         )
     assert edges == 2
     contacts = at_vertices(mesh, [[mesh.faces[face, 0]]])
-    assert len(contacts.set_normals) == 3
+    assert len(contacts.sets.normals) == 3
     assert contacts.normals[0, 0] == pytest.approx(-np.sign(corners[0]) / math.sqrt(3.0))
 
 
@@ -108,7 +108,7 @@ def test_an_edge_of_four_faces_may_have_any_normal() -> None:
     weights = 0.5 * shared[face]
     contacts = SurfaceContacts(mesh, SurfacePoints(np.array([[face]]), weights[None, None]))
     assert contacts.points[0, 0] == pytest.approx(middle)
-    assert contacts.any_normal.all()
+    assert (contacts.sets.counts == 0).all()
     assert contacts.on_crease.all()
     assert np.linalg.norm(contacts.normals) == pytest.approx(1.0)
 
@@ -120,8 +120,8 @@ def test_the_common_tip_of_two_pyramids_has_the_normals_of_all_faces() -> None:
     upper = np.where(faces == 4, 4, faces + 5)[:, ::-1]
     mesh = load_mesh((both, np.vstack([faces, upper])), max_edge=9.0)
     contacts = at_vertices(mesh, [[4]])
-    assert contacts.any_normal.all()
-    assert len(contacts.set_normals) == 8
+    assert (contacts.sets.counts == 0).all()
+    assert len(contacts.sets.normals) == 8
 
 
 def test_contacts_are_relative_to_the_centre_of_mass_with_the_friction_of_the_model() -> None:
@@ -142,9 +142,9 @@ def test_take_returns_the_chosen_grasps(which: slice | np.ndarray) -> None:
     np.testing.assert_array_equal(taken.points, contacts.points[which])
     np.testing.assert_array_equal(taken.on_crease, contacts.on_crease[which])
     rows = [normals_of(contacts, i) for g in np.arange(3)[which] for i in (2 * g, 2 * g + 1)]
-    np.testing.assert_array_equal(taken.set_normals, np.concatenate(rows))
+    np.testing.assert_array_equal(taken.sets.normals, np.concatenate(rows))
     none = contacts.take(np.array([], dtype=np.int64))
-    assert (none.size, none.points.shape, none.set_normals.shape) == (0, (0, 2, 3), (0, 3))
+    assert (none.size, none.points.shape, none.sets.normals.shape) == (0, (0, 2, 3), (0, 3))
 
 
 def test_normals_that_cancel_out_are_refused_as_contacts() -> None:
@@ -156,7 +156,7 @@ def test_normals_that_cancel_out_are_refused_as_contacts() -> None:
     )
     weights = np.array([[[0.5, 0.5, 0.0]], [[0.2, 0.3, 0.5]]])
     contacts = SurfaceContacts(mesh, SurfacePoints(np.zeros((2, 1), dtype=np.int64), weights))
-    assert contacts.any_normal.tolist() == [[True], [False]]
+    assert (contacts.sets.counts == 0).tolist() == [True, False]
     assert normals_of(contacts, 0).tolist() == [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]
     assert (contacts.normals[0] == 0.0).all()
     with pytest.raises(ContactError, match="no direction"):

@@ -26,8 +26,9 @@ from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach
 from grasp3d.settings.sampling import Grip
 from grasp3d.settings.units import Unit
+from grasp3d.surface.contacts import grasps_at
 from grasp3d.surface.sampling import reachable
-from grasp3d.surface.vertex_grasps import Reason, grasps_at
+from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, TIPS

@@ -10,11 +10,12 @@ import pytest
 
 from grasp3d import GraspModel, Load, Sampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d.errors import SettingError
+from grasp3d.grasps import best_grasps
 from grasp3d.hand.scene import Scene
-from grasp3d.surface import LoadResult
+from grasp3d.surface import LoadResult, Reason
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM
-from tests.helpers.vertex_labels import with_arrays
+from tests.helpers.vertex_labels import with_arrays, with_known
 
 ARRAYS = (
     "critical_angle", "critical_angle_best", "label", "max_resolution", "margin", "epsilon",
@@ -61,7 +62,8 @@ def test_another_scene_needs_another_search() -> None:
 
 def known(labels: SurfaceLabels) -> SurfaceLabels:
     """The same labels, made from what is known of them."""
-    return with_arrays(labels, known={name: getattr(labels, name) for name in labels.COMPUTED})
+    names = ("label", "epsilon_range", "load_result")
+    return with_known(with_arrays(labels), **{name: getattr(labels, name) for name in names})
 
 
 def assert_equal(one: SurfaceLabels, other: SurfaceLabels) -> None:
@@ -80,12 +82,12 @@ def assert_equal(one: SurfaceLabels, other: SurfaceLabels) -> None:
 def test_vertices_at_one_position_share_a_grasp(name: str) -> None:
     labels = LABELS[name]()
     grasps, vertices = labels.take(labels.distinct), labels.distinct
-    assert len(vertices) == grasps.size <= np.count_nonzero(labels.has_grasp)
+    assert len(vertices) == grasps.size <= np.count_nonzero(labels.reason == Reason.FOUND)
     for attribute in ("label", "critical_angle", "margin", "epsilon", "opening", "max_resolution"):
         rows, places = getattr(grasps, attribute), getattr(labels, attribute)
         np.testing.assert_array_equal(places[vertices], rows, err_msg=attribute)
         np.testing.assert_array_equal(places, places[labels.mesh.canonical], err_msg=attribute)
-    missing = ~labels.has_grasp
+    missing = labels.reason != Reason.FOUND
     assert np.isinf(labels.critical_angle[missing]).all()
     assert (labels.label[missing] == 0).all()
     assert np.isnan(labels.epsilon[missing]).all()
@@ -131,3 +133,29 @@ def test_known_labels_are_pickled() -> None:
     labels = wedge()
     copy = pickle.loads(pickle.dumps(known(labels)))  # noqa: S301
     assert_equal(labels, copy)
+
+
+def ball() -> SurfaceLabels:
+    return label_surface(load_mesh(shapes.sphere(1), max_edge=9.0))
+
+
+def test_results_of_another_model_are_those_of_that_model() -> None:
+    found = ball()
+    model = replace(found.model, friction=0.05)
+    assert np.isfinite(found.epsilon).all()
+    changed = found.using(model=model)
+    assert changed.computed("epsilon_range") is None
+    np.testing.assert_array_equal(changed.label, found.relabel(friction=0.05).label)
+    assert not np.array_equal(changed.epsilon, found.epsilon)
+    grasps = best_grasps(found, 3)
+    other = replace(grasps, model=replace(grasps.model, friction=0.05))
+    assert not np.array_equal(other.epsilon, grasps.epsilon)
+
+
+def test_results_are_pickled_with_what_was_computed() -> None:
+    found = ball()
+    assert len(found.epsilon) == len(found.label)
+    copy = pickle.loads(pickle.dumps(found))  # noqa: S301
+    assert copy.computed("epsilon_range") is not None
+    np.testing.assert_array_equal(copy.epsilon, found.epsilon)
+    assert repr(copy) == repr(found)

@@ -315,7 +315,7 @@ def test_without_a_grasp_there_is_no_epsilon() -> None:
     narrow = label_surface(labels.mesh, labels.model, sampling=Sampling(max_opening=0.5))
     for values in (narrow.epsilon, narrow.epsilon_min, narrow.epsilon_max):
         assert np.isnan(values).all()
-    assert narrow.epsilon_quantiles([0.5]) == [0.0]
+    assert narrow.quantiles("epsilon", [0.5]) == [0.0]
     box = load_mesh(shapes.box(), max_edge=0.2)
     scan = scan_surface(box, fixed=box.vertices[0])
     assert np.isnan(scan.epsilon[0])
@@ -343,9 +343,9 @@ def test_fractions_and_quantiles_by_area_and_by_vertex() -> None:
         assert sum(fractions.values()) == pytest.approx(1.0)
     counts = np.bincount(labels.label, minlength=3) / len(labels.label)
     assert labels.fractions(weights="vertex")["S"] == pytest.approx(counts[Label.S])
-    low, high = labels.angle_quantiles([0.0, 1.0])
+    low, high = labels.quantiles("critical_angle", [0.0, 1.0])
     assert (low, high) == (labels.critical_angle.min(), labels.critical_angle.max())
-    assert labels.angle_quantiles([0.5], weights="vertex") == pytest.approx(
+    assert labels.quantiles("critical_angle", [0.5], weights="vertex") == pytest.approx(
         np.quantile(labels.critical_angle, 0.5, method="inverted_cdf")
     )
     with pytest.raises(SettingError, match="known: area, vertex"):

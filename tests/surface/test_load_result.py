@@ -236,7 +236,7 @@ def test_vertices_without_a_grasp_are_u_and_nan() -> None:
 
 def test_where_normals_cancel_out_nothing_is_known() -> None:
     grasps = evaluate_grasps(block(), sides(), SOFT).contacts
-    vars(grasps)["normals"] = np.zeros((1, 2, 3))
+    vars(grasps)["sets"] = grasps.sets._replace(middles=np.zeros((1, 2, 3)))
     case = LoadCase.of(Load(mass=MASS, grip_force=40.0), block(), SOFT)
     load_result = surface_load_result(grasps, SOFT, case)
     assert math.isnan(load_result.grip_force[0])

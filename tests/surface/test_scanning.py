@@ -24,10 +24,10 @@ from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.stability.thresholds import label_angles, unstable_from
 from grasp3d.surface import Reason
 from grasp3d.surface import labelling as search_module
+from grasp3d.surface.contacts import grasps_at
 from grasp3d.surface.critical_angles import critical_angles
-from grasp3d.surface.sampling.multifinger import MultifingerGrasps
+from grasp3d.surface.sampling.antipodal import FoundGrasps
 from grasp3d.surface.sweeps import mean_sweep, sweep
-from grasp3d.surface.vertex_grasps import grasps_at
 from grasp3d.viewer.session.painting import corner_coordinates
 from grasp3d.viewer.subjects.subject import subject_of
 from tests.helpers import shapes
@@ -218,7 +218,7 @@ def test_two_fingers_keep_their_threshold_beyond_90_degrees() -> None:
 # Labels of searched grasps
 
 
-def grasps_with_partners(mesh: ObjectMesh, others: Any) -> MultifingerGrasps:
+def grasps_with_partners(mesh: ObjectMesh, others: Any) -> FoundGrasps:
     """Result of a search with given opposing vertices, -1: no grasp."""
     from grasp3d.surface.contacts import vertex_surface_points
 
@@ -226,7 +226,11 @@ def grasps_with_partners(mesh: ObjectMesh, others: Any) -> MultifingerGrasps:
     points = vertex_surface_points(mesh, np.maximum(numbers, 0))
     faces = np.where(numbers >= 0, points.faces, -1)
     reason = np.where((numbers >= 0).all(axis=1), Reason.FOUND, Reason.NO_PARTNER)
-    return MultifingerGrasps(
+    none = np.zeros(len(reason))
+    return FoundGrasps(
+        worst=none,
+        best=none,
+        grip=none.astype(np.int8),
         partner_points=SurfacePoints(faces, points.weights),
         reason=reason.astype(np.uint8),
         evaluated=1234,
@@ -245,7 +249,7 @@ def test_labels_evaluate_the_grasps_that_were_found(monkeypatch: pytest.MonkeyPa
     found = grasps_with_partners(mesh, others[mesh.canonical])
     arguments: list[Any] = []
 
-    def search(*given: Any, **_: Any) -> MultifingerGrasps:
+    def search(*given: Any, **_: Any) -> FoundGrasps:
         arguments.extend(given)
         return found
 

@@ -23,7 +23,8 @@ from grasp3d import (
     sweep,
 )
 from grasp3d.errors import SettingError
-from grasp3d.surface.vertex_grasps import Reason, grasps_at
+from grasp3d.surface.contacts import grasps_at
+from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
 
 MESHES = Path(__file__).parents[2] / "meshes"

@@ -115,29 +115,28 @@ PREFERRED = (FOUND, NOT_REACHED, OPENING, NO_PARTNER)
 
 
 @dataclass(frozen=True, eq=False)
-class AntipodalGrasps:
-    """The best antipodal grasp found at each vertex, in the mesh's frame."""
+class FoundGrasps:
+    """The best grasp found at each vertex."""
 
     worst: Floats
     """Critical friction angle over the contacts' worst normals [rad], inf: none found; over the
     worst locations too, as far as the search knows them. (V,)"""
     best: Floats
     """That of the same grasp over the contacts' best normals at their perceived places. (V,)"""
-    partner: Floats
-    """Second contact, nan where there is none. (V, 3)"""
     partner_points: SurfacePoints
-    """The same as surface points, face -1 where there is none. (V, 1)"""
+    """The other contacts, face -1 where there is none. (V, n - 1)"""
     grip: np.ndarray[Any, np.dtype[np.int8]]
-    """+1 squeeze, -1 expand, 0 none. (V,)"""
+    """+1 squeeze, -1 expand, 0 none, and of three fingers and more. (V,)"""
     reason: Bytes
-    """0 found, 1 no opposing contact, 2 all contacts outside the limits of openings, 5 no contact
-    reached by the gripper. (V,)"""
-    rays: int
-    """Number of rays traced."""
+    """0 found, 1 no opposing contact, or no force-closed grasp within the limits of distances, 2
+    all contacts outside the limits of openings, 5 no contact reached by the gripper. (V,)"""
     evaluated: int
-    """Number of faces on which a contact was computed exactly."""
+    """Number of faces on which a contact was computed exactly, or of candidate grasps of three
+    fingers and more."""
+    rays: int = 0
+    """Number of rays traced."""
     reach: Reach | None = None
-    """With a gripper: how it reaches each grasp, or why not the best where reason is 5. (V,)"""
+    """Of jaws: how they reach each grasp, or why not the best where reason is 5. (V,)"""
 
 
 def best_pairs(
@@ -147,7 +146,7 @@ def best_pairs(
     *,
     scene: Scene | None = None,
     location_error: float = 0.0,
-) -> AntipodalGrasps:
+) -> FoundGrasps:
     """Search for the best antipodal grasp through every vertex of the surface.
 
     The best grasp has the smallest critical friction angle over the worst normals. The result does
@@ -175,13 +174,13 @@ def best_pairs(
     return found[0] if len(found) == 1 else _better(*found)
 
 
-def _better(one: AntipodalGrasps, other: AntipodalGrasps) -> AntipodalGrasps:
+def _better(one: FoundGrasps, other: FoundGrasps) -> FoundGrasps:
     """At each vertex the better one of two grasps; of two reasons the one that says more."""
     place = np.zeros(max(PREFERRED) + 1)
     place[list(PREFERRED)] = range(len(PREFERRED))
     first, second = place[one.reason], place[other.reason]
     better = (second < first) | ((second == first) & (other.worst < one.worst - TIE))
-    grasps: AntipodalGrasps = chosen_rows(better, other, one)
+    grasps: FoundGrasps = chosen_rows(better, other, one)
     return replace(grasps, rays=one.rays + other.rays, evaluated=one.evaluated + other.evaluated)
 
 
@@ -212,7 +211,7 @@ class _Search(ABC):
         self.located = self.surface.turns.error > 0.0
         self.grasps = no_pairs(len(self.mesh.vertices))
 
-    def run(self) -> AntipodalGrasps:
+    def run(self) -> FoundGrasps:
         """Find the best grasps; with a gripper, those that it reaches."""
         self._search()
         grasps, reach, canonical = self.grasps, None, self.mesh.canonical
@@ -221,10 +220,9 @@ class _Search(ABC):
             grasps = search.run(self.grasps)
             reach = search.reach_of(self.grasps, grasps).take(canonical)
         reason = grasps.reason[canonical]
-        return AntipodalGrasps(
+        return FoundGrasps(
             worst=grasps.worst[canonical],
             best=grasps.best[canonical],
-            partner=self.mesh.from_normalized(grasps.partner[canonical]),
             partner_points=SurfacePoints(
                 grasps.faces[canonical, None], grasps.weights[canonical, None]
             ),

@@ -28,14 +28,14 @@ from grasp3d._kernels.search.multifinger_grasps import (
     make_best_grasps,
     make_search_workspace,
 )
-from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked
+from grasp3d.arrays import ArrayLike, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.mesh.turns import located_surface
 from grasp3d.settings import Sampling
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
-from grasp3d.surface.sampling.antipodal import best_pairs
+from grasp3d.surface.sampling.antipodal import FoundGrasps, best_pairs
 from grasp3d.surface.sampling.candidate_points import candidate_points, contact_domain
 from grasp3d.system.context import report_progress, thread_count, unreported, within
 
@@ -82,21 +82,9 @@ SHORTEST_STEP = 0.05
 it turns the normal by this fraction of the tolerance."""
 
 
-@dataclass(frozen=True, eq=False)
-class MultifingerGrasps:
-    """The best grasps found at each vertex."""
-
-    partner_points: SurfacePoints
-    """The other fingers, shape (V, n - 1); face -1: none."""
-    reason: Bytes
-    """0 found, 1 no force-closed grasp within the limits of distances was found. (V,)"""
-    evaluated: int
-    """Number of candidate grasps evaluated."""
-
-
 def search(
     mesh: ObjectMesh, fingers: int, sampling: Sampling, cone: float, location_error: float = 0.0
-) -> MultifingerGrasps:
+) -> FoundGrasps:
     """Search for the best grasp of three fingers and more through every vertex.
 
     The result does not depend on the number of threads.
@@ -189,7 +177,7 @@ class _Search:
         self.step_length = math.sqrt(float(self.mesh.vertex_areas.sum()) / self.sampling.candidates)
         self.step_length *= 0.5 * self.scale
 
-    def run(self) -> MultifingerGrasps:
+    def run(self) -> FoundGrasps:
         """Search for the best grasp of every vertex."""
         limits, done, stages = self._limits(), 0, 1 + SWEEPS
         total, grasps = (self.fingers - 2) * stages, make_best_grasps(len(self.mesh.vertices), 1)
@@ -270,7 +258,7 @@ class _Search:
         smooth = ~SurfaceContacts(mesh, points).on_crease[:, 0]
         return SurfacePoints(points.faces[smooth, 0], points.weights[smooth, 0]), owners[smooth]
 
-    def _result(self, grasps: BestGrasps) -> MultifingerGrasps:
+    def _result(self, grasps: BestGrasps) -> FoundGrasps:
         faces, weights = grasps.elements, grasps.weights
         if self.on_vertices:
             has_contact = faces >= 0
@@ -278,8 +266,12 @@ class _Search:
             faces = np.where(has_contact, points.faces, -1)
             weights = np.where(has_contact[..., None], points.weights, 0.0)
         canonical = self.mesh.canonical
-        return MultifingerGrasps(
+        angles = grasps.angles[canonical]
+        return FoundGrasps(
+            worst=angles,
+            best=angles,
+            grip=np.zeros(len(angles), dtype=np.int8),
             partner_points=SurfacePoints(faces[canonical], weights[canonical]),
-            reason=np.where(np.isinf(grasps.angles), NO_PARTNER, FOUND).astype(np.uint8)[canonical],
+            reason=np.where(np.isinf(angles), NO_PARTNER, FOUND).astype(np.uint8),
             evaluated=self.evaluated,
         )

@@ -135,7 +135,7 @@ def compute_forces(subject: Subject, model: GraspModel) -> Subject:
         model: Grasp model; fingers as the subject has them.
     """
     labels = subject.labels.using(model=model)
-    labels.compute("load_result")
+    _ = labels.load_result
     return replace(subject, forces=labels)
 
 
@@ -182,9 +182,9 @@ def write_labels(subject: Subject, model: GraspModel, path: Path) -> Subject:
         relabelled.compute_labels()
     middle = COMPUTED if relabelled.load is None else 0.5 * COMPUTED
     with within(0.0, middle):
-        relabelled.compute("epsilon_range")
+        _ = relabelled.epsilon_range
     with within(middle, COMPUTED):
-        relabelled.compute("load_result")
+        _ = relabelled.load_result
     with within(COMPUTED, 1.0):
         writer_for(path)(path, relabelled)
     report_progress(1.0)

@@ -14,7 +14,7 @@ from grasp3d.quality.grip_forces import Resistance
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import EPSILON_MIN
 from grasp3d.stability.thresholds import label_angles, margin_budget
-from grasp3d.surface.contacts import GraspContacts
+from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.grasp_numbers import surface_epsilons, surface_load_result
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_result import LoadResult
@@ -313,7 +313,7 @@ def _force_of(subject: Subject, vertex: int, model: GraspModel) -> HeldGrasp | N
     return _held_by(subject, _grasp(labels, vertex), model)
 
 
-def _held_by(subject: Subject, grasp: GraspContacts, model: GraspModel) -> HeldGrasp | None:
+def _held_by(subject: Subject, grasp: SurfaceContacts, model: GraspModel) -> HeldGrasp | None:
     """Force and payload of one grasp; None: there is no load."""
     case = subject.labels.load_case
     if case is None:
@@ -360,17 +360,17 @@ def _creases(subject: Subject, vertex: int, *, several: bool) -> tuple[int, ...]
     return (0,) if sides > 1 else ()
 
 
-def _grasp(labels: SurfaceLabels, vertex: int) -> GraspContacts:
+def _grasp(labels: SurfaceLabels, vertex: int) -> SurfaceContacts:
     """A vertex that has a grasp, and the other contacts of it, (1, n)."""
     return labels.contacts.take(slice(vertex, vertex + 1))
 
 
-def _fingers_on_creases(grasp: GraspContacts) -> tuple[int, ...]:
+def _fingers_on_creases(grasp: SurfaceContacts) -> tuple[int, ...]:
     """Indices of the fingers of a grasp (1, n) that are on sharp edges, from 0."""
     return tuple(int(finger) for finger in np.flatnonzero(grasp.on_crease[0]))
 
 
-def _epsilons_of(grasp: GraspContacts, model: GraspModel) -> tuple[float, float, float]:
+def _epsilons_of(grasp: SurfaceContacts, model: GraspModel) -> tuple[float, float, float]:
     """Nominal, smallest and largest epsilon of one grasp, shape (1, n).
 
     Sampling the tilts of three or more fingers takes too long for a click: nominal epsilon only.

@@ -54,7 +54,6 @@ def subject_of_mesh(mesh: ObjectMesh, model: GraspModel, scene: Scene | None = N
         mesh,
         model,
         angles=(np.full(count, math.inf), np.full(count, math.inf)),
-        partners=np.full((count, 1, 3), math.nan),
         partner_points=SurfacePoints(np.zeros((count, 1), np.int64), np.zeros((count, 1, 3))),
         grip=np.zeros(count, np.int8),
         reason=np.full(count, Reason.SAME_POINT),

@@ -16,7 +16,7 @@ from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.settings import GraspModel, search_cone
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
-from grasp3d.surface.contacts import GraspContacts
+from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 
@@ -28,7 +28,7 @@ NO_LABELS = "the surface has no labels: poses of a hand are shown"
 class GivenGrasp:
     """A grasp that is shown until a vertex is inspected."""
 
-    contacts: GraspContacts
+    contacts: SurfaceContacts
     """Its contacts, (1, n)."""
     worst: float
     """Critical friction angle over the worst normals [rad]; inf: none."""

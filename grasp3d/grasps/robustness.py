@@ -9,7 +9,7 @@ the lengths of a jaw's forces).
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -35,6 +35,7 @@ from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.contacts import JawContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_numbers import hull_labels
+from grasp3d.surface.grasp_table import rows_of
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.context import unreported
 
@@ -88,7 +89,7 @@ class ClosedNumbers:
             case: What must be held, and with which force; None: nothing is stated.
         """
         closes = jaws.closed
-        shape, contacts = closes.shape, JawContacts.of(mesh, jaws)
+        shape, contacts = closes.shape, JawContacts.of(mesh, jaws.take(closes))
         label, found = np.zeros(shape, dtype=np.uint8), contacts.contacts(model)
         margin, held = np.full(shape, -math.inf), np.zeros(shape)
         force, score = np.full(shape, math.inf), np.full(shape, LOST)
@@ -117,7 +118,7 @@ class ClosedNumbers:
 
     def take(self, rows: Any) -> "ClosedNumbers":
         """The chosen rows."""
-        return ClosedNumbers(**{name: locked(one[rows]) for name, one in vars(self).items()})
+        return ClosedNumbers(**{name: rows_of(one, rows) for name, one in vars(self).items()})
 
     def tried(self, rows: Ints, others: "ClosedNumbers") -> "ClosedNumbers":
         """These of one pose each, (k, 1), with t others of some rows; elsewhere t times the same.
@@ -319,12 +320,7 @@ class Robustness:
 
     def take(self, rows: Any) -> "Robustness":
         """The chosen grasps."""
-        arrays: dict[str, Any] = {
-            name: locked(one[rows])
-            for name, one in vars(self).items()
-            if isinstance(one, np.ndarray)
-        }
-        return replace(self, stated=self.stated.take(rows), **arrays)
+        return Robustness(**{name: rows_of(one, rows) for name, one in vars(self).items()})
 
 
 def robustness_of(

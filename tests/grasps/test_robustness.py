@@ -12,9 +12,9 @@ import trimesh
 from grasp3d import GraspModel, Load, ObjectMesh, evaluate_grasps, load_mesh, read_hand
 from grasp3d.contact.contacts import evenly_pressed_radius
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.robustness import LOST, PAYLOAD_RTOL
 from grasp3d.quality.tasks import STANDARD_GRAVITY
 from grasp3d.stability.label import Label
-from grasp3d.surface.robustness import LOST, PAYLOAD_RTOL
 from tests.helpers import shapes
 from tests.helpers.closing_jaws import Floats, pads, pose, random_poses
 from tests.helpers.patches import force_of_points
