@@ -36,8 +36,11 @@ ATTEMPTS = 6
 FORCE = 40.0
 """Force of each finger of a gripper that states none [N]."""
 
-STREAM = 0x6E6F697365, 4
+STREAM = 0x6E6F697365
 """Part of every seed, so that numbers which a program drew with the same seed do not recur."""
+
+TRIALS = 4
+"""Number of the stream of random numbers of trials."""
 
 NUMBERS = tuple(one.name for one in fields(Outcome) if one.name != "fate")
 """What is known of an outcome beside the fate, as columns."""
@@ -141,7 +144,7 @@ def simulate_grasps(
     parts = parts_of(found.mesh, settings, processes)
     stage = Stage.of(found.mesh, parts, fingers, settings, force)
     given = np.repeat(np.arange(found.size), settings.trials)
-    random = np.random.default_rng((*STREAM, settings.seed))
+    random = np.random.default_rng((STREAM, settings.seed, TRIALS))
     errors = settings.pose_error.draw(len(given), random)
     friction = random.uniform(*found.model.friction_interval, len(given))
     stroke = jaws.max_opening
