@@ -27,14 +27,15 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import trimesh
+from scipy.spatial import ConvexHull
 
 import grasp3d
 from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.batch import ClusterSettings
 from grasp3d.grasps import GraspPoses
 from grasp3d.grasps.pose_files import write_poses
-from grasp3d.physics import SimulationSettings, simulate_poses
-from grasp3d.physics.simulate import divided
+from grasp3d.physics import SimulationSettings
+from grasp3d.physics.parts import parts_of
 from grasp3d.validating import SCORES
 from grasp3d.validating.intervals import wilson
 from grasp3d.validating.qualities import compare_scores
@@ -144,8 +145,8 @@ def poses_of(
     strata = 4 * found.label + 2 * (end < NEAR) + (area < SMALL)
     usable = np.flatnonzero(found.reachable)
     rows = usable[chosen(strata[usable], count, random)]
-    parts = divided(mesh, SETTINGS, ClusterSettings(workers=0))
-    off = np.abs([parts.depths(jaws.points[rows, jaw]) for jaw in range(2)]).max(axis=0)
+    hulls = [ConvexHull(part) for part in parts_of(mesh, SETTINGS, ClusterSettings(workers=0))]
+    off = np.abs([depths(hulls, jaws.points[rows, jaw]) for jaw in range(2)]).max(axis=0)
     columns = {
         "end_distance_m": end[rows], "area_m2": area[rows], "settling_turn": jaws.turn[rows],
         "part_depth_m": off,
@@ -153,19 +154,28 @@ def poses_of(
     return replace(found.given.take(rows), columns=columns)
 
 
+def depths(hulls: list[ConvexHull], points: Floats) -> Floats:
+    """How deep points (k, 3) lie below the surface of a union of convex parts, shape (k,)."""
+    planes = [hull.equations for hull in hulls]
+    return np.max([-(points @ one[:, :3].T + one[:, 3]).max(axis=1) for one in planes], axis=0)
+
+
 def simulated(case: Case, mesh: grasp3d.ObjectMesh, poses: GraspPoses) -> GraspPoses:
     """Outcomes of a case: of every other pose."""
     first = list(ERRORS).index(case.error)
     hand = poses.hand
     assert isinstance(hand, grasp3d.ParallelGripper)
-    tried = simulate_poses(
+    load = LOADS[case.load]
+    tried = grasp3d.simulate_grasps(
         mesh,
         poses.take(np.arange(first, poses.count, len(ERRORS))),
         hand=hand,
-        load=LOADS[case.load],
-        simulation=replace(SETTINGS, pose_error=ERRORS[case.error]),
+        simulation=replace(
+            SETTINGS, object_mass=load.mass, grip_force=load.grip_force,
+            pose_error=ERRORS[case.error],
+        ),
         cluster=ClusterSettings(workers=0),
-    )
+    )  # fmt: skip
     return replace(tried, object_file=case.name)
 
 

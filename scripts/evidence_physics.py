@@ -1,10 +1,10 @@
 """Hold labels and grip forces against MuJoCo: `python scripts/evidence_physics.py -o physics`.
 
-Three parts. Facets: two round tips press on two plates that are tilted at random; the tilt, and the
+Two parts. Facets: two round tips press on two plates that are tilted at random; the tilt, and the
 friction, at which they begin to slip against the critical friction angle; and labels of the same
-pairs against hold and slip. Forces: the smallest force that holds a load at random contacts, hard
-and soft, against `grip_force`. Objects: grasps of shipped meshes, labelled from what is perceived
-and simulated as they truly are, under several conditions. Needs the extra `physics`.
+pairs, as they are perceived, against hold and slip of the true ones. Forces: the smallest force
+that holds a load at random contacts, hard and soft, against `grip_force`. Whole grippers on objects
+are in `evidence_grippers.py`. Needs the extra `physics`.
 
 Writes a CSV table of each part and `physics.md` with all tables that are printed.
 """
@@ -13,27 +13,16 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import grasp3d
-from grasp3d.batch import ClusterSettings
-from grasp3d.physics import (
-    Simulation,
-    SimulationSettings,
-    SuccessRate,
-    simulate_grasps,
-    write_simulation,
-)
-from grasp3d.physics.drawing import tilt_at_random
-from grasp3d.physics.simulation import rates_by, success_rate
 from grasp3d.system.tables import write_columns
+from grasp3d.validating.intervals import wilson
 from tests.helpers.facets import (
     SLIPPED,
     FacetPress,
@@ -42,43 +31,14 @@ from tests.helpers.facets import (
     random_facets,
     slip_friction,
     slip_tilt,
+    tilt_at_random,
 )
 
-ROOT = Path(__file__).parents[1]
-MESHES = (
-    "box.obj", "bottle.off", "banana.ply", "mug.glb", "hammer.ply", "knob.ply", "torus.glb",
-    "screwdriver.ply",
-)  # fmt: skip
 FRICTIONS = (0.2, 0.5, 0.8)
 RESOLUTIONS = {0.2: math.radians(10.0), 0.5: math.radians(22.6), 0.8: math.radians(22.6)}
 """By friction: at 0.2, no grasp is S with 22.6 degrees."""
 
 OPENING = 0.05
-MARGINS = (-math.inf, -30.0, -20.0, -10.0, 0.0, 5.0, 10.0, math.inf)
-
-CONDITIONS: dict[str, tuple[grasp3d.GraspModel, SimulationSettings]] = {
-    "normals": (grasp3d.GraspModel(), SimulationSettings()),
-    "all": (
-        grasp3d.GraspModel(friction="0.4..0.6", location_error="1mm"),
-        SimulationSettings(seed=1),
-    ),
-    "soft": (
-        grasp3d.GraspModel(torsion_radius="1mm"),
-        SimulationSettings(pulled="center_of_mass", seed=2),
-    ),
-    "bulging": (grasp3d.GraspModel(), SimulationSettings(part_angle=math.pi, seed=3)),
-    "weak": (grasp3d.GraspModel(), SimulationSettings(grip_ratio=2.0, seed=4)),
-}
-"""What differs between runs over all objects, by name."""
-
-MEANING = {
-    "normals": "normals uncertain (resolution 22.6 degrees), friction 0.5; hard tips; pulls on the "
-    "line between the contacts",
-    "all": "also friction from 0.4 to 0.6 and contacts within 1 mm",
-    "soft": "normals uncertain; torsion radius 1 mm; pulls at the centre of mass; any turn counts",
-    "bulging": "as `normals`, but also where the convex parts have other normals than the mesh",
-    "weak": "as `normals`, with a grip force of twice the weight instead of 50 times",
-}
 
 
 class Report:
@@ -132,7 +92,7 @@ def facets(report: Report, folder: Path, pairs: int) -> None:
         "friction | pairs | tilt of slip - beta [deg] | friction angle of slip - beta* [deg]",
         lines(),
     )
-    _labelled_facets(report, random, pairs)
+    _labelled_facets(report, folder, random, pairs)
 
 
 def _creep(report: Report) -> None:
@@ -149,7 +109,7 @@ def _creep(report: Report) -> None:
     )
 
 
-def _labelled_facets(report: Report, random: np.random.Generator, pairs: int) -> None:
+def _labelled_facets(report: Report, folder: Path, random: np.random.Generator, pairs: int) -> None:
     """Labels of perceived facets against hold and slip of the true ones."""
     rows = []
     for friction in FRICTIONS:
@@ -171,15 +131,18 @@ def _labelled_facets(report: Report, random: np.random.Generator, pairs: int) ->
                 if not (true[:, 0] * (1.0, -1.0) > 0.05).all():
                     continue
                 found += 1
-                rows.append((friction, label, margin, facet_slip(true, friction) < SLIPPED))
+                rows.append({
+                    "friction": friction, "label": label, "margin": margin,
+                    "held": facet_slip(true, friction) < SLIPPED,
+                })  # fmt: skip
+
+    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    write_columns(folder / "labels.csv", columns, settings={"seed": 22, "pairs": pairs})
 
     def lines() -> Iterator[str]:
         for friction in FRICTIONS:
-            held = {
-                label: np.array([row[3] for row in rows if row[:2] == (friction, label)])
-                for label in "SMU"
-            }
-            cells = [_cell(success_rate(label, values)) for label, values in held.items()]
+            mine = columns["friction"] == friction
+            cells = [_cell(columns["held"][mine & (columns["label"] == label)]) for label in "SMU"]
             yield f"{friction} | " + " | ".join(cells)
 
     report.add("True normals within alpha/2 of the perceived ones, half of them on the rim:")
@@ -248,101 +211,20 @@ def forces(report: Report, folder: Path, cases: int) -> None:
     report.table("case | count | computed force [N] | simulated / computed", lines())
 
 
-def objects(
-    report: Report, folder: Path, meshes: list[Path], grasps: int, conditions: list[str]
-) -> None:
-    """Simulate labelled grasps of objects under every condition."""
-    report.add("## Objects", "")
-    for name in conditions:
-        model, settings = CONDITIONS[name]
-        report.add(f"### {name}: {MEANING[name]}", "")
-        found = []
-        for path in meshes:
-            start = time.process_time()
-            stated = path.suffix in {".glb", ".gltf", ".3mf"}
-            one = simulate_grasps(
-                path,
-                model,
-                simulation=replace(settings, count=grasps),
-                options=grasp3d.MeshOptions(unit=None if stated else "m"),
-                cluster=ClusterSettings(workers=0),
-            )
-            write_simulation(folder / f"{name}_{path.stem}.csv", one)
-            found.append(one)
-            print(f"{name} {path.name}: {time.process_time() - start:.0f} s", flush=True)
-        report.table(
-            "object | parts | S held | M held | U held | object held: S | M | U | off by [mm, deg]",
-            (_object_row(one) for one in found),
-        )
-        report.table(
-            "margin [deg] | grasp held | object held", _margin_rows(found, lambda one: one.success)
-        )
-        _failures(report, found)
-
-
-def _object_row(one: Simulation) -> str:
-    labelled = [_cell(rate) for rate in one.rates().values()]
-    held = [_cell(rate) for rate in one.rates(held=True).values()]
-    assert one.mesh.unit is not None
-    off = f"{1e3 * one.part_depth.max():.2f}, {math.degrees(one.part_angle.max()):.1f}"
-    return " | ".join([one.mesh.report.source, str(one.parts), *labelled, *held, off])
-
-
-def _margin_rows(found: list[Simulation], of: Callable[[Simulation], Any]) -> Iterator[str]:
-    known = [one.simulated for one in found]
-    margin = np.concatenate(
-        [np.degrees(one.grasps.margin[rows]) for one, rows in zip(found, known, strict=True)]
-    )
-    both = [
-        np.concatenate([values(one)[rows] for one, rows in zip(found, known, strict=True)])
-        for values in (of, lambda one: one.held)
-    ]
-    for grasp, thing in zip(
-        rates_by(margin, both[0], MARGINS), rates_by(margin, both[1], MARGINS), strict=True
-    ):
-        yield f"{grasp.name} | {_cell(grasp)} | {_cell(thing)}"
-    label = np.concatenate([one.grasps.label[rows] for one, rows in zip(found, known, strict=True)])
-    for code in (grasp3d.Label.S, grasp3d.Label.M, grasp3d.Label.U):
-        rates = [success_rate(code.name, values[label == code]) for values in both]
-        yield f"all {code.name} | " + " | ".join(map(_cell, rates))
-
-
-def _failures(report: Report, found: list[Simulation]) -> None:
-    """List S that failed and U that held."""
-    for one in found:
-        columns = one.to_dataframe()
-        wrong = columns[
-            ((columns.label == "S") & ~columns.success) | ((columns.label == "U") & columns.success)
-        ]
-        for row in wrong.itertuples():
-            angles = np.degrees(
-                [row.margin, row.true_critical_angle, row.turn, row.part_angle1, row.part_angle2]
-            )
-            report.add(
-                f"* {one.mesh.report.source}, grasp {row.grasp}: {row.label} {row.fate}, margin "
-                f"{angles[0]:.1f} deg, true beta* {angles[1]:.1f} deg, opening "
-                f"{1e3 * row.opening:.1f} mm, slip {1e3 * row.slip:.2f} mm, turn {angles[2]:.1f} "
-                f"deg, parts off by {angles[3:].max():.1f} deg"
-            )
-    report.add("")
-
-
-def _cell(rate: SuccessRate) -> str:
-    if not rate.count:
-        return "–"
-    return f"{rate.successes}/{rate.count} ({rate.low:.2f} to {rate.high:.2f})"
+def _cell(held: np.ndarray) -> str:
+    """How many of some grasps held, with the interval at 95 %."""
+    count, total = int(held.sum()), len(held)
+    low, high = wilson(count, total)
+    return f"{count}/{total} ({low:.2f} to {high:.2f})" if total else "–"
 
 
 def main() -> int:
     """Run the chosen parts, and write their tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("meshes", nargs="*", default=[ROOT / "meshes" / name for name in MESHES])
     parser.add_argument("-o", "--output", default="physics", help="folder of the tables")
-    parser.add_argument("--only", nargs="*", default=["facets", "forces", "objects"])
+    parser.add_argument("--only", nargs="*", default=["facets", "forces"])
     parser.add_argument("--pairs", type=int, default=60, help="facets for each friction")
     parser.add_argument("--cases", type=int, default=24, help="of grip forces")
-    parser.add_argument("--grasps", type=int, default=60, help="of each object and condition")
-    parser.add_argument("--conditions", nargs="*", default=list(CONDITIONS))
     options = parser.parse_args()
     folder, report, start = Path(options.output), Report(), time.process_time()
     folder.mkdir(parents=True, exist_ok=True)
@@ -350,8 +232,6 @@ def main() -> int:
         facets(report, folder, options.pairs)
     if "forces" in options.only:
         forces(report, folder, options.cases)
-    if "objects" in options.only:
-        objects(report, folder, list(map(Path, options.meshes)), options.grasps, options.conditions)
     report.add(f"{time.process_time() - start:.0f} s of one core")
     (folder / "physics.md").write_text("\n".join(report.lines) + "\n", encoding="utf-8")
     return 0

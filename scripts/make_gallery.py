@@ -56,7 +56,6 @@ from grasp3d._kernels.hull.support_functions import ROWS, WrenchSpace
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.paper.figures import FIGURES
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.physics.simulation import rates_by
 from grasp3d.plots.figures import (
     LABEL_COLORS,
     LINES,
@@ -73,21 +72,19 @@ from grasp3d.rendering.opengl import View
 from grasp3d.settings import with_fingers
 from grasp3d.stability.label import COLORS, MEANING
 from grasp3d.system.tables import read_columns
+from grasp3d.validating.intervals import wilson
 from grasp3d.viewer.scene.framing import MARGIN
 from grasp3d.viewer.scene.overlays import BOLD, PLAIN
 from grasp3d.viewer.scene.pictures import open_renderer
 from grasp3d.viewer.scene.sheets import draw_grasps
 from grasp3d.viewer.scene.stills import draw_colors, draw_labels
 from grasp3d.viewer.session.collection import collection_of
-from grasp3d.viewer.session.inspection import MarkedContacts
 from grasp3d.viewer.view_settings import ViewSettings
 
 ROOT = Path(__file__).parents[1]
 MESHES = ROOT / "meshes"
 SUFFIXES = {".stl", ".obj", ".ply", ".off", ".glb"}
 
-WOOD = (214, 190, 150)
-"""Colour of objects without labels."""
 DPI = 140
 """Pixels of most pictures in an inch."""
 
@@ -677,7 +674,7 @@ def draw_limit_surface(path: Path) -> None:
     figure.savefig(path, dpi=DPI)
 
 
-BORDERS = np.array([-70.0, -50.0, -40.0, -30.0, -22.6, -17.0, -11.3, -5.7, 0.0, 4.0, 8.0, 16.0])
+BORDERS = np.array([-45.0, -30.0, -22.6, -17.0, -11.3, -5.7, 0.0, 4.0, 8.0, 16.0])
 """Of the bins of the margin [degrees]."""
 
 
@@ -688,7 +685,7 @@ def draw_physics(path: Path, experiments: Experiments) -> None:
     figure = new_figure(height=2.5)
     axes = figure.subplots(1, 3, width_ratios=(1.0, 1.7, 1.0))
     draw_facets(axes[0], read_columns(folder / "facets.csv"))
-    draw_margins(axes[1], sorted(folder.glob("normals_*.csv")))
+    draw_margins(axes[1], read_columns(folder / "labels.csv"))
     draw_forces(axes[2], read_columns(folder / "forces.csv"))
     save_as(figure, path)
 
@@ -709,14 +706,8 @@ def draw_facets(axes: Axes, columns: dict[str, np.ndarray]) -> None:
     )
 
 
-def draw_margins(axes: Axes, paths: list[Path]) -> None:
-    """Draw the fractions of grasps and objects that held, over the margin."""
-    tables = [read_columns(path) for path in paths]
-    margin, success, held, fate = (
-        np.concatenate([table[name] for table in tables])
-        for name in ("margin", "success", "held", "fate")
-    )
-    known = fate != "broken"
+def draw_margins(axes: Axes, columns: dict[str, np.ndarray]) -> None:
+    """Draw the fractions of pairs of facets that held, over the margin of what is perceived."""
     border = -math.degrees(GraspModel().sensor_resolution)
     for label, low, high in (
         (Label.U, BORDERS[0], border),
@@ -725,30 +716,24 @@ def draw_margins(axes: Axes, paths: list[Path]) -> None:
     ):
         axes.axvspan(low, high, color=LABEL_COLORS[label], alpha=0.18, linewidth=0.0)
         axes.text(0.5 * (low + high), 1.06, label.name, ha="center", va="bottom")
-    for values, name, style, shift in (
-        (held, "object held", LINES[1], 0.4),
-        (success, "grasp held", LINES[0], -0.4),
-    ):
-        rates = list(rates_by(np.degrees(margin[known]), values[known].astype(bool), BORDERS))
-        rows = [number for number, rate in enumerate(rates) if rate.count]
-        middles = 0.5 * (BORDERS[:-1] + BORDERS[1:])[rows] + shift
-        rate = np.array([rates[number].rate for number in rows])
-        low, high = (
-            np.array([getattr(rates[number], end) for number in rows]) for end in ("low", "high")
-        )
-        axes.errorbar(
-            middles, rate, np.abs([low - rate, high - rate]), label=name, marker="o", markersize=3,
-            elinewidth=0.8, capsize=1.5, **style,
-        )  # fmt: skip
+    mine = columns["friction"] >= 0.5  # whose resolution is that of the border
+    margin, held = np.degrees(columns["margin"][mine]), columns["held"][mine].astype(bool)
+    inside = [held[(margin >= low) & (margin < high)] for low, high in pairwise(BORDERS)]
+    rows = [number for number, of in enumerate(inside) if len(of)]
+    rate = np.array([inside[number].mean() for number in rows])
+    ends = np.array([wilson(int(inside[number].sum()), len(inside[number])) for number in rows])
+    axes.errorbar(
+        0.5 * (BORDERS[:-1] + BORDERS[1:])[rows], rate, np.abs(ends - rate[:, None]).T, marker="o",
+        markersize=3, elinewidth=0.8, capsize=1.5, **LINES[0],
+    )  # fmt: skip
     axes.set(
         xlabel="margin [°]",
-        ylabel="fraction",
+        ylabel="fraction that held",
         xlim=(BORDERS[0], BORDERS[-1]),
         ylim=(-0.04, 1.15),
         yticks=np.linspace(0.0, 1.0, 6),
     )
-    axes.set_title(f"{int(known.sum())} grasps of {len(paths)} objects")
-    axes.legend(loc="center left")
+    axes.set_title(f"{len(held)} perceived pairs")
 
 
 def draw_forces(axes: Axes, columns: dict[str, np.ndarray]) -> None:
@@ -770,65 +755,13 @@ def draw_forces(axes: Axes, columns: dict[str, np.ndarray]) -> None:
     axes.legend(loc="upper left")
 
 
-CAUSES = {
-    "soft": "pulled at its centre of mass:\nit turns about the tips",
-    "weak": "squeezed by twice its weight:\nthe pull decides",
-}
-"""Why S grasps failed under each condition of `evidence_physics.py`."""
-
-
 def draw_evidence(path: Path, experiments: Experiments) -> None:
-    """Success of grasps by label and by margin, and grasps labelled S that failed in simulation."""
+    """Success of published grasps by label and by margin."""
     if experiments.grasps is None or experiments.mesh is None:
         raise SystemExit("evidence needs --grasps and --mesh")
     found = validate_grasps(experiments.grasps, mesh=experiments.mesh)
-    save_as(failure_figure(failures(experiments.physics)), path.with_stem("evidence_failures"))
     save_as(calibration_figure(found), path.with_stem("evidence_calibration"))
     save_as(label_figure(found), path.with_stem("evidence_labels"))
-
-
-def failures(folder: Path) -> list[dict[str, Any]]:
-    """S grasps that were lost, those with the largest margins, one of an object and condition."""
-    found = []
-    for cause in CAUSES:
-        for path in sorted(folder.glob(f"{cause}_*.csv")):
-            columns = read_columns(path)
-            lost = np.flatnonzero((columns["label"] == "S") & (columns["fate"] == "pulled"))
-            if len(lost):
-                row = lost[np.argmax(columns["margin"][lost])]
-                one = {name: values[row] for name, values in columns.items()}
-                found.append({**one, "cause": cause, "object": path.stem.removeprefix(f"{cause}_")})
-    return sorted(found, key=lambda one: -float(one["margin"]))[:4]
-
-
-def rendered(one: dict[str, Any]) -> Bytes:
-    """The object with both tips, seen across the line between them."""
-    (path,) = MESHES.glob(f"{one['object']}.*")
-    mesh = load_mesh(path, unit="m")
-    points = np.array([[one[f"{axis}{tip}"] for axis in "xyz"] for tip in (1, 2)])
-    normals = np.array([[one[f"n{axis}{tip}"] for axis in "xyz"] for tip in (1, 2)])
-    line = points[1] - points[0]
-    upright = abs(line[2]) > 0.9 * float(np.linalg.norm(line))
-    across = np.cross(line, [0.0, 1.0, 0.0] if upright else [0.0, 0.0, 1.0])
-    across = across / np.linalg.norm(across) + [0.0, 0.0, 0.35]
-    view = View(
-        azimuth=math.atan2(across[1], across[0]),
-        elevation=math.atan2(across[2], math.hypot(across[0], across[1])),
-    )
-    grasp = MarkedContacts(points, normals)
-    return draw_colors(mesh, np.array(WOOD), view=view, size=(460, 420), grasp=grasp)
-
-
-@styled
-def failure_figure(found: list[dict[str, Any]]) -> Figure:
-    """A panel for each grasp."""
-    figure = new_figure(height=2.4)
-    for axes, one in zip(figure.subplots(1, len(found)), found, strict=True):
-        show_picture(axes, rendered(one), "", "")
-        axes.set_title(f"{one['object']}: S, margin {math.degrees(one['margin']):.0f}°", fontsize=8)
-        turn, slip = math.degrees(one["turn"]), 1e3 * one["slip"]
-        axes.set_xlabel(f"{CAUSES[one['cause']]}\nturn {turn:.0f}°, slip {slip:.0f} mm", fontsize=7)
-    return figure
 
 
 BROWSER_OPTIONS = [

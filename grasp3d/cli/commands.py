@@ -346,37 +346,32 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
 
 @dataclass(frozen=True)
 class Simulate(Guarded, GivenPoses, OneMesh):
-    """Simulate labelled grasps in MuJoCo: do S hold, and U fail?
+    """Simulate grasps of a gripper in MuJoCo: does the object stay in it?
 
-    Draws pairs of contacts from the surface, labels them from what a sensor perceives of them, and
-    simulates them as they truly are: two round tips press on the object, which is then pulled by
-    its weight in six directions. With --grasps, a gripper closes at given poses instead. Needs the
-    extra: pip install 'grasp3d[physics]'.
+    The gripper closes at given poses, or the best ones that it has on the object, which is then
+    pulled by its weight in six directions. Needs the extra: pip install 'grasp3d[physics]'.
 
     Example:
-        # Do grasps of a box hold as their labels say?
-        grasp3d simulate meshes/box.obj --unit m --count 6 --pull-time 0.2
-        # With uncertain friction, as a table of Parquet
-        grasp3d simulate meshes/box.obj --unit m --friction 0.4..0.6 --count 6 -o simulated.parquet
+        # Do the best grasps of a gripper on a box hold it?
+        grasp3d simulate meshes/box.obj --unit m --hand franka --count 2 --pull-time 0.2
+        # At two wrong poses for each, as a robot would reach them
+        grasp3d simulate meshes/box.obj --unit m --hand wsg50 --trials 2 --pose-error 2mm -o a.csv
     """
 
+    hand: AnyHand
+    """Gripper: the name of a preset, or a file."""
+
     output: Path | None = None
-    """Table with a row for each grasp (.csv or .parquet), or poses with outcomes in any format that
-    has them (default: NAME_simulation.csv in this folder)."""
+    """Poses with outcomes (.csv, .parquet, .json, or another format that has them) (default:
+    NAME_simulation.csv in this folder)."""
 
     grasps: Path | None = None
-    """File of poses of a gripper to simulate, in any format that grasp3d evaluate reads (default:
-    grasps are drawn from the surface)."""
-
-    hand: AnyHand | None = None
-    """Gripper of the poses: the name of a preset, or a file. Of drawn grasps: a gripper with
-    round tips, whose radius and limits of the opening are taken (default: tips of --tip-radius)."""
+    """File of poses of the gripper to simulate, in any format that grasp3d evaluate reads (default:
+    the best grasps on the object, as many as --count)."""
 
     simulation: SimulationSettings = field(default_factory=SimulationSettings)
 
     model: ModelOfJaws = field(default_factory=GraspModel)
-
-    sampling: Annotated[Sampling, Without(["grip"])] = field(default_factory=Sampling)
 
     mesh: WholeMesh = field(default_factory=MeshOptions)
 

@@ -1,8 +1,6 @@
-"""The command `grasp3d simulate`: simulates labelled grasps in MuJoCo."""
+"""The command `grasp3d simulate`: simulates grasps of a gripper in MuJoCo."""
 
-import math
 from collections import Counter
-from collections.abc import Iterable
 from pathlib import Path
 
 from grasp3d.cli import progress_bars
@@ -12,8 +10,7 @@ from grasp3d.cli.report import Report, escaped, label_name
 from grasp3d.errors import SettingError
 from grasp3d.grasps.audit import READINGS, explained
 from grasp3d.grasps.evaluation import poses_on
-from grasp3d.grasps.pose_files import SUFFIXES as POSES
-from grasp3d.grasps.pose_files import write_poses
+from grasp3d.grasps.pose_files import SUFFIXES, write_poses
 from grasp3d.grasps.pose_files.files import check_hand, format_of
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import AUTO
@@ -21,127 +18,63 @@ from grasp3d.hand.hand import touching
 from grasp3d.mesh import load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.physics.engine import mujoco_module
-from grasp3d.physics.simulate import simulate_grasps, simulate_poses
-from grasp3d.physics.simulation import Simulation, SuccessRate, success_rate, write_simulation
-from grasp3d.settings.model_text import model_line
+from grasp3d.physics.simulate import simulate_grasps
 from grasp3d.stability.label import MEANING, Label
-from grasp3d.system.counts import counted
 from grasp3d.system.names import safe_stem
-from grasp3d.system.tables import SUFFIXES
-
-LABELS = sorted(Label)[::-1]
+from grasp3d.validating.intervals import wilson
 
 
 def run(command: Simulate) -> int:
     """Run the command, and return the exit code."""
     output = command.output or Path(f"{safe_stem(command.file.stem)}_simulation.csv")
+    inputs = [command.file, command.grasps]
+    check_output(output, SUFFIXES, "pose", overwrite=command.overwrite, inputs=inputs)
+    check_hand(format_of(output), command.hand)
+    mujoco_module()  # before anything is read
+    tried = _simulate(command)
+    write_poses(output, tried)
     report = Report(quiet=command.quiet)
-    if command.grasps is not None:
-        poses = _simulate_poses(command, command.grasps, output)
-        write_poses(output, poses)
-        print_poses(report, poses)
-    else:
-        for name in ("object_pose", "frame"):
-            if getattr(command, name) is not None:
-                raise SettingError(f"{name} is that of given poses; name their file with --grasps")
-        check_output(output, SUFFIXES, "table", overwrite=command.overwrite, inputs=[command.file])
-        simulation = _simulate(command)
-        write_simulation(output, simulation)
-        print_simulation(report, simulation)
+    print_outcomes(report, tried)
     report.written(output)
     return 0
 
 
-def _simulate_poses(command: Simulate, file: Path, output: Path) -> GraspPoses:
-    """Close the gripper at given poses."""
-    if command.hand is None:
-        raise SettingError(f"{file}: contains poses; give their gripper with --hand NAME|FILE")
-    inputs = [command.file, file]
-    check_output(output, POSES, "pose", overwrite=command.overwrite, inputs=inputs)
-    check_hand(format_of(output), command.hand)
-    mujoco_module()  # before anything is read
-    poses, mesh = poses_on(file, command.file, command.mesh, hand=command.hand, **command.of_poses)
-    with progress_bars.progress(f"simulating {file.name}", quiet=command.quiet):
-        if command.frame == AUTO:
-            poses = explained(mesh, poses, command.hand)
-        return simulate_poses(
-            mesh,
-            poses,
-            touching(command.hand, command.model),
-            hand=command.hand,
-            simulation=command.simulation,
-            cluster=command.cluster,
-        )
-
-
-def _simulate(command: Simulate) -> Simulation:
-    """Read the mesh, draw grasps and simulate them."""
-    mujoco_module()  # before the mesh is read
-    mesh, model, hand = load_mesh(command.file, command.mesh), command.model, command.hand
+def _simulate(command: Simulate) -> GraspPoses:
+    """Read mesh and poses, and close the gripper."""
+    poses, model = None, touching(command.hand, command.model)
+    if command.grasps is not None:
+        given = {"hand": command.hand, **command.of_poses}
+        poses, mesh = poses_on(command.grasps, command.file, command.mesh, **given)
+    else:
+        for name in ("object_pose", "frame"):
+            if getattr(command, name) is not None:
+                raise SettingError(f"{name} is that of given poses; name their file with --grasps")
+        mesh = load_mesh(command.file, command.mesh)
     if not command.force:
-        refuse_lengths(mesh, model, command.sampling, command.simulation)
-    text = f"simulating {command.simulation.count} grasps of {command.file.name}"
-    with progress_bars.progress(text, quiet=command.quiet):
+        refuse_lengths(mesh, model, command.simulation)
+    with progress_bars.progress(f"simulating {command.file.name}", quiet=command.quiet):
+        if poses is not None and command.frame == AUTO:
+            poses = explained(mesh, poses, command.hand)
         return simulate_grasps(
-            mesh,
-            model if hand is None else touching(hand, model),
-            simulation=command.simulation,
-            sampling=command.sampling,
-            hand=hand,
+            mesh, poses, model, hand=command.hand, simulation=command.simulation,
             cluster=command.cluster,
-        )
+        )  # fmt: skip
 
 
-def print_simulation(report: Report, simulation: Simulation) -> None:
-    """Print what was simulated, success by label and by margin, and what became of the grasps."""
-    mesh, settings = simulation.mesh, simulation.settings
-    where = "line between the contacts" if settings.pulled == "line" else "centre of mass"
-    report.mesh(mesh, escaped(model_line(simulation.model)))
-    report.line(
-        f"{counted(simulation.size, 'grasps')}, {counted(simulation.parts, 'convex parts')}; grip "
-        f"force {settings.force:.3g} N; 6 pulls of {settings.weight:.3g} N at the {where}"
-    )
-    rates = simulation.rates()
-    _print_rates(report, "label", ((_legend(label), rates[label.name]) for label in LABELS))
-    margins = ((f"{one.name}°", one) for one in simulation.rates_by_margin())
-    _print_rates(report, "margin", margins)
-    report.line(_fates(simulation.fates))
-    report.warnings(simulation.warnings)
-
-
-def print_poses(report: Report, poses: GraspPoses) -> None:
-    """Print what became of given poses, by label."""
+def print_outcomes(report: Report, tried: GraspPoses) -> None:
+    """Print how many grasps of each label held, and what became of all."""
     for setting, words in READINGS.items():
-        if said := poses.settings.get(setting):
+        if said := tried.settings.get(setting):
             report.line(f"{words}: {escaped(str(said))}")
-    labels = poses.columns["label"]
-    tried = {one: poses.outcome[labels == one.name] for one in LABELS}
-    rates = (
-        (_legend(one), success_rate(one.name, outcome[abs(outcome) < math.inf] == 1.0))
-        for one, outcome in tried.items()
-    )
-    _print_rates(report, "label", rates)
-    report.line(_fates(poses.columns["fate"]))
-
-
-def _legend(label: Label) -> str:
-    return f"{label_name(label)} {MEANING['scan'][label]}"
-
-
-def _print_rates(report: Report, of: str, rates: Iterable[tuple[str, SuccessRate]]) -> None:
-    """Print how many grasps of each label, or of each margin, held."""
-    rows = (
-        (name, str(one.count), _percent(one.rate), f"{100.0 * one.low:.0f} to {_percent(one.high)}")
-        for name, one in rates
-        if one.count
-    )
-    report.table((of, "grasps", "held", "95 %"), rows)
-
-
-def _percent(fraction: float) -> str:
-    return f"{100.0 * fraction:.0f} %"
-
-
-def _fates(fates: Iterable[str]) -> str:
-    """How many grasps met each fate, as one line."""
-    return ", ".join(f"{count} {fate}" for fate, count in Counter(map(str, fates)).most_common())
+    rows = []
+    for label in sorted(Label, reverse=True):
+        outcome = tried.outcome[tried.columns["label"] == label.name]
+        count, held = int((outcome >= 0.0).sum()), int((outcome == 1.0).sum())
+        if count:
+            low, high = wilson(held, count)
+            legend = f"{label_name(label)} {MEANING['scan'][label]}"
+            percent = f"{100.0 * held / count:.0f} %", f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
+            rows.append((legend, str(count), *percent))
+    report.table(("label", "grasps", "held", "95 %"), rows)
+    fates = Counter(tried.columns["fate"].tolist()).most_common()
+    report.line(", ".join(f"{count} {fate}" for fate, count in fates))

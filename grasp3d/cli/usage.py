@@ -22,7 +22,7 @@ GROUPS = {
     "Sampling": "search: Which grasps are searched.",
     "ReachSettings": "hand: The hand that must reach each grasp, and what the object stands on.",
     "Load": "load: What each grasp must hold, and the force at hand.",
-    "SimulationSettings": "simulation: How grasps are drawn and simulated.",
+    "SimulationSettings": "simulation: How grasps are simulated.",
     "ValidationSettings": "statistics: What is computed from outcomes, and listed.",
     "ViewSettings": "view: The initial view of the object.",
     "ClusterSettings": "processes: Which processes do the work, and their limits.",
@@ -32,7 +32,7 @@ GROUPS = {
 MAIN = {
     "unit", "friction", "sensor_resolution", "fingers", "max_opening", "hand", "table", "mass",
     "pose_error", "output", "best", "grasps", "frame", "max_distance", "metrics", "contact_rule",
-    "mesh", "meshes", "outcome", "count", "tip_radius", "object_mass", "workers", "fraction",
+    "mesh", "meshes", "outcome", "count", "object_mass", "workers", "fraction",
     "paint", "web", "screenshot",
 }  # fmt: skip
 """Fields whose options the short help lists, with the first words of their help."""

@@ -1,10 +1,4 @@
-from .parts import ConvexParts as ConvexParts
 from .parts import convex_parts as convex_parts
 from .pulling import Fate as Fate
-from .pulling import Outcome as Outcome
 from .simulate import simulate_grasps as simulate_grasps
-from .simulate import simulate_poses as simulate_poses
-from .simulation import Simulation as Simulation
-from .simulation import SuccessRate as SuccessRate
-from .simulation import write_simulation as write_simulation
 from .simulation_settings import SimulationSettings as SimulationSettings

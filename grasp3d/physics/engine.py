@@ -7,7 +7,7 @@ from typing import Any
 
 from grasp3d.errors import SettingError
 
-NEEDS_PHYSICS = "{} needs {}; install it with: pip install 'grasp3d[physics]'"
+NEEDS_PHYSICS = "a simulation needs {}; install it with: pip install 'grasp3d[physics]'"
 
 TIME_STEP = 1e-3
 """Default step of the simulation [s]."""
@@ -34,7 +34,7 @@ def mujoco_module() -> ModuleType:
     try:
         import mujoco
     except ImportError as error:
-        raise SettingError(NEEDS_PHYSICS.format("a simulation", "mujoco")) from error
+        raise SettingError(NEEDS_PHYSICS.format("mujoco")) from error
     return mujoco  # type: ignore[no-any-return]
 
 
@@ -57,8 +57,8 @@ def _ignore(_warning: str) -> None:
     """Do nothing with a warning."""
 
 
-def new_spec(time_step: float = TIME_STEP, *, dry_friction: bool = True) -> Any:
-    """An empty MuJoCo model without gravity.
+def new_spec(time_step: float = TIME_STEP) -> Any:
+    """An empty MuJoCo model without gravity, whose contacts behave as dry friction.
 
     MuJoCo's friction is a soft constraint. With its defaults (pyramidal cones, as hard as the
     normals, no further iterations) a contact well inside its friction cone creeps by centimetres
@@ -67,35 +67,32 @@ def new_spec(time_step: float = TIME_STEP, *, dry_friction: bool = True) -> Any:
 
     Args:
         time_step: Step [s].
-        dry_friction: Whether it has these settings; otherwise MuJoCo's defaults.
     """
     mujoco = mujoco_module()
     spec = mujoco.MjSpec()
     option = spec.option
     option.timestep = time_step
     option.gravity = (0.0, 0.0, 0.0)
-    if dry_friction:
-        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-        option.impratio = IMPEDANCE_RATIO
-        option.noslip_iterations = NOSLIP_ITERATIONS
-        option.noslip_tolerance = 1e-10
-        option.tolerance = 1e-12
-        option.iterations = 200
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.impratio = IMPEDANCE_RATIO
+    option.noslip_iterations = NOSLIP_ITERATIONS
+    option.noslip_tolerance = 1e-10
+    option.tolerance = 1e-12
+    option.iterations = 200
     return spec
 
 
-def contact_fields(friction: float, torsion_radius: float = 0.0) -> dict[str, Any]:
-    """Fields of a geom for contacts of one friction.
+def contact_fields(torsion_radius: float = 0.0) -> dict[str, Any]:
+    """Fields of a geom for contacts whose friction is set in the compiled model.
 
     Args:
-        friction: Coulomb coefficient.
         torsion_radius: Largest torsional moment per normal force [m]; MuJoCo's elliptic cone with
             it is the limit surface (f_t / friction)^2 + (moment / radius)^2 <= f_n^2 of Howe &
             Cutkosky (IJRR 1996). 0: a hard finger.
     """
     return {
-        "friction": (friction, torsion_radius, 0.0),
+        "friction": (1.0, torsion_radius, 0.0),
         "condim": 4 if torsion_radius > 0.0 else 3,
         "solref": STIFFNESS,
         "solimp": IMPEDANCE,

@@ -43,6 +43,8 @@ class Fingers:
     """Their radii, shape (k,)."""
     stiffness: float
     """Of each ball [N/m]."""
+    torsion_radius: float
+    """Largest torsional moment per normal force of a ball [m]; 0: hard."""
     solids: tuple[Floats, ...]
     """Corners of the convex rigid parts of finger 1, shape (n, 3) each."""
     palm: Floats
@@ -50,9 +52,20 @@ class Fingers:
 
     __repr__ = short_repr
 
+    @property
+    def soft(self) -> bool:
+        """Whether they resist torsion about the line through their contacts."""
+        return self.torsion_radius > 0.0 or len(self.radii) > 1
+
     @classmethod
-    def of(cls, jaws: Jaws, stiffness: float) -> "Fingers":
-        """The fingers of a gripper, whose pads, or round tips, have a stiffness [N/m]."""
+    def of(cls, jaws: Jaws, stiffness: float, torsion_radius: float = 0.0) -> "Fingers":
+        """The fingers of a gripper.
+
+        Args:
+            jaws: The gripper.
+            stiffness: Of a pad, or a round tip [N/m].
+            torsion_radius: Of a round tip [m]; torsion on pads follows from where they are touched.
+        """
         front = jaws.end - jaws.finger_length
         palm = _box(
             (-0.5 * jaws.palm_thickness, 0.5 * jaws.palm_thickness),
@@ -65,7 +78,7 @@ class Fingers:
             solid = _box((middle - half, middle + half), *finger)
             return cls(
                 locked(np.array([[middle, 0.0, 0.0]])), locked(np.array([jaws.tip_radius])),
-                stiffness, (locked(solid),), locked(palm),
+                stiffness, torsion_radius, (locked(solid),), locked(palm),
             )  # fmt: skip
         thickness = jaws.tip_thickness or jaws.finger_thickness
         depth = PAD_DEPTH * thickness
@@ -79,6 +92,7 @@ class Fingers:
             locked(np.concatenate([centres for centres, _ in beds])),
             locked(np.concatenate([radii for _, radii in beds])),
             stiffness / (len(y) * len(z)),
+            0.0,
             tuple(map(locked, solids)),
             locked(palm),
         )

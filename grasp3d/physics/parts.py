@@ -2,17 +2,19 @@
 
 import hashlib
 import os
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from grasp3d.arrays import Floats, Ints, locked, short_repr
-from grasp3d.errors import OutputError, SettingError
+from grasp3d.arrays import Floats, Ints, locked
+from grasp3d.batch.batch_settings import ClusterSettings
+from grasp3d.batch.run import run
+from grasp3d.errors import GraspError, MeshError, OutputError, SettingError
+from grasp3d.mesh import ObjectMesh
 from grasp3d.physics.engine import NEEDS_PHYSICS
+from grasp3d.physics.simulation_settings import SimulationSettings
 from grasp3d.system.files import atomic_write
 
 SEARCH = {"mcts_iterations": 60, "mcts_nodes": 10, "preprocess_mode": "off"}
@@ -24,53 +26,52 @@ CACHE = "GRASP3D_CACHE"
 """Environment variable with the folder in which parts are kept; empty: none."""
 
 
-@dataclass(frozen=True, eq=False)
-class ConvexParts:
-    """Convex bodies whose union is nearly an object."""
-
-    vertices: tuple[Floats, ...]
-    """Corners of each part [m], shape (n, 3)."""
-
-    __repr__ = short_repr
-
-    @property
-    def count(self) -> int:
-        """Number of parts."""
-        return len(self.vertices)
-
-    @cached_property
-    def _planes(self) -> tuple[Floats, ...]:
-        """Outward normals and offsets of each part's faces, shape (m, 4)."""
-        return tuple(ConvexHull(one).equations for one in self.vertices)
-
-    def depths(self, points: Floats) -> Floats:
-        """How deep points lie below the surface of the union.
-
-        Args:
-            points: Positions in the mesh's frame, shape (k, 3).
-
-        Returns:
-            Depth in the deepest part, shape (k,); negative outside, there at most the distance.
-            For points of the mesh's surface it is the distance by which the parts are off there.
-        """
-        inside = [-(points @ one[:, :3].T + one[:, 3]).max(axis=1) for one in self._planes]
-        return np.max(inside, axis=0)  # type: ignore[no-any-return]
-
-    def outward(self, points: Floats) -> Floats:
-        """Outward normals of the union near points on it, shape (k, 3)."""
-        normals, deepest = np.zeros((len(points), 3)), np.full(len(points), -np.inf)
-        for planes in self._planes:
-            heights = points @ planes[:, :3].T + planes[:, 3]
-            face = heights.argmax(axis=1)
-            depth = -heights[np.arange(len(points)), face]
-            nearer = depth > deepest
-            normals[nearer], deepest[nearer] = planes[face[nearer], :3], depth[nearer]
-        return normals
+Parts = tuple[Floats, ...]
+"""Corners of convex bodies whose union is nearly an object [m], shape (n, 3) each."""
 
 
-def convex_parts(
-    vertices: Floats, faces: Ints, *, threshold: float = 0.03, seed: int = 0
-) -> ConvexParts:
+def parts_of(mesh: ObjectMesh, settings: SimulationSettings, cluster: ClusterSettings) -> Parts:
+    """Convex parts of a mesh, found in a watched process unless there shall be none.
+
+    Args:
+        mesh: The mesh.
+        settings: Of the parts.
+        cluster: Its limits.
+
+    Raises:
+        MeshError: The mesh is open.
+        GraspError: CoACD crashed, took too long, or too much memory.
+        SettingError: It is not installed, or finds no parts.
+    """
+    source = mesh.report.source
+    if not mesh.report.closed:
+        raise MeshError(
+            f"{source}: is open, so it bounds no body that could be simulated; close it "
+            "(--repair full)"
+        )
+    parts: Parts | GraspError
+
+    def lost(_: object, reason: str) -> GraspError:
+        return GraspError(
+            f"{source}: CoACD, which divides it into convex parts, {reason}; try a larger "
+            "part_threshold, or repair the mesh (--repair full)"
+        )
+
+    (parts,) = run(_parts, [(mesh.vertices, mesh.faces)], settings, lost=lost, cluster=cluster)
+    if isinstance(parts, GraspError):
+        raise parts
+    return parts
+
+
+def _parts(surface: tuple[Floats, Ints], settings: SimulationSettings) -> Parts | GraspError:
+    """Convex parts of a surface, or why there are none."""
+    try:
+        return convex_parts(*surface, threshold=settings.part_threshold, seed=settings.seed)
+    except GraspError as error:
+        return error
+
+
+def convex_parts(vertices: Floats, faces: Ints, *, threshold: float = 0.02, seed: int = 0) -> Parts:
     """Divide a closed surface into convex parts with CoACD (Wei et al., SIGGRAPH 2022).
 
     Args:
@@ -81,7 +82,8 @@ def convex_parts(
         seed: Seed of the search for cuts; the same seed gives the same parts.
 
     Returns:
-        The parts; those of the same surface and settings are kept in a file.
+        Corners of each part, shape (n, 3); those of the same surface and settings are kept in a
+        file.
 
     Raises:
         SettingError: CoACD is not installed, or divides the surface into nothing.
@@ -90,7 +92,7 @@ def convex_parts(
         >>> import trimesh
         >>> from grasp3d.physics import convex_parts
         >>> box = trimesh.creation.box([0.04, 0.06, 0.1])
-        >>> convex_parts(box.vertices, box.faces).count
+        >>> len(convex_parts(box.vertices, box.faces))
         1
     """
     key = hashlib.sha256(repr((SEARCH, threshold, seed)).encode())
@@ -106,11 +108,11 @@ def convex_parts(
     return parts
 
 
-def _decomposed(vertices: Floats, faces: Ints, threshold: float, seed: int) -> ConvexParts:
+def _decomposed(vertices: Floats, faces: Ints, threshold: float, seed: int) -> Parts:
     try:
         import coacd
     except ImportError as error:
-        raise SettingError(NEEDS_PHYSICS.format("a simulation", "coacd")) from error
+        raise SettingError(NEEDS_PHYSICS.format("coacd")) from error
     coacd.set_log_level("error")
     # Its threshold is for an object that is scaled to a box from -1 to 1.
     parts: Any = coacd.run_coacd(
@@ -119,7 +121,7 @@ def _decomposed(vertices: Floats, faces: Ints, threshold: float, seed: int) -> C
     solid = [one for one in (np.asarray(points, float) for points, _ in parts) if _is_solid(one)]
     if not solid:
         raise SettingError("the mesh has no convex parts: it must enclose a volume")
-    return ConvexParts(tuple(locked(one) for one in solid))
+    return tuple(map(locked, solid))
 
 
 def _is_solid(vertices: Floats) -> bool:
@@ -146,22 +148,22 @@ def _cached_file(key: str) -> Path | None:
     return Path(folder or Path(cache) / "grasp3d") / "parts" / f"{key[:32]}.npz"
 
 
-def _read(path: Path) -> ConvexParts | None:
+def _read(path: Path) -> Parts | None:
     """Parts of a file; None: it is missing or damaged."""
     try:
         with np.load(path) as file:
             vertices, first = file["vertices"], file["first"]
     except (OSError, ValueError, KeyError, EOFError):
         return None
-    return ConvexParts(tuple(locked(one) for one in np.split(vertices, first)))
+    return tuple(map(locked, np.split(vertices, first)))
 
 
-def _write(path: Path, parts: ConvexParts) -> None:
+def _write(path: Path, parts: Parts) -> None:
     """Keep parts in a file, where one can be written."""
-    counts = np.cumsum([len(one) for one in parts.vertices])
+    counts = np.cumsum([len(one) for one in parts])
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(path) as temporary:
-            np.savez(temporary, vertices=np.concatenate(parts.vertices), first=counts[:-1])
+            np.savez(temporary, vertices=np.concatenate(parts), first=counts[:-1])
     except (OSError, OutputError):
         return

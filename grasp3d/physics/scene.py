@@ -1,8 +1,7 @@
-"""Two fingertips of a gripper and an object of convex parts between them, as a model of MuJoCo.
+"""A gripper and an object of convex parts between its fingers, as a model of MuJoCo.
 
-The tips slide along the closing axis and press with a force. Both move by the same distance, as
-those of parallel grippers do, and yield to nothing across the axis. Tips alone are rigid balls;
-those of a gripper are its `Fingers`, with the palm.
+The fingers slide along the closing axis and press with a force. Both move by the same distance, as
+those of parallel grippers do, and yield to nothing across the axis.
 """
 
 import math
@@ -15,7 +14,6 @@ from grasp3d.arrays import Floats, short_repr
 from grasp3d.mesh import ObjectMesh
 from grasp3d.physics.engine import IMPEDANCE, STIFFNESS, contact_fields, mujoco_module, new_spec
 from grasp3d.physics.fingers import Fingers
-from grasp3d.physics.parts import ConvexParts
 from grasp3d.physics.simulation_settings import SimulationSettings
 
 OBJECT = "object"
@@ -26,15 +24,12 @@ does not change where anything is at rest; without it the free spin about the li
 fingers would grow from rounding."""
 
 JOINTS = ("tip 1", "tip 2")
-"""Names of the tips' joints and motors; positive is closing."""
-
-SPEED = 0.5
-"""Speed of tips that meet no resistance [m/s]: their damping is force over speed, and does not
-change where anything comes to rest."""
+"""Names of the fingers' bodies, joints and motors; positive is closing."""
 
 CLOSING = 0.1
-"""Speed of the fingers of a gripper that meet no resistance [m/s]: at that an object that lies with
-friction goes on by a millimetre where a finger lets it go."""
+"""Speed of fingers that meet no resistance [m/s]: at that an object that lies with friction goes on
+by a millimetre where a finger lets it go. Their damping is force over speed, and does not change
+where anything comes to rest."""
 
 FINGER_MASS = 1.0
 """Inertia of a finger with its drive [kg]; what is at rest does not depend on it."""
@@ -49,7 +44,7 @@ many for the iterations without slip; at this it turns by a hundredth of it with
 time."""
 
 FAR = 10.0
-"""Farther than any tip slides [m]."""
+"""Farther than any finger slides [m]."""
 
 LYING = 0.5
 """Friction with which an object lies while it is grasped: a force of its weight times this, and a
@@ -57,101 +52,77 @@ torque of the force times a quarter of its size. It does not fly off where one f
 """
 
 TIP_BIT = 1
-"""Tips and object collide with each other, not among themselves."""
+"""Fingers and object collide with each other, not among themselves."""
 
 
-@dataclass(frozen=True)
-class Tips:
-    """The shape of the tips, and how they touch."""
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """What all grasps of an object have in common; lengths in metres, in the mesh's frame."""
 
-    radius: float = 0.0
-    """Radius of tips that are balls and nothing else [m]."""
-    friction: float = 0.5
-    """Coulomb coefficient between tips and object."""
-    torsion_radius: float = 0.0
-    """Largest torsional moment per normal force of a ball [m]; 0: hard fingers."""
-    fingers: Fingers | None = None
-    """The whole fingers of a gripper, and its palm; None: balls alone."""
+    parts: tuple[Floats, ...]
+    """Corners of its convex parts, shape (n, 3) each."""
+    center: Floats
+    """Centre of mass, shape (3,)."""
+    extents: Floats
+    """Sides of its bounding box, whose moments of inertia it has, shape (3,)."""
+    fingers: Fingers
+    settings: SimulationSettings
+    force: float
+    """Of each finger along the closing axis [N]."""
 
-    @property
-    def speed(self) -> float:
-        """Speed at which they close [m/s]."""
-        return SPEED if self.fingers is None else CLOSING
+    __repr__ = short_repr
 
-    def parts(self, side: float) -> tuple[Floats, Floats, tuple[Floats, ...]]:
-        """Centres (k, 3) and radii (k,) of the balls of a tip, and corners of its solids [m].
-
-        Args:
-            side: 1: of tip 1; -1: of tip 2.
-        """
-        if self.fingers is None:
-            return np.zeros((1, 3)), np.array([self.radius]), ()
-        sides, solids = np.array([side, 1.0, 1.0]), self.fingers.solids
-        return (
-            self.fingers.centres * sides,
-            self.fingers.radii,
-            tuple(one * sides for one in solids),
-        )
-
-    @property
-    def soft(self) -> bool:
-        """Whether the tips resist torsion about the line through their contacts."""
-        pad = self.fingers is not None and len(self.fingers.radii) > 1
-        return self.torsion_radius > 0.0 or pad
+    @classmethod
+    def of(
+        cls, mesh: ObjectMesh, parts: tuple[Floats, ...], fingers: Fingers,
+        settings: SimulationSettings, force: float,
+    ) -> "Stage":  # fmt: skip
+        """The object of a mesh and of its convex parts, and a gripper."""
+        extents = np.ptp(mesh.vertices[mesh.faces].reshape(-1, 3), axis=0)
+        return cls(parts, mesh.center_mass, extents, fingers, settings, force)
 
 
-def add_tips(
-    spec: Any, centres: Floats, tips: Tips, *, mass: float, force: float, until: float = FAR
-) -> None:
-    """Add the tips, their joints along x, and motors.
+def add_fingers(spec: Any, centres: Floats, fingers: Fingers, force: float) -> None:
+    """Add the fingers, their joints along x, and motors.
 
     Args:
         spec: A model of MuJoCo.
-        centres: Positions of the tips where the joints are 0 [m], shape (2, 3): of the middles of
-            balls, or of the planes of pads; tip 1 closes along +x.
-        tips: Their shape and friction.
-        mass: Mass of each [kg].
+        centres: Positions of the fingers where the joints are 0 [m], shape (2, 3); finger 1 closes
+            along +x.
+        fingers: Their shape.
         force: Force at which they are damped to their speed [N].
-        until: Where their joints end: tips do not pass through each other [m].
     """
     mujoco = mujoco_module()
-    for number, name in enumerate(JOINTS):
+    hard, balls = contact_fields(), contact_fields(fingers.torsion_radius)
+    for number, (name, side) in enumerate(zip(JOINTS, (1.0, -1.0), strict=True)):
         body = spec.worldbody.add_body(name=name, pos=centres[number])
         body.explicitinertial = True
-        body.mass, body.inertia = mass, (mass, mass, mass)  # they do not turn
-        axis = (1.0 if number == 0 else -1.0, 0.0, 0.0)
+        body.mass, body.inertia = FINGER_MASS, (FINGER_MASS,) * 3  # they do not turn
         body.add_joint(
-            name=name,
-            type=mujoco.mjtJoint.mjJNT_SLIDE,
-            axis=axis,
-            damping=[force / tips.speed, 0.0, 0.0],
-            limited=mujoco.mjtLimited.mjLIMITED_TRUE,
-            range=(-FAR, until),
-            solref_limit=STIFFNESS,
-            solimp_limit=IMPEDANCE,
-        )
-        # Friction is that of the tip, not the larger one of both.
+            name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(side, 0.0, 0.0),
+            damping=[force / CLOSING, 0.0, 0.0], limited=mujoco.mjtLimited.mjLIMITED_TRUE,
+            range=(-FAR, 0.0), solref_limit=STIFFNESS, solimp_limit=IMPEDANCE,
+        )  # fmt: skip
+        # Friction is that of the finger, not the larger one of both.
         touch = {"priority": 1, "contype": 0, "conaffinity": TIP_BIT << number}
-        hard = contact_fields(tips.friction)
-        balls = contact_fields(tips.friction, tips.torsion_radius)
-        places, radii, solids = tips.parts(1.0 if number == 0 else -1.0)
-        for place, radius in zip(places, radii, strict=True):
+        mirrored = np.array([side, 1.0, 1.0])
+        for place, radius in zip(fingers.centres * mirrored, fingers.radii, strict=True):
             sphere = mujoco.mjtGeom.mjGEOM_SPHERE
             body.add_geom(type=sphere, size=(radius, 0.0, 0.0), pos=place, **touch, **balls)
-        for count, solid in enumerate(solids):
-            add_convex(spec, body, f"{name} solid {count}", solid, **touch, **hard)
+        for count, solid in enumerate(fingers.solids):
+            _add_convex(spec, body, f"{name} solid {count}", solid * mirrored, **touch, **hard)
         motor = spec.add_actuator(
             name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, gear=[1.0, 0, 0, 0, 0, 0]
         )
         motor.gainprm[0] = 1.0
-    equality = spec.add_equality(  # both tips move by the same distance
+    equality = spec.add_equality(  # both move by the same distance
         type=mujoco.mjtEq.mjEQ_JOINT, name1=JOINTS[0], name2=JOINTS[1],
         objtype=mujoco.mjtObj.mjOBJ_JOINT, solref=STIFFNESS, solimp=IMPEDANCE,
     )  # fmt: skip
     equality.data[:5] = (0.0, 1.0, 0.0, 0.0, 0.0)
 
 
-def add_convex(spec: Any, body: Any, name: str, vertices: Floats, **fields: Any) -> None:
+def _add_convex(spec: Any, body: Any, name: str, vertices: Floats, **fields: Any) -> None:
     """Add a convex part of corners (n, 3) [m] to a body, with fields of its geom."""
     mujoco = mujoco_module()
     mesh = spec.add_mesh(name=name, uservert=vertices.ravel().tolist())
@@ -159,80 +130,32 @@ def add_convex(spec: Any, body: Any, name: str, vertices: Floats, **fields: Any)
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **fields)
 
 
-@dataclass(frozen=True, eq=False)
-class Stage:
-    """What all grasps of an object have in common; lengths in metres, in the mesh's frame."""
-
-    parts: ConvexParts
-    center: Floats
-    """Centre of mass, shape (3,)."""
-    extents: Floats
-    """Sides of its bounding box, whose moments of inertia it has, shape (3,)."""
-    tips: Tips
-    settings: SimulationSettings
-
-    __repr__ = short_repr
-
-    @classmethod
-    def of(
-        cls, mesh: ObjectMesh, parts: ConvexParts, tips: Tips, settings: SimulationSettings
-    ) -> "Stage":
-        """The object of a mesh in metres, and of its convex parts.
-
-        Args:
-            mesh: The object.
-            parts: Its convex parts.
-            tips: The tips, in metres.
-            settings: Forces, times and limits; lengths in metres.
-        """
-        extents = np.ptp(mesh.vertices[mesh.faces].reshape(-1, 3), axis=0)
-        return cls(parts, mesh.center_mass, extents, tips, settings)
-
-    @property
-    def inertia(self) -> Floats:
-        """Moments of inertia of the bounding box [kg m^2]: what is at rest depends on none."""
-        square = self.extents**2
-        return np.asarray(self.settings.object_mass / 12.0 * (square.sum() - square))
-
-
 def grasp_model(stage: Stage) -> tuple[Any, Any]:
-    """MuJoCo's model and data of tips on the x axis, and of the object as a free body.
+    """MuJoCo's model and data of fingers on the x axis, and of the object as a free body.
 
-    The tips are at the origin while their joints are 0: joints of -a put both a distance 2 a apart.
+    The planes of the pads are at the origin while their joints are 0: joints of -a put both a
+    distance 2 a apart.
     """
-    tips, settings = stage.tips, stage.settings
-    mujoco = mujoco_module()
+    settings = stage.settings
     spec = new_spec(settings.time_step)
+    spec.option.impratio, spec.option.noslip_iterations = GIVING_RATIO, 0
     body = spec.worldbody.add_body(name=OBJECT)
     body.add_freejoint()
     body.explicitinertial = True
     body.mass = settings.object_mass
-    # Away from the origin: MuJoCo compiles bodies whose centre of mass is there for good.
-    body.ipos = stage.center + stage.extents
-    body.inertia = stage.inertia
-    touch = contact_fields(tips.friction, tips.torsion_radius)
-    for number, vertices in enumerate(stage.parts.vertices):
-        touched = {"contype": TIP_BIT | TIP_BIT << 1, "conaffinity": 0}
-        add_convex(spec, body, f"part {number}", vertices, **touched, **touch)
-    if tips.fingers is not None:
-        met = {"priority": 1, "contype": 0, "conaffinity": TIP_BIT}
-        hard = contact_fields(tips.friction)
-        add_convex(spec, spec.worldbody, "palm", tips.fingers.palm, **met, **hard)
-    add_tips(
-        spec,
-        np.zeros((2, 3)),
-        tips,
-        mass=settings.object_mass if tips.fingers is None else FINGER_MASS,
-        force=settings.force,
-        until=-tips.radius,
-    )
-    if tips.fingers is not None:
-        spec.option.impratio, spec.option.noslip_iterations = GIVING_RATIO, 0
+    body.ipos = stage.center
+    square = stage.extents**2
+    body.inertia = settings.object_mass / 12.0 * (square.sum() - square)
+    touched = {"contype": TIP_BIT | TIP_BIT << 1, "conaffinity": 0}
+    for number, vertices in enumerate(stage.parts):
+        _add_convex(spec, body, f"part {number}", vertices, **touched, **contact_fields())
+    met = {"priority": 1, "contype": 0, "conaffinity": TIP_BIT}
+    _add_convex(spec, spec.worldbody, "palm", stage.fingers.palm, **met, **contact_fields())
+    add_fingers(spec, np.zeros((2, 3)), stage.fingers, stage.force)
     model = spec.compile()
     model.dof_damping[3:6] = SPIN_LEVER * settings.weight
-    if tips.fingers is not None:
-        _give_way(model, tips.fingers.stiffness)
-    return model, mujoco.MjData(model)
+    _give_way(model, stage.fingers.stiffness)
+    return model, mujoco_module().MjData(model)
 
 
 def _give_way(model: Any, stiffness: float) -> None:
@@ -253,21 +176,17 @@ def _give_way(model: Any, stiffness: float) -> None:
     model.geom_solimp[balls, :2] = impedance
 
 
-def put_object(model: Any, data: Any, pose: Floats, center: Floats, friction: Floats) -> None:
-    """Put the object where a gripper's pose wants it, and set what differs between grasps.
+def put_object(model: Any, data: Any, pose: Floats, friction: float) -> None:
+    """Put the object where a gripper's pose wants it.
 
     Args:
-        model: MuJoCo's model; changed.
+        model: MuJoCo's model; gets the friction.
         data: Its data; reset.
         pose: Matrix that takes the gripper's coordinates to the object's [m], shape (4, 4).
-        center: Centre of mass in the object's frame [m], shape (3,).
-        friction: Coulomb coefficient of each tip, shape (2,).
+        friction: Coulomb coefficient.
     """
     mujoco = mujoco_module()
-    model.body(OBJECT).ipos[:] = center
-    for number, name in enumerate(JOINTS):
-        model.geom_friction[model.geom_bodyid == model.body(name).id, 0] = friction[number]
-    mujoco.mj_setConst(model, data)
+    model.geom_friction[:, 0] = friction
     mujoco.mj_resetData(model, data)
     rotation, origin = pose[:3, :3], pose[:3, 3]
     data.qpos[:3] = -rotation.T @ origin

@@ -101,9 +101,10 @@ validate perhaps.csv --mesh box.stl --hand franka | grasp 2: outcome must be 1 o
 validate poses.csv --mesh box.stl --hand franka --worst 51 | worst must be from 0 to 50
 validate poses.csv --mesh box.stl --hand franka -o poses.csv | poses.csv: is a file; name a folder
 validate poses.csv --hand franka --meshes nowhere | nowhere: there is no such folder
-simulate box.stl --unit mm --hand franka | gripper 'franka' has flat pads, which touch more than two
-simulate box.stl --unit mm --count 2 | count must be from 3 to 100000; got 2
-simulate ball.ply --unit mm -o link.csv | link.csv: is read by this command; name another file
+simulate box.stl --unit mm | grasp3d simulate needs --hand; see grasp3d simulate --help
+simulate box.stl --unit mm --hand franka --count 0 | count must be from 1 to 1000; got 0
+simulate box.stl --unit mm --hand franka --frame acronym | name their file with --grasps
+simulate ball.ply --unit mm --hand franka -o link.csv | link.csv: is read by this command; name
 sweep | grasp3d sweep needs PATH|SHAPE ...; see grasp3d sweep --help
 sweep void | no mesh in it
 sweep circle -o notes.csv | notes.csv: exists; name another file
@@ -185,7 +186,7 @@ label box.stl --unit mm --hand franka --best 2 --grasps @.csv
 evaluate box.stl pair.json -o @.csv
 evaluate box.stl poses.csv --unit mm --hand franka -o @.json
 validate poses.csv --mesh box.stl --hand franka -o @.csv/report
-simulate box.stl --unit mm -o @.csv
+simulate box.stl --unit mm --hand franka -o @.csv
 simulate box.stl --unit mm --grasps poses.csv --hand franka -o @.json
 batch ball.ply -o @.csv/out
 sweep ball.ply -o @.csv

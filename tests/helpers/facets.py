@@ -15,14 +15,25 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, unit_rows
 from grasp3d.contact.contacts import Contacts
+from grasp3d.contact.friction_cones import tangents
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.physics.engine import contact_fields, mujoco_module, new_spec, without_log
-from grasp3d.physics.scene import TIP_BIT, Tips, add_tips
+from grasp3d.physics.engine import (
+    TIME_STEP,
+    contact_fields,
+    mujoco_module,
+    new_spec,
+    without_log,
+)
+from grasp3d.physics.fingers import Fingers
+from grasp3d.physics.scene import FAR, JOINTS, TIP_BIT, add_fingers
 
 SLIPPED = 5e-5
 """Shift of a contact across the line between the two from which a grasp has slipped [m]. Grasps
 that hold move by a fifth of it at most, as contacts yield; those beyond the cone by 0.05 degrees
 pass it within a second."""
+
+SPEED = 0.5
+"""Speed of tips that meet no resistance [m/s]."""
 
 RAMP = 0.1
 """Time in which the force grows to its full value [s]."""
@@ -35,6 +46,22 @@ PLATES = "plates"
 
 DEFAULT_CONTACT = {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0)}
 """MuJoCo's defaults."""
+
+
+@dataclass(frozen=True)
+class Tip:
+    """A rigid ball that presses; lengths in metres."""
+
+    radius: float
+    friction: float
+    torsion_radius: float = 0.0
+
+    @property
+    def fingers(self) -> Fingers:
+        """Two of them, without anything behind."""
+        ball, nothing = np.zeros((1, 3)), np.zeros((0, 3))
+        radii = np.array([self.radius])
+        return Fingers(ball, radii, math.inf, self.torsion_radius, (), nothing)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +109,7 @@ def facet_slip(normals: ArrayLike, friction: float, press: FacetPress | None = N
         and slip at tan 19 degrees:
 
         >>> import math
-        >>> from grasp3d.physics.facets import SLIPPED, facet_slip
+        >>> from tests.helpers.facets import SLIPPED, facet_slip
         >>> tilt = math.radians(20.0)
         >>> normals = [[math.cos(tilt), math.sin(tilt), 0.0], [-1.0, 0.0, 0.0]]
         >>> frictions = [math.tan(math.radians(angle)) for angle in (21.0, 19.0)]
@@ -97,7 +124,7 @@ def facet_slip(normals: ArrayLike, friction: float, press: FacetPress | None = N
     model = plates_model(
         inward,
         setup.opening,
-        Tips(setup.tip_radius, friction),
+        Tip(setup.tip_radius, friction),
         mass=setup.mass,
         force=setup.force,
         dry_friction=setup.dry_friction,
@@ -187,6 +214,22 @@ def random_facets(random: np.random.Generator, largest: float) -> Floats:
     return normals * [[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]]
 
 
+def tilt_at_random(normals: Floats, tilt: Floats, random: np.random.Generator) -> Floats:
+    """Tilt normals by up to an angle, evenly over the cap of directions.
+
+    Args:
+        normals: Unit normals, shape (..., 3).
+        tilt: Largest angle [rad], shape (...).
+        random: Source of randomness.
+    """
+    shape = normals.shape[:-1]
+    angle = np.arccos(1.0 - random.random(shape) * (1.0 - np.cos(tilt)))
+    turn = 2.0 * math.pi * random.random(shape)
+    one, two = tangents(normals)
+    across = np.cos(turn)[..., None] * one + np.sin(turn)[..., None] * two
+    return unit_rows(np.cos(angle)[..., None] * normals + np.sin(angle)[..., None] * across)
+
+
 def _shift(data: Any, opening: float) -> float:
     """The farther shift of the contacts' points of the object, across x [m]."""
     turned = np.zeros(9)
@@ -199,7 +242,7 @@ def _shift(data: Any, opening: float) -> float:
 def plates_model(
     normals: Floats,
     opening: float,
-    tips: Tips,
+    tip: Tip,
     *,
     mass: float,
     force: float,
@@ -211,15 +254,15 @@ def plates_model(
     Args:
         normals: Inward normals of the plates, shape (2, 3); contact 1 is at -x of contact 2.
         opening: Distance of the contacts, which are on the x axis beside the origin [m].
-        tips: The tips.
+        tip: Of both fingers.
         mass: Mass of the body, and of each tip [kg].
         force: Force at which the tips are damped [N].
         center: Centre of mass of the body [m], shape (3,); None: the origin.
         dry_friction: Whether contacts behave as dry friction; otherwise MuJoCo's defaults.
     """
     mujoco = mujoco_module()
-    spec = new_spec(dry_friction=dry_friction)
-    touch = contact_fields(tips.friction, tips.torsion_radius)
+    spec = new_spec() if dry_friction else _default_spec()
+    touch = contact_fields(tip.torsion_radius)
     points = 0.5 * opening * np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     body = spec.worldbody.add_body(name=PLATES)
     body.add_freejoint()
@@ -238,11 +281,24 @@ def plates_model(
             conaffinity=0,
             **touch,
         )
-    add_tips(spec, points - tips.radius * normals, tips, mass=mass, force=force)
+    add_fingers(spec, points - tip.radius * normals, tip.fingers, force)
+    for name in JOINTS:
+        finger, joint = spec.body(name), spec.joint(name)
+        finger.mass, finger.inertia = mass, (mass, mass, mass)
+        joint.damping, joint.range = [force / SPEED, 0.0, 0.0], (-FAR, FAR)
     if not dry_friction:
         for geom in spec.geoms:
             geom.solref, geom.solimp = DEFAULT_CONTACT["solref"], DEFAULT_CONTACT["solimp"]
-    return spec.compile()
+    model = spec.compile()
+    model.geom_friction[:, 0] = tip.friction
+    return model
+
+
+def _default_spec() -> Any:
+    """An empty model without gravity, with MuJoCo's defaults."""
+    spec = mujoco_module().MjSpec()
+    spec.option.timestep, spec.option.gravity = TIME_STEP, (0.0, 0.0, 0.0)
+    return spec
 
 
 PRESSED, LOADED, WATCHED = 0.2, 0.4, 1.0
@@ -294,7 +350,7 @@ def holding_force(
         1 N across two fingers with a friction of 0.5 needs 1 N of each:
 
         >>> import grasp3d
-        >>> from grasp3d.physics import holding_force
+        >>> from tests.helpers.facets import holding_force
         >>> normals = [[1, 0, 0], [-1, 0, 0]]
         >>> contacts = grasp3d.Contacts([[-0.02, 0, 0], [0.02, 0, 0]], normals, friction=0.5)
         >>> print(f"{holding_force(contacts, [0, 0, -1, 0, 0, 0]).normal:.1f} N")
@@ -316,7 +372,7 @@ def holding_force(
         plates_model,
         contacts.normals @ frame.T,
         float(np.linalg.norm(points[1] - points[0])),
-        Tips(tip_radius, float(frictions[0]), float(radii[0])),
+        Tip(tip_radius, float(frictions[0]), float(radii[0])),
         mass=mass,
         center=-frame @ points.mean(axis=0),
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from grasp3d import Contacts, Label, classify, critical_friction_angle, grip_force
-from grasp3d.physics.drawing import tilt_at_random
+from grasp3d.arrays import angles_between
 from tests.helpers.facets import (
     SLIPPED,
     FacetPress,
@@ -15,6 +15,7 @@ from tests.helpers.facets import (
     random_facets,
     slip_friction,
     slip_tilt,
+    tilt_at_random,
 )
 
 POINTS = [[-0.025, 0.0, 0.0], [0.025, 0.0, 0.0]]
@@ -57,6 +58,18 @@ def test_s_never_slips_and_u_never_holds(label: Label) -> None:
         true = tilt_at_random(seen, np.full(2, 0.5 * alpha), random)
         assert (facet_slip(true, 0.5) < SLIPPED) == (label == Label.S)
         tried += 1
+
+
+def test_tilts_are_even_over_the_cap() -> None:
+    """The area of a cap grows as 1 - cos."""
+    normals = np.tile([0.0, 0.6, 0.8], (20_000, 1))
+    tilted = tilt_at_random(normals, np.full(len(normals), 0.5), np.random.default_rng(0))
+    angle = angles_between(normals, tilted)
+    inner = math.acos(1.0 - 0.5 * (1.0 - math.cos(0.5)))
+    assert angle.max() <= 0.5 + 1e-12
+    assert np.mean(angle < inner) == pytest.approx(0.5, abs=0.02)
+    sideways = tilted - normals * (tilted * normals).sum(axis=1)[:, None]
+    assert np.abs(sideways.mean(axis=0)).max() < 0.02
 
 
 def test_with_the_defaults_of_mujoco_even_a_safe_grasp_creeps() -> None:

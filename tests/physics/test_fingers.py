@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,10 +11,10 @@ import trimesh
 
 from grasp3d import ParallelGripper
 from grasp3d.arrays import Floats
-from grasp3d.physics import ConvexParts, Fate, Outcome, SimulationSettings
+from grasp3d.physics import Fate, SimulationSettings
 from grasp3d.physics.fingers import PROTRUDING, Fingers
-from grasp3d.physics.pulling import Attempt, simulate_attempt
-from grasp3d.physics.scene import Stage, Tips, grasp_model
+from grasp3d.physics.pulling import PULLS, Attempt, Outcome, simulate_attempt
+from grasp3d.physics.scene import Stage, grasp_model
 from grasp3d.physics.simulation_settings import GRAVITY
 
 SIDE = 0.01
@@ -35,19 +36,26 @@ def close(
     weight: float, *, force: float = FORCE, centre: tuple[float, float, float] = (0, 0, 0),
     box: tuple[float, float, float] = (0, 0, 0), opening: float = 0.05, allowed: float = 0.0,
     acceleration: float = 0.0, time: float = 0.2, made: Fingers | None = None,
-    corners: Floats | None = None,
+    corners: Floats | None = None, friction: float = FRICTION,
 ) -> tuple[Outcome, float]:  # fmt: skip
     """Close the gripper on a box of a weight [N] whose middle is at `box`; outcome, and opening."""
     settings = SimulationSettings(
-        object_mass=weight / GRAVITY, grip_force=force, pull_time=time, time_step=2e-3,
-        pulled="center_of_mass", max_shift=0.005, give_way=allowed, pull_acceleration=acceleration,
+        object_mass=weight / GRAVITY, pull_time=time, time_step=2e-3,
+        max_shift=0.005, give_way=allowed, pull_acceleration=acceleration,
     )  # fmt: skip
     solid = np.array(trimesh.creation.box(SIZES).vertices) + box if corners is None else corners
-    tips = Tips(friction=FRICTION, fingers=made or fingers())
-    stage = Stage(ConvexParts((solid,)), np.zeros(3), np.array(SIZES), tips, settings)
+    middle, sizes = np.array(centre), np.array(SIZES)
+    stage = Stage((solid,), middle, sizes, made or fingers(), settings, force)
     model, data = grasp_model(stage)
-    attempt = Attempt(np.eye(4), opening, np.array(centre), np.full(2, FRICTION), may_move=True)
+    attempt = Attempt(np.eye(4), opening, friction)
     return simulate_attempt(model, data, attempt, stage), -2.0 * float(data.qpos[7])
+
+
+def stage() -> Stage:
+    """A box of 10 g in small pads."""
+    settings = SimulationSettings(object_mass=0.01, pull_time=0.1, time_step=2e-3)
+    corners = np.array(trimesh.creation.box(SIZES).vertices)
+    return Stage((corners,), np.zeros(3), np.array(SIZES), fingers(), settings, FORCE)
 
 
 @pytest.mark.parametrize("force", [0.5, 60.0])
@@ -80,7 +88,7 @@ def test_pads_do_not_creep_under_torsion() -> None:
         close(0.7 * limit, centre=(0.0, lever, 0.0), time=time)[0] for time in (0.1, 0.5)
     )
     assert short.fate is long.fate is Fate.HELD
-    assert long.turn - short.turn < math.radians(0.02)
+    assert long.pull_turn - short.pull_turn < math.radians(0.02)
 
 
 @pytest.mark.parametrize(("part", "fate"), [(0.8, Fate.HELD), (1.25, Fate.PULLED)])
@@ -99,8 +107,10 @@ def test_an_object_over_the_end_is_held_by_the_patch_that_is_left(part: float, f
 
 
 def test_beyond_the_end_of_the_pad_there_is_nothing() -> None:
-    height = 0.5 * (SIDE + SIZES[2]) + 2e-4
-    assert close(1.0, box=(0.0, 0.0, height))[0].fate is Fate.MISSED
+    """Within the rounding of its edge it is touched, but slides off."""
+    for past, fate in ((2e-4, Fate.LOST), (1e-3, Fate.MISSED)):
+        height = 0.5 * (SIDE + SIZES[2]) + past
+        assert close(1.0, box=(0.0, 0.0, height))[0].fate is fate
 
 
 @pytest.mark.parametrize("force", [10.0, 40.0])
@@ -135,7 +145,7 @@ def test_an_object_gives_way_to_the_open_gripper_by_no_more_than_is_stated() -> 
     assert close(1.0, box=beside, centre=beside)[0].fate is Fate.BLOCKED
     found, _ = close(1.0, box=beside, centre=beside, allowed=0.004)
     assert found.fate is Fate.HELD
-    assert found.start_shift == pytest.approx(inside, abs=4e-4)
+    assert found.start_shift_m == pytest.approx(inside, abs=4e-4)
 
 
 def test_an_object_without_a_way_out_is_blocked() -> None:
@@ -150,11 +160,47 @@ def test_balls_touch_the_pad_and_stay_within_it(name: str) -> None:
     assert (made.centres[:, 2] + made.radii).max() <= jaws.end + PROTRUDING + 1e-12
     on_pad = np.abs(made.centres[:, 2]) < 0.5 * jaws.pad_height
     assert 0.85 <= made.stiffness * on_pad.sum() <= 1.01  # franka's pad lacks corners
-    two, _, solids = Tips(fingers=made).parts(-1.0)
-    np.testing.assert_array_equal(two * [-1.0, 1.0, 1.0], made.centres)
-    deepest = -min(one[:, 0].min() for one in made.solids)
-    assert max(one[:, 0].max() for one in solids) == deepest == jaws.finger_thickness
+    assert -min(one[:, 0].min() for one in made.solids) == jaws.finger_thickness
     assert made.palm[:, 2].max() == pytest.approx(jaws.end - jaws.finger_length)
+
+
+def test_each_attempt_has_its_own_friction() -> None:
+    weight = 0.9 * 2.0 * FRICTION * FORCE
+    assert close(weight)[0].fate is Fate.HELD
+    assert close(weight, friction=0.8 * FRICTION)[0].fate is Fate.PULLED
+
+
+def test_pulls_that_hold_are_counted() -> None:
+    """A palm or pads stop the object along the closing axis, whatever the friction."""
+    found, _ = close(2.0, friction=0.01, force=40.0, time=0.5)
+    assert found.fate is Fate.PULLED
+    assert 0 < found.pulls_held < len(PULLS)
+
+
+def test_hard_round_tips_bear_no_torsion_about_their_line() -> None:
+    """The object turns below them, which does not count; with a torsion radius it does."""
+    hand = ParallelGripper.preset("tactile")
+    beside = (0.0, 0.03, 0.0)
+    hard, _ = close(1.0, centre=beside, made=Fingers.of(hand, STIFFNESS), time=0.5)
+    assert hard.pull_turn < math.radians(2.0)
+    weak, _ = close(1.0, centre=beside, made=Fingers.of(hand, STIFFNESS, 1e-4), time=0.5)
+    assert weak.fate is Fate.PULLED
+    held, _ = close(1.0, centre=beside, made=Fingers.of(hand, STIFFNESS, 4e-3), time=0.5)
+    assert held.fate is Fate.HELD
+
+
+def test_the_same_grasp_twice_is_the_same_to_the_last_bit() -> None:
+    assert close(5.0, centre=(0.0, 0.01, 0.0)) == close(5.0, centre=(0.0, 0.01, 0.0))
+
+
+def test_what_diverges_says_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    model, data = grasp_model(stage())
+    spun = Attempt(np.full((4, 4), np.nan), 0.05, FRICTION)
+    assert simulate_attempt(model, data, spun, stage()).fate is Fate.BROKEN
+    fine = Attempt(np.eye(4), 0.05, FRICTION)
+    assert simulate_attempt(model, data, fine, stage()).fate is Fate.HELD  # it is not spoilt
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_round_tip_is_one_ball() -> None:
@@ -162,5 +208,6 @@ def test_a_round_tip_is_one_ball() -> None:
     made = Fingers.of(jaws, 3.0)
     assert (made.radii.tolist(), made.stiffness) == ([jaws.tip_radius], 3.0)
     assert made.centres.tolist() == [[-jaws.tip_radius, 0.0, 0.0]]
-    assert not Tips(fingers=made).soft
-    assert Tips(fingers=fingers()).soft
+    assert not made.soft
+    assert fingers().soft
+    assert Fingers.of(jaws, 3.0, 0.001).soft
