@@ -54,7 +54,6 @@ nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     ("py:class", r"grasp3d\.hand\.triangles\.Triangles"),  # what is drawn
     ("py:class", r"grasp3d\.hand\.jaws\.Jaws"),  # a part of `ParallelGripper`
     ("py:class", r"grasp3d\.surface\.fields\.Field"),  # declares columns of files
-    ("py:class", r"grasp3d\.validating\.disagreements\.Numbers"),  # columns of grasps
     ("py:class", r".*\.tasks\.Terms?|.*\._Part"),  # likewise
     ("py:obj", r".*"),  # parameters, and words in backticks
 ]

@@ -27,13 +27,13 @@ from grasp3d.batch import ClusterSettings
 from grasp3d.physics import (
     Simulation,
     SimulationSettings,
-    SuccessRate,
     simulate_grasps,
     write_simulation,
 )
 from grasp3d.physics.drawing import tilt_at_random
-from grasp3d.physics.simulation import rates_by, success_rate
+from grasp3d.physics.simulation import rates_by
 from grasp3d.system.tables import write_columns
+from grasp3d.validating.success import SuccessRate, success_rate
 from tests.helpers.facets import (
     SLIPPED,
     FacetPress,
@@ -330,7 +330,8 @@ def _failures(report: Report, found: list[Simulation]) -> None:
 def _cell(rate: SuccessRate) -> str:
     if not rate.count:
         return "–"
-    return f"{rate.successes}/{rate.count} ({rate.low:.2f} to {rate.high:.2f})"
+    low, high = rate.interval
+    return f"{rate.successes}/{rate.count} ({low:.2f} to {high:.2f})"
 
 
 def main() -> int:

@@ -67,7 +67,7 @@ from grasp3d.plots.figures import (
     show_picture,
     styled,
 )
-from grasp3d.plots.validations import calibration_figure, label_figure
+from grasp3d.plots.validations import validation_figure
 from grasp3d.quality.loads import Load
 from grasp3d.rendering.opengl import View
 from grasp3d.settings import with_fingers
@@ -740,9 +740,7 @@ def draw_margins(axes: Axes, paths: list[Path]) -> None:
         rows = [number for number, rate in enumerate(rates) if rate.count]
         middles = 0.5 * (BORDERS[:-1] + BORDERS[1:])[rows] + shift
         rate = np.array([rates[number].rate for number in rows])
-        low, high = (
-            np.array([getattr(rates[number], end) for number in rows]) for end in ("low", "high")
-        )
+        low, high = np.array([rates[number].interval for number in rows]).T
         axes.errorbar(
             middles, rate, np.abs([low - rate, high - rate]), label=name, marker="o", markersize=3,
             elinewidth=0.8, capsize=1.5, **style,
@@ -790,8 +788,7 @@ def draw_evidence(path: Path, experiments: Experiments) -> None:
         raise SystemExit("evidence needs --grasps and --mesh")
     found = validate_grasps(experiments.grasps, mesh=experiments.mesh)
     save_as(failure_figure(failures(experiments.physics)), path.with_stem("evidence_failures"))
-    save_as(calibration_figure(found), path.with_stem("evidence_calibration"))
-    save_as(label_figure(found), path.with_stem("evidence_labels"))
+    save_as(validation_figure(found), path.with_stem("evidence_outcomes"))
 
 
 def failures(folder: Path) -> list[dict[str, Any]]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Simulate
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.report import Report, escaped, label_name
+from grasp3d.cli.report import Report, escaped, label_meaning
 from grasp3d.errors import SettingError
 from grasp3d.grasps.audit import READINGS, explained
 from grasp3d.grasps.evaluation import poses_on
@@ -22,12 +22,13 @@ from grasp3d.mesh import load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.physics.engine import mujoco_module
 from grasp3d.physics.simulate import simulate_grasps, simulate_poses
-from grasp3d.physics.simulation import Simulation, SuccessRate, success_rate, write_simulation
+from grasp3d.physics.simulation import Simulation, write_simulation
 from grasp3d.settings.model_text import model_line
-from grasp3d.stability.label import MEANING, Label
+from grasp3d.stability.label import Label
 from grasp3d.system.counts import counted
 from grasp3d.system.names import safe_stem
 from grasp3d.system.tables import SUFFIXES
+from grasp3d.validating.success import success_rate
 
 LABELS = sorted(Label)[::-1]
 
@@ -102,9 +103,9 @@ def print_simulation(report: Report, simulation: Simulation) -> None:
         f"force {settings.force:.3g} N; 6 pulls of {settings.weight:.3g} N at the {where}"
     )
     rates = simulation.rates()
-    _print_rates(report, "label", ((_legend(label), rates[label.name]) for label in LABELS))
+    report.rates("label", ((label_meaning(label), rates[label.name]) for label in LABELS))
     margins = ((f"{one.name}°", one) for one in simulation.rates_by_margin())
-    _print_rates(report, "margin", margins)
+    report.rates("margin", margins)
     report.line(_fates(simulation.fates))
     report.warnings(simulation.warnings)
 
@@ -117,29 +118,11 @@ def print_poses(report: Report, poses: GraspPoses) -> None:
     labels = poses.columns["label"]
     tried = {one: poses.outcome[labels == one.name] for one in LABELS}
     rates = (
-        (_legend(one), success_rate(one.name, outcome[abs(outcome) < math.inf] == 1.0))
+        (label_meaning(one), success_rate(one.name, outcome[abs(outcome) < math.inf] == 1.0))
         for one, outcome in tried.items()
     )
-    _print_rates(report, "label", rates)
+    report.rates("label", rates)
     report.line(_fates(poses.columns["fate"]))
-
-
-def _legend(label: Label) -> str:
-    return f"{label_name(label)} {MEANING['scan'][label]}"
-
-
-def _print_rates(report: Report, of: str, rates: Iterable[tuple[str, SuccessRate]]) -> None:
-    """Print how many grasps of each label, or of each margin, held."""
-    rows = (
-        (name, str(one.count), _percent(one.rate), f"{100.0 * one.low:.0f} to {_percent(one.high)}")
-        for name, one in rates
-        if one.count
-    )
-    report.table((of, "grasps", "held", "95 %"), rows)
-
-
-def _percent(fraction: float) -> str:
-    return f"{100.0 * fraction:.0f} %"
 
 
 def _fates(fates: Iterable[str]) -> str:

@@ -5,6 +5,5 @@ from .pulling import Outcome as Outcome
 from .simulate import simulate_grasps as simulate_grasps
 from .simulate import simulate_poses as simulate_poses
 from .simulation import Simulation as Simulation
-from .simulation import SuccessRate as SuccessRate
 from .simulation import write_simulation as write_simulation
 from .simulation_settings import SimulationSettings as SimulationSettings

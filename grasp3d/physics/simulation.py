@@ -23,7 +23,7 @@ from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import Label
 from grasp3d.surface.label_settings import chosen_settings
 from grasp3d.system.versions import package_version
-from grasp3d.validating.intervals import wilson
+from grasp3d.validating.success import SuccessRate, success_rate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,48 +46,6 @@ def _contact_columns(grasps: DrawnGrasps) -> Columns:
                 for number, axis in enumerate("xyz"):
                     columns[f"{prefix}{head}{axis}{finger + 1}"] = vectors[:, finger, number]
     return columns
-
-
-@dataclass(frozen=True)
-class SuccessRate:
-    """How many of some grasps succeeded.
-
-    Example:
-        >>> from grasp3d.physics import SuccessRate
-        >>> rate = SuccessRate("S", 20, 19)
-        >>> print(f"{rate.rate:.2f}, from {rate.low:.2f} to {rate.high:.2f}")
-        0.95, from 0.76 to 0.99
-    """
-
-    name: str
-    """Which grasps."""
-    count: int
-    successes: int
-
-    @property
-    def rate(self) -> float:
-        """Fraction that succeeded; nan: there are none."""
-        return self.successes / self.count if self.count else float("nan")
-
-    @property
-    def low(self) -> float:
-        """Lower end of Wilson's interval (JASA 1927) at 95 %."""
-        return wilson(self.successes, self.count)[0]
-
-    @property
-    def high(self) -> float:
-        """Upper end of that interval."""
-        return wilson(self.successes, self.count)[1]
-
-
-def success_rate(name: str, success: Bools) -> SuccessRate:
-    """Rate of some grasps.
-
-    Args:
-        name: Which grasps.
-        success: Whether each succeeded, shape (k,).
-    """
-    return SuccessRate(name, len(success), int(np.count_nonzero(success)))
 
 
 def rates_by(values: Floats, success: Bools, edges: ArrayLike) -> Iterator[SuccessRate]:

@@ -22,7 +22,6 @@ from grasp3d.physics import (
     Fate,
     Simulation,
     SimulationSettings,
-    SuccessRate,
     simulate_poses,
     write_simulation,
 )
@@ -31,6 +30,7 @@ from grasp3d.physics.scene import Stage, Tips
 from grasp3d.physics.simulate import Job, _posed_attempts, simulate_attempts, simulate_job
 from grasp3d.physics.simulation import rates_by
 from grasp3d.system.tables import read_columns
+from grasp3d.validating import SuccessRate
 from tests.physics.test_pulling import STAGE, attempt
 
 HERE = ClusterSettings(workers=0)
@@ -277,7 +277,7 @@ def test_intervals_are_those_of_wilson(count: int, successes: int) -> None:
     middle = (rate + z * z / (2 * count)) / (1 + z * z / count)
     half = z * math.sqrt(rate * (1 - rate) / count + (z / (2 * count)) ** 2) / (1 + z * z / count)
     rates = SuccessRate("", count, successes)
-    assert (rates.low, rates.high) == pytest.approx((middle - half, middle + half), abs=1e-9)
+    assert rates.interval == pytest.approx((middle - half, middle + half), abs=1e-9)
 
 
 def test_bins_hold_every_grasp_once() -> None:
