@@ -60,8 +60,7 @@ def _antipodal_angle(poses: EvaluatedPoses) -> Floats:
 
 
 def _normal_product(poses: EvaluatedPoses) -> Floats:
-    normals = poses.jaws.normals
-    return np.asarray((normals[:, 0] * normals[:, 1]).sum(axis=1))
+    return np.asarray(poses.jaws.normals.prod(axis=1).sum(axis=1))
 
 
 def _arm(poses: EvaluatedPoses) -> Floats:

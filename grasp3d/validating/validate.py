@@ -52,7 +52,7 @@ class Evaluation:
     files: list[ValidatedFile] = field(default_factory=list)
     tables: list[Table] = field(default_factory=list)
     objects: dict[object, int] = field(default_factory=dict)
-    said: dict[str, list[str]] = field(default_factory=dict)
+    said: dict[str, dict[str, None]] = field(default_factory=dict)
     """Warnings, with the names of the files that each is of."""
 
     def evaluate(self, tried: TriedGrasps) -> None:
@@ -99,8 +99,7 @@ class Evaluation:
 
     def _say(self, tried: TriedGrasps, lines: Sequence[str]) -> None:
         for line in lines:
-            names = self.said.setdefault(line, [])
-            names.extend([tried.name] * (tried.name not in names))
+            self.said.setdefault(line, {})[tried.name] = None
 
     def warnings(self) -> list[str]:
         """What may make the results wrong, each sentence once."""
@@ -216,8 +215,8 @@ def _compared(evaluation: Evaluation) -> Validation:
     """
     columns, warnings = _joined(evaluation.tables), evaluation.warnings()
     order = np.lexsort((columns["grasp"], columns["file"]))
-    names = np.array([as_unicode(one.name) for one in evaluation.files])
-    columns["file"] = names[columns["file"]]
+    names = [as_unicode(one.name) for one in evaluation.files]
+    columns["file"] = np.array(names)[columns["file"]]
     states = Counter(columns["closing"].tolist())
     if not states["closed"]:
         found = "; ".join(f"{state}: {count}" for state, count in states.most_common())
@@ -226,17 +225,17 @@ def _compared(evaluation: Evaluation) -> Validation:
             f"gripper, unit and frame of the poses; {'; '.join(warnings[:3])}"
         )
     columns = {name: locked(values[order]) for name, values in columns.items()}
-    result = Validation(tuple(evaluation.files), columns, (), tuple(warnings))
-    if len(held := set(result.held.tolist())) == 1:
-        line = f"all grasps {'held' if held == {True} else 'failed'}, so no score can be ranked"
-        result = replace(result, warnings=(*warnings, line))
+    result = Validation(tuple(evaluation.files), columns, (), ())
+    if result.held.all() or not result.held.any():
+        became = "held" if result.held.all() else "failed"
+        warnings.append(f"all grasps {became}, so no score can be ranked")
     clusters = columns["object"] if result.objects > 1 else np.arange(result.size)
     qualities = [
         ScoreQuality(score, *roc_auc(result.held, result.ranked(score), clusters))
         for score in SCORES
         if score.name in columns
     ]
-    return replace(result, qualities=tuple(qualities))
+    return replace(result, qualities=tuple(qualities), warnings=tuple(warnings))
 
 
 def _joined(tables: Sequence[Table]) -> Table:
