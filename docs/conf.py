@@ -46,6 +46,7 @@ default_role = "py:obj"  # a name in a docstring is a link where it is public
 nitpicky = True
 nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     ("py:.*", r"(collections|numpy|np|os|pathlib|pyarrow|pandas|pd|pyvista|trimesh)\..*"),
+    ("py:.*", r"matplotlib\..*"),
     ("py:.*", r"grasp3d\.arrays\.ArrayLike"),  # NumPy's
     # Arrays and others, in modules that import them for type checkers only.
     ("py:class", r"Floats|Bools|ArrayLike|ObjectMotion|Progress|Triangles"),
@@ -54,7 +55,6 @@ nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     ("py:class", r"grasp3d\.hand\.triangles\.Triangles"),  # what is drawn
     ("py:class", r"grasp3d\.hand\.jaws\.Jaws"),  # a part of `ParallelGripper`
     ("py:class", r"grasp3d\.surface\.fields\.Field"),  # declares columns of files
-    ("py:class", r"grasp3d\.validating\.disagreements\.Numbers"),  # columns of grasps
     ("py:class", r".*\.tasks\.Terms?|.*\._Part"),  # likewise
     ("py:obj", r".*"),  # parameters, and words in backticks
 ]

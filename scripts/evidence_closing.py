@@ -4,10 +4,10 @@
 
 GRASPS is a file of poses with outcomes, as for `grasp3d validate`. Prints a table: rules by which a
 pose becomes two contacts, each with one step more than the one before; then the whole rule with a
-single step changed. For each the area under the ROC curve of -beta*, the average precision, and the
-success within S, M and U, and the poses whose jaws do not close, which are in U. Nothing is fitted
-to the outcomes. For files of ACRONYM also the rank correlation of the angle by which the object
-turns with the one that the simulator recorded.
+single step changed. For each the area under the ROC curve of -beta*, and the success within S, M
+and U, and the poses whose jaws do not close, which are in U. Nothing is fitted to the outcomes. For
+files of ACRONYM also the rank correlation of the angle by which the object turns with the one that
+the simulator recorded.
 """
 
 import argparse
@@ -30,8 +30,9 @@ from grasp3d.hand.closing import close_jaws
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.stability.label import Label
-from grasp3d.validating.ranking import RankedOutcomes
-from grasp3d.validating.success import label_success, labels_at
+from grasp3d.stability.thresholds import label_angles
+from grasp3d.validating.ranking import roc_auc
+from grasp3d.validating.success import success_rate
 from grasp3d.validating.tried_grasps import check_grasps, stated_object
 
 THIN = 2e-4
@@ -123,16 +124,16 @@ def row(rule: Rule, mesh: grasp3d.ObjectMesh, poses: GraspPoses, model: grasp3d.
     found = rule.close(mesh, poses.poses)
     angles = angles_of(found)
     held = poses.outcome == 1.0
-    ranked = RankedOutcomes.of(held, -angles)
-    codes = labels_at(angles, angles, model, model.nominal_friction, model.sensor_resolution)
-    success = label_success(held, codes, model.nominal_friction, model.sensor_resolution)
-    cells = [
-        f"{100.0 * success.fraction(name):.0f} % of {success.counts[Label[name]]}"
-        for name in ("S", "M", "U")
-    ]
-    values = [f"{ranked.roc_auc():.3f}", f"{ranked.average_precision():.3f}", *cells]
-    values.append(f"{np.count_nonzero(~found.closed)}")
-    return f"| {rule.text} | " + " | ".join(values) + " |"
+    codes = label_angles(angles, angles, model)
+    rates = [success_rate(name, held[codes == Label[name]]) for name in "SMU"]
+    cells = [f"{100.0 * one.rate:.0f} % of {one.count}" for one in rates]
+    values = [rule.text, area_of(held, angles), *cells, str(np.count_nonzero(~found.closed))]
+    return f"| {' | '.join(values)} |"
+
+
+def area_of(held: Bools, angles: Floats) -> str:
+    """The area under the ROC curve of -beta*."""
+    return f"{roc_auc(held, -angles, np.arange(len(held)))[0]:.3f}"
 
 
 def turn_agreement(path: Path, found: closed_jaws.ClosedJaws, held: Bools) -> str:
@@ -163,15 +164,13 @@ def main() -> None:
         friction=given.friction, sensor_resolution=math.radians(given.resolution)
     )
     (tried,) = check_grasps([given.grasps], mesh=given.mesh)
-    poses, _ = tried.poses()
+    poses = tried.poses
     mesh = stated_object(tried.mesh, poses, None, None).mesh
     assert mesh.unit is not None  # outcomes are compared in metres
     poses = poses.in_unit(mesh.unit)
     print(f"{poses.count} grasps; μ {given.friction:g}, α {given.resolution:g}°\n")
-    print(
-        "| contacts | ROC-AUC of -β* | average precision | S held | M held | U held | not closed |"
-    )
-    print("|---|---|---|---|---|---|---|")
+    print("| contacts | ROC-AUC of -β* | S held | M held | U held | not closed |")
+    print("|---|---|---|---|---|---|")
     for rule in rules(tried.hand, given.friction):
         print(row(rule, mesh, poses, model), flush=True)
     if given.grasps.suffix == ".h5":
@@ -179,10 +178,8 @@ def main() -> None:
             mesh, poses.poses, tried.hand, object_motion="free", friction=given.friction
         )
         print("\n" + turn_agreement(given.grasps, whole, poses.outcome == 1.0))
-        closed = RankedOutcomes.of(
-            poses.outcome[whole.closed] == 1.0, -angles_of(whole)[whole.closed]
-        )
-        print(f"only where the jaws close: ROC-AUC {closed.roc_auc():.3f}")
+        closed = area_of(poses.outcome[whole.closed] == 1.0, angles_of(whole)[whole.closed])
+        print(f"only where the jaws close: ROC-AUC {closed}")
 
 
 if __name__ == "__main__":

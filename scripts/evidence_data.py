@@ -2,7 +2,7 @@
 
     python scripts/evidence_data.py WORST PERCEIVED PICTURE
 
-WORST and PERCEIVED are folders that `grasp3d validate -o` wrote for the same grasps, the second one
+WORST and PERCEIVED are tables that `grasp3d validate -o` wrote for the same grasps, the second one
 with `--sensor-resolution 0`. Epsilon is drawn beside them.
 """
 
@@ -13,9 +13,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from grasp3d.arrays import Bools, Floats
 from grasp3d.plots.figures import styled
-from grasp3d.validating.ranking import RankedOutcomes
+from grasp3d.validating.ranking import roc_auc, roc_curve
 
 CURVES = (
     (0, "quality", "payload of the patches, worst case of the sensor", "#0072B2", "-"),
@@ -24,26 +23,17 @@ CURVES = (
 )
 
 
-def curve(values: Floats, held: Bools) -> tuple[Floats, Floats]:
-    """Shares of the failed and of the held grasps that thresholds accept."""
-    order = np.argsort(-values, kind="stable")
-    values, held = values[order], held[order]
-    last = np.append(np.diff(values) != 0.0, True)
-    accepted, failed = np.cumsum(held)[last] / held.sum(), np.cumsum(~held)[last] / (~held).sum()
-    return np.append(0.0, failed), np.append(0.0, accepted)
-
-
 @styled
-def draw(folders: list[Path], path: Path) -> None:
+def draw(files: list[Path], path: Path) -> None:
     """Draw the curves."""
-    tables = [pd.read_csv(folder / "grasps.csv") for folder in folders]
+    tables = [pd.read_csv(file) for file in files]
     figure, axes = plt.subplots(figsize=(4.6, 3.4), layout="constrained")
     for which, column, text, color, line in CURVES:
         table = tables[which]
         values = np.nan_to_num(table[column].to_numpy(float), nan=-1e9)
-        held = table["success"].to_numpy(float) == 1.0
-        area = RankedOutcomes.of(held, values).roc_auc()
-        axes.plot(*curve(values, held), line, color=color, label=f"{text} {area:.2f}")
+        held = table["outcome"].to_numpy(float) == 1.0
+        area, _, _ = roc_auc(held, values, np.arange(len(held)))
+        axes.plot(*roc_curve(held, values), line, color=color, label=f"{text} {area:.2f}")
     axes.plot([0, 1], [0, 1], color="#CCCCCC", linewidth=0.8, zorder=0)
     axes.set(xlabel="failed grasps that are accepted", ylabel="held grasps that are accepted")
     axes.legend(loc="lower right", fontsize=7)

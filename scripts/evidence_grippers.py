@@ -37,9 +37,9 @@ from grasp3d.grasps.pose_files import write_poses
 from grasp3d.physics import SimulationSettings
 from grasp3d.physics.parts import parts_of
 from grasp3d.validating import SCORES
-from grasp3d.validating.intervals import wilson
-from grasp3d.validating.qualities import compare_scores
+from grasp3d.validating.ranking import roc_auc
 from grasp3d.validating.scores import scores_of
+from grasp3d.validating.success import success_rate
 
 MESHES = Path(__file__).parents[1] / "meshes"
 FOREIGN = {
@@ -59,7 +59,6 @@ PROPOSED, TILT, PAST = 3000, math.radians(40.0), 2e-3
 """
 PROBABILITIES = (0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)
 """Borders of bins of the probability of success."""
-RESAMPLES = 1000
 NEAR, SMALL = 7e-3, 100e-6
 """A contact nearer to the pad's end [m], and an area below this [m^2]."""
 
@@ -242,8 +241,9 @@ def collected(options: argparse.Namespace, objects: dict[str, Path]) -> pd.DataF
 
 def held_of(rows: pd.DataFrame) -> str:
     """How many of some grasps held, with its interval at 95 %."""
-    low, high = wilson(int(rows.outcome.sum()), len(rows))
-    return f"{len(rows)} | {rows.outcome.mean():.3f} | {low:.3f} to {high:.3f}"
+    rate = success_rate("", rows.outcome.to_numpy() == 1.0)
+    low, high = rate.interval
+    return f"{rate.count} | {rate.rate:.3f} | {low:.3f} to {high:.3f}"
 
 
 def report(rows: pd.DataFrame) -> None:
@@ -267,24 +267,13 @@ def report(rows: pd.DataFrame) -> None:
     for name, of in rows[rows.sure == "S"].groupby("object"):
         print(f"{name} | {held_of(of)}")
     held = rows.outcome.to_numpy() == 1.0
-    known = [score for score in SCORES if score.name in rows]
-    values = {score.name: rows[score.name].to_numpy(float) for score in known}
     clusters = pd.factorize(rows.object)[0]
-    qualities, differences = compare_scores(
-        known, values, held, clusters, resamples=RESAMPLES, seed=0
-    )
-    print("\nscore | ROC-AUC | 95 %, objects drawn anew | quality less it | p")
-    less = {one.other.name: one for one in differences if one.score.name == "quality"}
-    for one in qualities:
-        text = f"{one.score.name} | {one.roc_auc:.3f} | {ends_of(one.roc_auc_interval)}"
-        if other := less.get(one.score.name):
-            text += f" | {other.difference:+.3f} {ends_of(other.interval)} | {other.p:.3f}"
-        print(text)
-
-
-def ends_of(interval: tuple[float, float]) -> str:
-    """An interval as text."""
-    return f"{interval[0]:.3f} to {interval[1]:.3f}"
+    print("\nscore | ROC-AUC | 95 %, for other objects")
+    for score in SCORES:
+        if score.name in rows:
+            values = score.ranked(rows[score.name].to_numpy(float))
+            area, low, high = roc_auc(held, values, clusters)
+            print(f"{score.name} | {area:.3f} | {low:.3f} to {high:.3f}")
 
 
 def main() -> None:

@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import grasp3d
 from grasp3d.system.tables import write_columns
-from grasp3d.validating.intervals import wilson
+from grasp3d.validating.success import success_rate
 from tests.helpers.facets import (
     SLIPPED,
     FacetPress,
@@ -213,9 +213,11 @@ def forces(report: Report, folder: Path, cases: int) -> None:
 
 def _cell(held: np.ndarray) -> str:
     """How many of some grasps held, with the interval at 95 %."""
-    count, total = int(held.sum()), len(held)
-    low, high = wilson(count, total)
-    return f"{count}/{total} ({low:.2f} to {high:.2f})" if total else "–"
+    rate = success_rate("", held)
+    if not rate.count:
+        return "–"
+    low, high = rate.interval
+    return f"{rate.successes}/{rate.count} ({low:.2f} to {high:.2f})"
 
 
 def main() -> int:

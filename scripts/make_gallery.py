@@ -66,13 +66,13 @@ from grasp3d.plots.figures import (
     show_picture,
     styled,
 )
-from grasp3d.plots.validations import calibration_figure, label_figure
+from grasp3d.plots.validations import validation_figure
 from grasp3d.quality.loads import Load
 from grasp3d.rendering.opengl import View
 from grasp3d.settings import with_fingers
 from grasp3d.stability.label import COLORS, MEANING
 from grasp3d.system.tables import read_columns
-from grasp3d.validating.intervals import wilson
+from grasp3d.validating.success import success_rate
 from grasp3d.viewer.scene.framing import MARGIN
 from grasp3d.viewer.scene.overlays import BOLD, PLAIN
 from grasp3d.viewer.scene.pictures import open_renderer
@@ -719,9 +719,10 @@ def draw_margins(axes: Axes, columns: dict[str, np.ndarray]) -> None:
     mine = columns["friction"] >= 0.5  # whose resolution is that of the border
     margin, held = np.degrees(columns["margin"][mine]), columns["held"][mine].astype(bool)
     inside = [held[(margin >= low) & (margin < high)] for low, high in pairwise(BORDERS)]
-    rows = [number for number, of in enumerate(inside) if len(of)]
-    rate = np.array([inside[number].mean() for number in rows])
-    ends = np.array([wilson(int(inside[number].sum()), len(inside[number])) for number in rows])
+    rates = [success_rate("", of) for of in inside]
+    rows = [number for number, one in enumerate(rates) if one.count]
+    rate = np.array([rates[number].rate for number in rows])
+    ends = np.array([rates[number].interval for number in rows])
     axes.errorbar(
         0.5 * (BORDERS[:-1] + BORDERS[1:])[rows], rate, np.abs(ends - rate[:, None]).T, marker="o",
         markersize=3, elinewidth=0.8, capsize=1.5, **LINES[0],
@@ -760,8 +761,7 @@ def draw_evidence(path: Path, experiments: Experiments) -> None:
     if experiments.grasps is None or experiments.mesh is None:
         raise SystemExit("evidence needs --grasps and --mesh")
     found = validate_grasps(experiments.grasps, mesh=experiments.mesh)
-    save_as(calibration_figure(found), path.with_stem("evidence_calibration"))
-    save_as(label_figure(found), path.with_stem("evidence_labels"))
+    save_as(validation_figure(found), path.with_stem("evidence_outcomes"))
 
 
 BROWSER_OPTIONS = [

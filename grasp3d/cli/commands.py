@@ -34,7 +34,6 @@ from grasp3d.quality.loads import Load
 from grasp3d.settings import DEGREE, GraspModel, MeshOptions, PoseFormat, Radians, Sampling
 from grasp3d.settings.friction import friction_interval
 from grasp3d.settings.units import Metres, parse_lengths
-from grasp3d.validating.validation_settings import ValidationSettings
 from grasp3d.viewer.view_settings import ViewSettings
 
 ModelOfJaws = Annotated[GraspModel, Without(["fingers", "method"])]
@@ -301,14 +300,14 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
     """Compare labels and scores of grasps with what became of them.
 
     Closes the gripper's jaws at poses of which it is known whether the grasp held, and prints how
-    well label, margin, epsilon, grip force and simpler scores predict it: area under the ROC curve,
-    paired differences of scores, success within S, M and U, calibration of the margin, and what may
-    be the reason where outcomes contradict the label. What files state of gripper (ACRONYM: the
-    Franka hand) and mass (also of each grasp, in a column mass) is used unless it is given.
+    well label, margin, epsilon, grip force and simpler scores predict it: success within S, M and
+    U, area under the ROC curve of each score, and the grasps whose outcome contradicts their label.
+    What files state of gripper (ACRONYM: the Franka hand) and mass (also of each grasp, in a column
+    mass) is used unless it is given.
 
     Example:
         # How well labels predict a robot's log of grasps on one object
-        grasp3d validate tried.csv --mesh meshes/mug.glb --hand franka -o validated
+        grasp3d validate tried.csv --mesh meshes/mug.glb --hand franka -o validated.csv
         # For rubber pads
         grasp3d validate tried.csv --mesh meshes/mug.glb --friction 0.8
     """
@@ -318,8 +317,9 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
     success (or outcome) of 1 or 0, true or false, empty where it was not tried; ACRONYM
     (.h5); GraspGen and the files that grasp3d writes (.json)."""
 
-    output: Annotated[Path | None, FOLDER] = None
-    """Folder for tables, as CSV, and figures, as SVG (default: only prints)."""
+    output: Path | None = None
+    """Table of all grasps (.csv or .parquet), beside which a figure of the same name with the
+    suffix .svg is written (default: only prints)."""
 
     mesh: Path | None = None
     """Mesh of the object of all grasps (default: the one that each file of grasps names, in the
@@ -332,8 +332,6 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
     outcome: str | None = None
     """Column or key of the files that says whether a grasp held: 1 or 0, true or false, empty: not
     tried (default: outcome or success; in ACRONYM and GraspGen object_in_gripper)."""
-
-    statistics: ValidationSettings = field(default_factory=ValidationSettings)
 
     model: ModelOfJaws = field(default_factory=GraspModel)
 

@@ -32,6 +32,7 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.counts import counted, short_number
 from grasp3d.system.names import printable
+from grasp3d.validating.success import SuccessRate
 
 if TYPE_CHECKING:
     from grasp3d.arrays import Floats
@@ -153,6 +154,21 @@ class Report:
         )
         self.table(("label", "", *columns), rows, texts=(0, 1))
 
+    def rates(self, of: str, rates: Iterable[tuple[str, SuccessRate]]) -> None:
+        """Print how many of some grasps held, with the interval of the probability.
+
+        Args:
+            of: Heading of the first column.
+            rates: What is in it, with markup, and a rate each; those of no grasp are left out.
+        """
+        rows = (
+            (name, f"{one.count:,}", f"{100.0 * one.rate:.0f} %",
+             "{:.0f} to {:.0f} %".format(*(100.0 * end for end in one.interval)))
+            for name, one in rates
+            if one.count
+        )  # fmt: skip
+        self.table((of, "grasps", "held", "95 %"), rows)
+
     def grasps(self, grasps: Grasps, which: Sequence[int]) -> None:
         """Print a table of the declared columns that have a heading, and what they mean.
 
@@ -235,6 +251,11 @@ def label_name(label: Label) -> str:
 def percent_text(fraction: float) -> str:
     """Format a fraction in percent."""
     return f"{100.0 * fraction:.1f} %"
+
+
+def label_meaning(label: Label) -> str:
+    """Return a label with a square of its colour, and its meaning for given contacts."""
+    return f"{label_name(label)} {MEANING['scan'][label]}"
 
 
 def angle_text(angle: float) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Simulate
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.report import Report, escaped, label_name
+from grasp3d.cli.report import Report, escaped, label_meaning
 from grasp3d.errors import SettingError
 from grasp3d.grasps.audit import READINGS, explained
 from grasp3d.grasps.evaluation import poses_on
@@ -19,9 +19,9 @@ from grasp3d.mesh import load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.physics.engine import mujoco_module
 from grasp3d.physics.simulate import simulate_grasps
-from grasp3d.stability.label import MEANING, Label
+from grasp3d.stability.label import Label
 from grasp3d.system.names import safe_stem
-from grasp3d.validating.intervals import wilson
+from grasp3d.validating.success import success_rate
 
 
 def run(command: Simulate) -> int:
@@ -66,15 +66,11 @@ def print_outcomes(report: Report, tried: GraspPoses) -> None:
     for setting, words in READINGS.items():
         if said := tried.settings.get(setting):
             report.line(f"{words}: {escaped(str(said))}")
-    rows = []
+    rates = []
     for label in sorted(Label, reverse=True):
         outcome = tried.outcome[tried.columns["label"] == label.name]
-        count, held = int((outcome >= 0.0).sum()), int((outcome == 1.0).sum())
-        if count:
-            low, high = wilson(held, count)
-            legend = f"{label_name(label)} {MEANING['scan'][label]}"
-            percent = f"{100.0 * held / count:.0f} %", f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
-            rows.append((legend, str(count), *percent))
-    report.table(("label", "grasps", "held", "95 %"), rows)
+        held = outcome[outcome >= 0.0] == 1.0
+        rates.append((label_meaning(label), success_rate(label.name, held)))
+    report.rates("label", rates)
     fates = Counter(tried.columns["fate"].tolist()).most_common()
     report.line(", ".join(f"{count} {fate}" for fate, count in fates))

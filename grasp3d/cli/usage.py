@@ -23,7 +23,6 @@ GROUPS = {
     "ReachSettings": "hand: The hand that must reach each grasp, and what the object stands on.",
     "Load": "load: What each grasp must hold, and the force at hand.",
     "SimulationSettings": "simulation: How grasps are simulated.",
-    "ValidationSettings": "statistics: What is computed from outcomes, and listed.",
     "ViewSettings": "view: The initial view of the object.",
     "ClusterSettings": "processes: Which processes do the work, and their limits.",
 }

@@ -1,22 +1,37 @@
 """The command `grasp3d validate`: holds labels and scores against what became of grasps."""
 
+import math
+from pathlib import Path
+
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Validate
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.report import Report, escaped
-from grasp3d.errors import OutputError
-from grasp3d.plots.validations import FIGURES, save_figures
+from grasp3d.cli.report import NONE, Report, escaped, label_meaning, label_name, percent_text
+from grasp3d.plots.figures import METADATA, save_as
+from grasp3d.plots.validations import validation_figure
+from grasp3d.settings.model_text import model_line
+from grasp3d.stability.label import Label
 from grasp3d.system.counts import counted
-from grasp3d.system.files import check_writable
-from grasp3d.validating import sentences, text_tables
-from grasp3d.validating.disagreements import MEANING
+from grasp3d.system.tables import SUFFIXES
 from grasp3d.validating.validate import validate_grasps
-from grasp3d.validating.validation import TABLES, Validation, write_validation
+from grasp3d.validating.validation import Validation, write_validation
+
+MOST_FILES = 8
+"""Most sentences on the sources of files that are printed."""
+
+MOST_WRONG = 10
+"""Most grasps that are listed whose outcome contradicts their label, of S and of U each."""
+
+LISTED = ("grasp", "file", "label", "score", "reason")
+"""What is listed of them."""
 
 
 def run(command: Validate) -> int:
     """Run the command, and return the exit code."""
-    _check_output(command)
+    table = command.output
+    figure = table and table.with_suffix(".svg")
+    for path, suffixes, what in ((table, SUFFIXES, "table"), (figure, METADATA, "figure")):
+        check_output(path, suffixes, what, overwrite=command.overwrite, inputs=command.grasps)
     name = counted(len(command.grasps), "files")
     with progress_bars.progress(f"evaluating {name}", quiet=command.quiet):
         validation = validate_grasps(
@@ -30,50 +45,60 @@ def run(command: Validate) -> int:
             outcome=command.outcome,
             object_pose=command.object_pose,
             frame=command.frame,
-            settings=command.statistics,
         )
-    if command.output is not None:
-        write_validation(command.output, validation)
-        save_figures(command.output, validation)
     report = Report(quiet=command.quiet)
+    if table is not None and figure is not None:
+        write_validation(table, validation)
+        save_as(validation_figure(validation), figure)
     print_validation(report, validation)
-    if command.output is not None:
-        report.written(f"tables and figures in {command.output}")
+    if table is not None and figure is not None:
+        report.written(table, figure)
     return 0
 
 
-def _check_output(command: Validate) -> None:
-    """Check that tables and figures can be written, and replace no file of others."""
-    if command.output is None:
-        return
-    if not command.output.exists():
-        check_writable(command.output)
-        return
-    if not command.output.is_dir():
-        raise OutputError(f"{command.output}: is a file; name a folder")
-    for path in (command.output / name for name in (*FIGURES, *TABLES)):
-        check_output(path, overwrite=command.overwrite, inputs=command.grasps)
+def print_validation(report: Report, found: Validation) -> None:
+    """Print how well labels and scores predict the outcomes, and which labels were wrong."""
+    held, not_tried = int(found.held.sum()), sum(one.not_tried for one in found.files)
+    outcome = f"an outcome ({found.outcome})" if found.outcome else "an outcome"
+    left_out = f"; {not_tried:,} without an outcome are left out" if not_tried else ""
+    models = dict.fromkeys(model_line(file.model) for file in found.files)
+    sources = list(dict.fromkeys(file.sources for file in found.files))
+    more = [f"and {len(sources) - MOST_FILES} more"] if len(sources) > MOST_FILES else []
+    missing = int((found.columns["closing"] != "closed").sum())
+    report.line(
+        f"{counted(found.size, 'grasps')} with {escaped(outcome)} on "
+        f"{counted(found.objects, 'objects')}: {held:,} held "
+        f"({percent_text(held / found.size)}){left_out}"
+    )
+    report.lines(f"labels, margins and forces at {model}" for model in models)
+    report.lines([*sources[:MOST_FILES], *more])
+    no_grasp = "the jaws do not close on the mesh: U, with the worst value of every score"
+    report.line(f"at {counted(missing, 'poses')} {no_grasp}")
+    report.warnings(found.warnings)
+    report.rates("label", ((label_meaning(one), rate) for one, rate in found.rates.items()))
+    rows = [
+        (one.score.title, one.score.better, *map(_number, (one.roc_auc, one.low, one.high)))
+        for one in found.qualities
+    ]
+    report.table(("score", "better", "ROC-AUC", "from", "to"), rows, texts=(0, 1))
+    of = f"other objects, by {found.objects} objects" if found.objects > 1 else "this object"
+    report.line(f"ROC-AUC: 0.5 without information; intervals at 95 %, for {of}")
+    _print_wrong(report, found)
 
 
-def print_validation(report: Report, validation: Validation) -> None:
-    """Print how well the scores predict the outcomes."""
-    report.lines([sentences.counts_of(validation), sentences.model_of(validation)])
-    report.lines([*sentences.sources_of(validation), sentences.closing_of(validation)])
-    report.warnings(validation.warnings)
-    _print_table(report, text_tables.scores_of(validation))
-    report.lines([sentences.intervals_of(validation), *sentences.objects_of(validation)])
-    if not validation.grasps.one_sided:
-        _print_table(report, text_tables.differences_of(validation))
-    _print_table(report, text_tables.labels_of(validation))
-    _print_table(report, text_tables.calibration_of(validation))
-    report.lines(sentences.calibration_of(validation))
-    for kind, meaning in MEANING.items():
-        reasons = [one for one in validation.reasons if one.reason.kind == kind]
-        if reasons:
-            report.heading(meaning, counted(reasons[0].of, "grasps"))
-            report.lines(f"{one.count:,} {one.reason.name}: {one.reason.why}" for one in reasons)
+def _print_wrong(report: Report, found: Validation) -> None:
+    """List S that failed and U that held, of each the greatest contradictions."""
+    letters = found.columns["label"][found.wrong]
+    failed, held = (found.wrong[letters == letter] for letter in "SU")
+    report.heading("wrong", f"{len(failed):,} S that failed, {len(held):,} U that held")
+    rows = []
+    for row in (*failed[:MOST_WRONG], *held[:MOST_WRONG]):
+        grasp, file, letter, score, reason = (found.columns[name][row] for name in LISTED)
+        label = label_name(Label[letter])
+        rows.append((str(grasp), escaped(Path(file).name), label, f"{score:.3f}", escaped(reason)))
+    if rows:
+        report.table(LISTED, rows, texts=(1, 2, 4))
 
 
-def _print_table(report: Report, table: text_tables.TextTable) -> None:
-    heads, rows = table
-    report.table([*map(escaped, heads)], ([*map(escaped, row)] for row in rows))
+def _number(value: float) -> str:
+    return NONE if math.isnan(value) else f"{value:.3f}"

@@ -1,97 +1,80 @@
 """How well a score ranks grasps that held above grasps that failed."""
 
-from dataclasses import dataclass
-from functools import cached_property
+import math
 
 import numpy as np
-from scipy.stats import rankdata
+from scipy.special import expit, logit
+from scipy.stats import rankdata, t
 
-from grasp3d._kernels.search.ranked_outcomes import rank_outcomes
 from grasp3d.arrays import Bools, Floats, Ints
+from grasp3d.validating.success import LEVEL
 
 
-@dataclass(frozen=True, eq=False)
-class RankedOutcomes:
-    """Outcomes of grasps in the order of a score; equal scores are one group.
+def roc_auc(held: Bools, scores: Floats, clusters: Ints) -> tuple[float, float, float]:
+    """The area under the ROC curve, with its interval at 95 %.
+
+    The area is the probability that a grasp that held has a better score than one that failed;
+    equal scores count half (Mann & Whitney 1947). Its variance is that of DeLong et al. 1988, and
+    where grasps come in clusters, such as those on one object, of Obuchowski 1997: grasps of a
+    cluster are alike, so only other clusters say how much areas differ. The interval is that of
+    Student's t in the logit of the area.
+
+    Args:
+        held: Whether each grasp held, shape (n,).
+        scores: Larger is better; -inf is the worst, nan is not allowed; shape (n,).
+        clusters: Number of the cluster of each grasp, from 0, shape (n,); `arange(n)`: each is one.
+
+    Returns:
+        Area and both ends; nan where all outcomes are the same. The ends are 0 and 1 where an
+        outcome is of a single cluster, and the area itself where it is 0 or 1.
 
     Example:
         Two of three grasps that held have a better score than both that failed:
 
         >>> import numpy as np
-        >>> from grasp3d.validating.ranking import RankedOutcomes
+        >>> from grasp3d.validating.ranking import roc_auc
         >>> held = np.array([True, True, False, True, False])
-        >>> ranked = RankedOutcomes.of(held, np.array([0.9, 0.8, 0.7, 0.6, 0.5]))
-        >>> round(ranked.roc_auc(), 4), round(ranked.average_precision(), 4)
-        (0.8333, 0.9167)
+        >>> area, low, high = roc_auc(held, np.array([0.9, 0.8, 0.7, 0.6, 0.5]), np.arange(5))
+        >>> round(area, 4)
+        0.8333
     """
+    kinds = [held, ~held]
+    if not all(kind.any() for kind in kinds):
+        return math.nan, math.nan, math.nan
+    # In single precision scores that differ by rounding, as of symmetric grasps, are equal.
+    compared = scores.astype(np.float32)
+    below = rankdata(compared)  # how many of the other outcome are worse, of equal ones half
+    for kind in kinds:
+        below[kind] -= rankdata(compared[kind])
+    shares = [below[held] / kinds[1].sum(), 1.0 - below[~held] / kinds[0].sum()]
+    area = float(shares[0].mean())
+    counts = [len(np.unique(clusters[kind])) for kind in kinds]
+    if area in (0.0, 1.0):
+        return area, area, area
+    if min(counts) == 1:
+        return area, 0.0, 1.0
+    every, most = len(np.unique(clusters)), int(clusters.max()) + 1
+    parts = [np.bincount(clusters[kind], share - area, most) / len(share)
+             for kind, share in zip(kinds, shares, strict=True)]  # fmt: skip
+    own = (n / (n - 1) * float(part @ part) for part, n in zip(parts, counts, strict=True))
+    variance = sum(own) + 2.0 * every / (every - 1) * float(parts[0] @ parts[1])
+    spread = float(t.ppf(0.5 + 0.5 * LEVEL, min(counts) - 1)) * math.sqrt(max(variance, 0.0))
+    low, high = expit(logit(area) + np.array([-1.0, 1.0]) * spread / (area * (1.0 - area))).tolist()
+    return area, low, high
 
-    held: Bools
-    """Whether each grasp held, shape (n,)."""
-    groups: Ints
-    """Group of each grasp, 0 the best, shape (n,)."""
 
-    @classmethod
-    def of(cls, held: Bools, scores: Floats) -> "RankedOutcomes":
-        """Rank grasps by a score of which larger values are better.
+def roc_curve(held: Bools, scores: Floats) -> tuple[Floats, Floats]:
+    """Fractions of the failed and of the held grasps that thresholds accept, from none to all.
 
-        Args:
-            held: Whether each grasp held, shape (n,).
-            scores: Shape (n,); -inf is the worst, nan is not allowed.
-        """
-        if not len(scores):
-            return cls(held, np.zeros(0, dtype=np.int64))
-        # In single precision scores that differ by rounding, as of symmetric grasps, are equal.
-        compared = -scores.astype(np.float32)
-        return cls(held, rankdata(compared, method="dense").astype(np.int64) - 1)
+    Args:
+        held: Whether each grasp held, shape (n,), of both kinds.
+        scores: As for `roc_auc`.
 
-    @cached_property
-    def _order(self) -> Ints:
-        """Grasps from the best group to the worst, shape (n,)."""
-        return np.argsort(self.groups, kind="stable")
-
-    @cached_property
-    def _starts(self) -> Ints:
-        """Where each group begins in that order, shape (g,)."""
-        return np.flatnonzero(np.diff(self.groups[self._order], prepend=-1))
-
-    def measures(self, weights: Ints | None = None) -> tuple[float, float]:
-        """The area under the ROC curve, and the average precision.
-
-        The area is the probability that a held grasp ranks above a failed one; equal scores count
-        half (Mann & Whitney 1947; Fawcett 2006, Sec. 7). The average precision is the sum of
-        precision times gain of recall, over the groups, without interpolation: equal scores are
-        accepted together.
-
-        Args:
-            weights: How often each grasp counts, shape (n,); None: once.
-
-        Returns:
-            From 0 to 1, nan where all outcomes are the same; and above 0, at most 1, the fraction
-            that held for a score without information, nan where no grasp held.
-        """
-        each = np.ones(len(self.held), dtype=np.int64) if weights is None else weights
-        area, precision = rank_outcomes(self._order, self._starts, self.held, each)
-        return float(area), float(precision)
-
-    def roc_auc(self, weights: Ints | None = None) -> float:
-        """The area; see `measures`."""
-        return self.measures(weights)[0]
-
-    def average_precision(self, weights: Ints | None = None) -> float:
-        """The average precision; see `measures`."""
-        return self.measures(weights)[1]
-
-    def roc_curve(self) -> tuple[Floats, Floats]:
-        """Fractions of the failed and of the held grasps that are accepted, from none to all.
-
-        Returns:
-            Both of shape (g + 1,); nan where there are none.
-        """
-        held, failed = (
-            np.bincount(self.groups, weights=outcomes) for outcomes in (self.held, ~self.held)
-        )
-        with np.errstate(invalid="ignore"):
-            return (
-                np.append(0.0, np.cumsum(failed)) / failed.sum(),
-                np.append(0.0, np.cumsum(held)) / held.sum(),
-            )
+    Returns:
+        Both of shape (m + 1,), for m different scores.
+    """
+    _, group = np.unique(-scores.astype(np.float32), return_inverse=True)
+    failed, right = (
+        np.append(0.0, np.cumsum(np.bincount(group, kind))) / kind.sum() for kind in (~held, held)
+    )
+    return failed, right

@@ -13,10 +13,8 @@ import numpy as np
 
 from grasp3d.arrays import Floats, angles_between
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.surface.fields import Array, given_poses, present, under_load
+from grasp3d.surface.fields import Array, under_load
 
-Better = Literal["larger", "smaller"]
-Quantity = Literal["angle", "length", "area", "force", "mass", "number"]
 Of = Callable[[EvaluatedPoses], Array | None]
 """The values of evaluated poses in SI units, shape (k,); None: they need what is not known, such as
 a load."""
@@ -33,13 +31,10 @@ class Score:
     """
 
     name: str
+    """The column of tables."""
     title: str
-    better: Better
+    better: Literal["larger", "smaller"]
     """Which values are better; fixed beforehand."""
-    quantity: Quantity
-    """What it measures: angles are in radians, lengths in metres, areas in square metres, forces in
-    newtons, masses in kilograms."""
-    meaning: str
     of: Of = field(repr=False)
     """Takes its values from evaluated poses."""
     always: bool = False
@@ -65,8 +60,7 @@ def _antipodal_angle(poses: EvaluatedPoses) -> Floats:
 
 
 def _normal_product(poses: EvaluatedPoses) -> Floats:
-    normals = poses.jaws.normals
-    return np.asarray((normals[:, 0] * normals[:, 1]).sum(axis=1))
+    return np.asarray(poses.jaws.normals.prod(axis=1).sum(axis=1))
 
 
 def _arm(poses: EvaluatedPoses) -> Floats:
@@ -75,48 +69,23 @@ def _arm(poses: EvaluatedPoses) -> Floats:
 
 
 SCORES = (
-    Score("quality", "quality", "larger", "number",
-          "what the touched patches hold at the worst normals, over the mass, r / (1 + r), mean "
-          "over the poses tried, whatever the approach; below 0 where they do not hold it, -1 "
-          "where the jaws do not close",
-          of=attrgetter("quality"), always=True),
-    Score("score", "score", "larger", "number",
-          "what files have: the letter, and within that the quality, less where the approach may "
-          "hardly turn", of=attrgetter("score"),
-          always=True),
-    Score("payload", "payload", "larger", "mass",
-          "mass that the force at hand holds at the worst normals", of=under_load("payload")),
-    Score("margin", "margin", "larger", "angle",
-          "β - α/2 - β* less all other uncertainties; S above 0",
-          of=attrgetter("margin")),
-    Score("critical_angle", "β*", "smaller", "angle",
-          "critical friction angle: friction must exceed it",
-          of=attrgetter("critical_angle")),
-    Score("label", "label", "larger", "number",
-          "2: S, 1: M, 0: U, of everything that is stated",
-          of=attrgetter("label"), always=True),
-    Score("epsilon", "ε", "larger", "number", "Ferrari & Canny 1992, at the nominal normals",
-          of=attrgetter("epsilon")),
-    Score("grip_force", "grip force", "smaller", "force",
-          "force that each finger needs at the worst normals; inf: none suffices",
-          of=under_load("grip_force")),
-    Score("reachable", "reachable", "larger", "number",
-          "1: the jaws close, within the stroke, without collision",
-          of=attrgetter("reachable"), always=True),
-    Score("antipodal_angle", "antipodal angle", "smaller", "angle",
-          "larger angle between the line of the contacts and their normals", of=_antipodal_angle),
-    Score("normal_product", "product of the normals", "smaller", "number",
-          "inner product of the unit normals, -1 where they are opposed", of=_normal_product),
-    Score("center_of_mass_distance", "distance of the COM", "smaller", "length",
-          "from the line of the contacts: the arm of the weight", of=_arm),
-    Score("opening", "opening", "smaller", "length",
-          "a narrower grasp leaves the fingers more clearance on their way",
-          of=lambda poses: poses.opening),
-    Score("contact_area", "contact area", "larger", "area",
-          "the smaller of the two touched patches",
-          of=lambda poses: poses.jaws.area.min(axis=1)),
-)  # fmt: skip
-"""All scores, each with how it is computed; the first is compared with all others."""
+    Score("quality", "quality", "larger", attrgetter("quality"), always=True),
+    Score("score", "score", "larger", attrgetter("score"), always=True),
+    Score("payload", "payload", "larger", under_load("payload")),
+    Score("margin", "margin", "larger", attrgetter("margin")),
+    Score("critical_angle", "β*", "smaller", attrgetter("critical_angle")),
+    Score("label", "label", "larger", attrgetter("label"), always=True),
+    Score("epsilon", "ε", "larger", attrgetter("epsilon")),
+    Score("grip_force", "grip force", "smaller", under_load("grip_force")),
+    Score("reachable", "reachable", "larger", attrgetter("reachable"), always=True),
+    Score("antipodal_angle", "antipodal angle", "smaller", _antipodal_angle),
+    Score("normal_product", "product of the normals", "smaller", _normal_product),
+    Score("center_of_mass_distance", "distance of the COM", "smaller", _arm),
+    # A narrower grasp leaves the fingers more clearance on their way.
+    Score("opening", "opening", "smaller", attrgetter("opening")),
+    Score("contact_area", "contact area", "larger", lambda poses: poses.jaws.area.min(axis=1)),
+)
+"""All scores, each with how it is computed."""
 
 
 def scores_of(poses: EvaluatedPoses) -> dict[str, Floats]:
@@ -138,19 +107,14 @@ def scores_of(poses: EvaluatedPoses) -> dict[str, Floats]:
     }
 
 
-def results_of(poses: EvaluatedPoses) -> dict[str, Array]:
-    """All results of evaluated poses in SI units and radians, as columns of shape (k,).
+def columns_of(poses: EvaluatedPoses) -> dict[str, Array]:
+    """All results and scores of evaluated poses, as columns of shape (k,).
 
     Args:
         poses: Evaluated poses.
     """
-    fingers = poses.jaws.area.shape[1]
-    columns: dict[str, Array] = {"name": np.array(poses.given.names)}
-    for one, values in present(given_poses(fingers), poses):
-        columns[one.name] = one.texts_of(values)
-    columns["opening"] = poses.opening
-    for jaw in range(fingers):
-        for k, axis in enumerate("xyz"):
-            columns[f"{axis}{jaw + 1}"] = poses.jaws.points[:, jaw, k]
-            columns[f"n{axis}{jaw + 1}"] = 0.0 - poses.jaws.normals[:, jaw, k]
-    return columns
+    table, scores = poses.to_table(), scores_of(poses)
+    results = zip(table.column_names, table.columns, strict=True)
+    # The table's letters are texts, and whether a pose is reachable is true or false.
+    own = {name: scores[name] for name in scores if name not in {"label", "reachable"}}
+    return {name: column.to_numpy() for name, column in results} | own

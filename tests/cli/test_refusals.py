@@ -98,8 +98,7 @@ evaluate box.stl inward.json --unit mm --hand franka | normals must be outward; 
 validate scaled.json --mesh box.stl --unit cm --hand franka | box.stl is cm: give --unit mm
 validate untried.csv --mesh box.stl --hand franka | no outcome is known of any grasp; a table needs
 validate perhaps.csv --mesh box.stl --hand franka | grasp 2: outcome must be 1 or true
-validate poses.csv --mesh box.stl --hand franka --worst 51 | worst must be from 0 to 50
-validate poses.csv --mesh box.stl --hand franka -o poses.csv | poses.csv: is a file; name a folder
+validate poses.csv --mesh box.stl --hand franka -o poses.csv | poses.csv: is read by this command
 validate poses.csv --hand franka --meshes nowhere | nowhere: there is no such folder
 simulate box.stl --unit mm | grasp3d simulate needs --hand; see grasp3d simulate --help
 simulate box.stl --unit mm --hand franka --count 0 | count must be from 1 to 1000; got 0
@@ -169,7 +168,7 @@ label ball.ply --best 3 --grasps x.json --grasps-format csv --hand franka | .csv
 label ball.ply -o x.PLYS | unsupported format .PLYS
 evaluate ball.ply void | void: has no suffix: supported are .csv
 evaluate ball.ply pair.json -o x.ply | unsupported table format .ply
-validate poses.csv --mesh box.stl -o notes.csv | notes.csv: is a file; name a folder
+validate poses.csv --mesh box.stl -o notes | notes: has no suffix: supported are .csv .parquet
 simulate box.stl --grasps poses.csv --hand franka -o x.ply | unsupported pose format .ply
 hand franka --tcp 5 | for URDF and MuJoCo files
 batch ball.ply -o out --workers 2 --scheduler tcp://x:1 | workers and scheduler exclude each other
@@ -185,7 +184,7 @@ label ball.ply --best 2 --grasps @.parquet
 label box.stl --unit mm --hand franka --best 2 --grasps @.csv
 evaluate box.stl pair.json -o @.csv
 evaluate box.stl poses.csv --unit mm --hand franka -o @.json
-validate poses.csv --mesh box.stl --hand franka -o @.csv/report
+validate poses.csv --mesh box.stl --hand franka -o @.csv
 simulate box.stl --unit mm --hand franka -o @.csv
 simulate box.stl --unit mm --grasps poses.csv --hand franka -o @.json
 batch ball.ply -o @.csv/out

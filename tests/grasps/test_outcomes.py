@@ -246,7 +246,7 @@ start = time.perf_counter()
 (tried,) = check_grasps([sys.argv[1]], mesh="any.stl", hand=hand, outcome="result")
 seconds = time.perf_counter() - start
 memory = re.search(r"VmHWM:\\s+(\\d+)", Path("/proc/self/status").read_text())[1]
-print(tried.count, seconds, memory)
+print(tried.poses.count, seconds, memory)
 """
 """Prints grasps with an outcome, time [s], and memory [kB]: ru_maxrss would count that of the
 process that started it."""

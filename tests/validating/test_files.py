@@ -12,6 +12,8 @@ from grasp3d.errors import ContactError, MeshError, SettingError
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.validating.tried_grasps import (
+    GIVEN,
+    STATED,
     MeshFolder,
     StatedObject,
     check_grasps,
@@ -60,7 +62,7 @@ def test_meshes_are_found_by_path_then_by_name(tmp_path: Path) -> None:
     beside = MeshFolder(None)
     assert beside.find("three.obj", grasps) == tmp_path / "log/three.obj"
     with pytest.raises(
-        MeshError, match=r"'one.obj', which is not beside it in .*log: give its fol"
+        MeshError, match=r"'one.obj', which is not beside it in .*log \(--meshes FOLDER"
     ):
         beside.find("one.obj", grasps)
     with pytest.raises(MeshError, match=r"not beside it in .* nor below .*meshes: give the file"):
@@ -109,7 +111,7 @@ def test_acronym_without_a_gripper_is_of_a_franka_hand(tmp_path: Path, box: Path
         file["grasps/qualities/flex/object_in_gripper"] = [1]
     (tried,) = check_grasps([path], mesh=box)
     assert (tried.hand, tried.hand_from) == (FRANKA, "ACRONYM's grasps are of a Franka hand")
-    given, _ = tried.poses()
+    given = tried.poses
     assert given.poses[0, :3, 3] == pytest.approx([0.0, 0.0, -FRANKA.base_to_tcp])
 
 
@@ -118,10 +120,9 @@ def test_grasps_that_were_not_tried_are_left_out(tmp_path: Path, box: Path) -> N
     four = GraspPoses(poses=np.tile(ABOVE, (4, 1, 1)), outcome=[np.nan, 1.0, np.nan, 0.0], unit="m")
     write_poses(path, four)
     (tried,) = check_grasps([path], mesh=box, hand=FRANKA)
-    assert (tried.count, tried.not_tried) == (2, 2)
-    given, numbers = tried.poses()
-    assert numbers.tolist() == [2, 4]
-    assert given.outcome.tolist() == [1.0, 0.0]
+    assert tried.not_tried == 2
+    assert tried.numbers.tolist() == [2, 4]
+    assert tried.poses.outcome.tolist() == [1.0, 0.0]
     write_poses(path, replace(four, outcome=np.full(4, np.nan)))
     with pytest.raises(ContactError, match=r"a.csv: no outcome is known of any grasp; a table ne"):
         check_grasps([path], mesh=box, hand=FRANKA)
@@ -139,16 +140,20 @@ def test_what_a_file_states_of_its_object_is_used(box: Path) -> None:
     assert found.mesh.unit == "m"
     assert found.mesh.size == pytest.approx(0.0748, abs=1e-4)
     assert found.mesh.center_mass == pytest.approx([0.01, 0.0, 0.002])
-    assert (mass(found), found.mass_from, found.center_from) == (0.2, "file", "file")
+    assert (mass(found), found.mass_from, found.center_from) == (0.2, STATED, STATED)
     in_mm = stated_object(box, stated, MeshOptions(unit="mm"), Load(mass="50 g"))
     assert in_mm.mesh.center_mass == pytest.approx([0.01, 0.0, 0.002])
-    assert (mass(in_mm), in_mm.mass_from) == (0.05, "given")
+    assert (mass(in_mm), in_mm.mass_from) == (0.05, GIVEN)
     given = stated_object(box, stated, MeshOptions(unit="mm", center_of_mass="1mm,0,0"), None)
     assert given.mesh.center_mass == pytest.approx([0.001, 0.0, 0.0])
-    assert given.center_from == "given"
+    assert given.center_from == GIVEN
     bare = stated_object(box, poses(object_scale=0.001), None, None)
     assert np.isnan(bare.masses).all()
-    assert (bare.load, bare.center_from) == (None, "volume")
+    assert bare.load is None
+    assert bare.sources == (
+        "mass not known, so no grip force (give it with --mass); centre of mass of the volume, at "
+        "uniform density"
+    )
     dense = stated_object(box, stated, MeshOptions(unit="mm"), Load(density=1000.0))
     assert mass(dense) == pytest.approx(0.048)
 
@@ -162,18 +167,19 @@ def test_an_open_mesh_keeps_its_mass(tmp_path: Path) -> None:
         return stated_object(tmp_path / "open.stl", poses(**fields), MeshOptions(unit="m"), load)
 
     stated = found(settings={"mass": 0.2})
-    assert (mass(stated), stated.mass_from, stated.center_from) == (0.2, "file", "surface")
-    (warning,) = stated.warnings
-    assert warning.startswith("open.stl: is open, and no centre of mass is stated: the load pulls")
+    surface = "centre of mass not known, as the mesh is open: the middle of its surface"
+    assert stated.sources == f"mass 0.2 kg, as the file states; {surface}"
     forced = found(Load(grip_force=40.0))
-    assert (forced.mass_from, len(forced.warnings)) == ("1 kg", 1)
+    assert "mass not known, so forces are for 1 kg" in forced.sources
+    assert forced.load == Load(grip_force=40.0)
     bare = found()
-    assert (bare.load, bare.center_from, bare.warnings) == (None, "surface", ())
+    assert bare.load is None
+    assert surface in bare.sources
     np.testing.assert_array_equal(stated.mesh.center_mass, bare.mesh.center_mass)
     own = found(settings={"mass": 0.2, "com": [0.0, 0.0, 0.003]})
-    assert (mass(own), own.center_from, own.warnings) == (0.2, "file", ())
+    assert (mass(own), own.center_from) == (0.2, STATED)
     given = found(Load(mass=0.1), settings={"mass": 0.2})
-    assert (mass(given), given.mass_from, len(given.warnings)) == (0.1, "given", 1)
+    assert (mass(given), given.mass_from) == (0.1, GIVEN)
     with pytest.raises(SettingError, match=r"open\.stl: is open, so a density gives no mass"):
         found(Load(density=1000.0))
 
@@ -184,7 +190,7 @@ def test_masses_are_those_of_a_column(box: Path) -> None:
         return stated_object(box, own, None, load)
 
     both = found([2.0, 0.5], mass=0.2)
-    assert (both.mass_from, both.masses.tolist()) == ("column mass", [2.0, 0.5])
+    assert (both.mass_from, both.masses.tolist()) == ("by the column mass", [2.0, 0.5])
     parts = [(rows.tolist(), load) for rows, load in both.parts(np.arange(2))]
     assert parts == [([1], Load(mass=0.5)), ([0], Load(mass=2.0))]
     forced = Load(grip_force=40.0)
@@ -193,13 +199,21 @@ def test_masses_are_those_of_a_column(box: Path) -> None:
     ]  # fmt: skip
     assert mass(found([2.0, 0.5], Load(mass=0.1))) == 0.1
     empty = found([np.nan, np.nan], mass=0.2)
-    assert (mass(empty), empty.mass_from) == (0.2, "file")
-    with pytest.raises(ContactError, match="grasp_2 has no mass, which other grasps have: state"):
+    assert (mass(empty), empty.mass_from) == (0.2, STATED)
+    assert "mass 0.5 to 2 kg, by the column mass; " in both.sources
+    with pytest.raises(ContactError, match="mass of grasp_2 must be finite and above 0"):
         found([2.0, np.nan])
     with pytest.raises(ContactError, match=r"mass of grasp_1 must be finite and above 0 \[kg\]"):
         found([-2.0, 1.0])
     with pytest.raises(ContactError, match=r"mass of grasp_2 must be a number \[kg\], or a numb"):
         found(["1", "heavy"])
+
+
+@pytest.mark.parametrize("center", [[0.0, 1.0, 0.0], [0.0, 0.0], "above", [0.0, 0.0, np.nan]])
+def test_centres_of_mass_elsewhere_are_refused(box: Path, center: object) -> None:
+    stated = poses(object_scale=0.001, settings={"com": center})
+    with pytest.raises(ContactError, match=r"must be three numbers \[m\] near box.stl: is it"):
+        stated_object(box, stated, None, None)
 
 
 def test_a_mesh_without_unit_and_scale_is_refused(box: Path) -> None:

@@ -1,4 +1,4 @@
-"""Scores of evaluated poses against known shapes, and the thresholds of labels."""
+"""Scores of evaluated poses against known shapes."""
 
 import math
 from dataclasses import replace
@@ -7,13 +7,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from grasp3d import GraspModel, Label, Load, ObjectMesh, ParallelGripper, load_mesh
+from grasp3d import GraspModel, Load, ObjectMesh, ParallelGripper, load_mesh
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.validating import SCORES, LabelSuccess
-from grasp3d.validating.scores import results_of, scores_of
-from grasp3d.validating.success import label_success, labels_at
+from grasp3d.validating import SCORES
+from grasp3d.validating.scores import columns_of, scores_of
 from tests.helpers import shapes
 from tests.helpers.tried_grasps import poses_on
 
@@ -30,12 +29,6 @@ def blob() -> ObjectMesh:
 def on_blob() -> EvaluatedPoses:
     poses = poses_on(blob(), 60, 0, 0.075)
     return evaluate_grasps(blob(), poses, GraspModel(), hand=FRANKA, load=Load(mass=0.1))
-
-
-def fixed(model: GraspModel) -> EvaluatedPoses:
-    """Friction changes how a free object settles."""
-    poses = on_blob().given
-    return evaluate_grasps(blob(), poses, model, hand=FRANKA, object_motion="fixed")
 
 
 def test_a_box_has_known_scores() -> None:
@@ -99,17 +92,17 @@ def test_a_load_and_a_force_at_hand_add_scores() -> None:
     assert not {"payload", "grip_force"} & bare.keys()
 
 
-def test_every_result_is_a_column_in_si_units() -> None:
+def test_columns_are_all_results_and_scores_in_si_units() -> None:
     points, faces = shapes.lopsided(3)
     in_mm = load_mesh((25.0 * points, faces), unit="mm", max_edge="20mm")
     given = on_blob().given
     found = evaluate_grasps(in_mm, given, hand=FRANKA, load=Load(mass=0.1), object_motion="fixed")
-    columns, table = results_of(found), found.to_table()
-    assert set(table.column_names) - columns.keys() == {"grasp", "outcome", "unit"}
+    columns, table = columns_of(found), found.to_table()
+    assert {*table.column_names, *(score.name for score in SCORES)} == columns.keys()
     for name in ("opening", "x1", "z2", "area1", "nx1", "margin"):
         expected = np.array(table[name].to_pylist(), dtype=float)
         np.testing.assert_allclose(columns[name], expected, atol=1e-15, err_msg=name)
-    for name in ("closing", "label", "touch1", "reason", "name"):
+    for name in ("closing", "label", "reachable", "touch1", "reason", "name"):
         assert columns[name].tolist() == table[name].to_pylist()
 
 
@@ -122,38 +115,3 @@ def test_every_score_has_its_direction_and_a_worst_value() -> None:
         ranked = score.ranked(np.array([1.0, 2.0, np.nan]))
         assert ranked[2] == -math.inf
         assert (ranked[0] < ranked[1]) == (score.better == "larger")
-
-
-@pytest.mark.parametrize("error", [0.0, 0.002])
-def test_labels_by_threshold_are_those_of_an_evaluation(error: float) -> None:
-    model = GraspModel(location_error=error, friction=(0.45, 0.55))
-    given = fixed(model)
-    seen = set()
-    for friction, resolution in ((0.2, 0.0), (0.5, 0.4), (1.0, 0.7)):
-        used = replace(model, friction=friction, sensor_resolution=resolution)
-        expected = fixed(used).robustness.label
-        worst, best = given.critical_angle, given.critical_angle_best
-        codes = labels_at(worst, best, model, friction, resolution)
-        assert (codes == expected).all()
-        seen |= set(codes.tolist())
-    assert seen == set(Label)
-
-
-def test_poses_whose_jaws_do_not_close_are_unstable() -> None:
-    nothing = np.array([math.nan, 0.0])
-    assert labels_at(nothing, nothing, GraspModel(), 5.0, 0.1).tolist() == [Label.U, Label.S]
-
-
-def test_success_is_counted_by_label() -> None:
-    codes = np.array([2, 2, 2, 1, 0, 0], dtype=np.uint8)
-    held = np.array([True, True, False, True, False, True])
-    found = label_success(held, codes, 0.5, 0.1)
-    assert found == LabelSuccess(0.5, 0.1, counts=(2, 1, 3), held=(1, 1, 2))
-    assert [found.fraction(name) for name in "SMU"] == pytest.approx([2.0 / 3.0, 1.0, 0.5])
-    assert not found.is_ordered
-    low, high = found.interval("S")
-    assert low < 2.0 / 3.0 < high
-    empty = LabelSuccess(0.5, 0.1, counts=(4, 0, 4), held=(1, 0, 3))
-    assert math.isnan(empty.fraction("M"))
-    assert empty.is_ordered  # labels that no grasp has do not count
-    assert not LabelSuccess(0.5, 0.1, counts=(4, 0, 4), held=(3, 0, 3)).is_ordered

@@ -1,6 +1,5 @@
 """Grasps with outcomes that are drawn from a known function of the margin, end to end."""
 
-import math
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -14,15 +13,15 @@ from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.plots.validations import validation_figure
 from grasp3d.system.tables import read_columns
-from grasp3d.validating import Validation, ValidationSettings, sentences, write_validation
-from grasp3d.validating.success import labels_at
+from grasp3d.validating import SCORES, Validation, write_validation
+from grasp3d.validating.ranking import roc_auc
 from tests.helpers import shapes
 from tests.helpers.tried_grasps import chances, expected_roc_auc, poses_on
 
 FRANKA = ParallelGripper.preset("franka")
 COUNT = 240
-QUICK = ValidationSettings(resamples=100, worst=3)
 
 
 @cache
@@ -51,7 +50,7 @@ def tried(held: np.ndarray) -> GraspPoses:
 
 def validated(held: np.ndarray, **options: object) -> Validation:
     return validate_grasps(
-        tried(held), mesh=mesh(), hand=FRANKA, settings=QUICK, **options  # type: ignore[arg-type]
+        tried(held), mesh=mesh(), hand=FRANKA, **options  # type: ignore[arg-type]
     )  # fmt: skip
 
 
@@ -63,109 +62,70 @@ def drawn() -> tuple[Validation, float]:
     return validated(held), expected_roc_auc(margins(), likely)
 
 
-@pytest.mark.slow
 def test_outcomes_that_follow_the_margin_are_predicted() -> None:
     assert 0.04 < np.isnan(margins()).mean() < 0.3
     found = validated(margins() > 0.05)
-    assert found.quality("margin").roc_auc == 1.0
-    assert found.quality("critical_angle").roc_auc == 1.0
+    assert found.quality("margin").roc_auc == found.quality("critical_angle").roc_auc == 1.0
     assert found.quality("antipodal_angle").roc_auc > 0.99
-    assert found.quality("margin").average_precision == 1.0
-    best = found.calibration.youden
-    assert (best.sensitivity, best.specificity) == (1.0, 1.0)
-    assert 0.05 < best.margin < 0.08
-    assert found.calibration.reached.margin <= best.margin
-    opposite = validated(~(margins() > 0.05))
-    assert opposite.quality("margin").roc_auc == 0.0
-    assert not opposite.calibration.is_monotone
+    assert "grip_force" not in found.columns
+    assert validated(~(margins() > 0.05)).quality("margin").roc_auc == 0.0
 
 
 def test_the_area_is_that_of_the_function_that_outcomes_are_drawn_from() -> None:
     found, expected = drawn()
     assert 0.7 < expected < 0.95
-    low, high = found.quality("margin").roc_auc_interval
-    assert low < found.quality("margin").roc_auc < high
-    assert low < expected < high
-    assert found.quality("margin").roc_auc == pytest.approx(expected, abs=0.05)
-    assert found.calibration.is_monotone
+    margin = found.quality("margin")
+    assert margin.low < expected < margin.high
+    assert margin.low < margin.roc_auc < margin.high
+    assert margin.roc_auc == pytest.approx(expected, abs=0.05)
 
 
 def test_it_agrees_with_an_evaluation() -> None:
     found, _ = drawn()
-    grasps = found.grasps
-    np.testing.assert_array_equal(grasps.scores["margin"], margins())
-    assert (grasps.closed == ~np.isnan(margins())).all()
-    assert found.files[0].not_closed == np.isnan(margins()).sum()
-    default = next(
-        one for one in found.labels
-        if one.friction == 0.5 and one.sensor_resolution == pytest.approx(math.radians(22.6))
-    )  # fmt: skip
-    low = labels_at(grasps.angle_upper, grasps.angle_lower, GraspModel(), 0.5, 0.3944)
-    assert default.counts == pytest.approx(np.bincount(low, minlength=3), abs=1)
-    assert (grasps.label <= low).all()  # some are not reachable
-    assert sum(default.held) == grasps.held.sum()
-    assert len(found.labels) == 12
-    assert "grip_force" not in grasps.scores
+    expected = evaluate_grasps(mesh(), poses(), GraspModel(), hand=FRANKA)
+    np.testing.assert_array_equal(found.columns["margin"], margins())
+    np.testing.assert_array_equal(found.columns["score"], expected.score)
+    for label, rate in found.rates.items():
+        own = expected.label == label
+        assert (rate.count, rate.successes) == (own.sum(), found.held[own].sum())
+    assert sum(rate.count for rate in found.rates.values()) == COUNT
 
 
-@pytest.mark.slow
-def test_neither_chunks_nor_threads_change_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_label_is_a_score_too() -> None:
+    """Its area by counting pairs of letters, of which equal ones are worth half."""
+    found, _ = drawn()
+    rates = [found.rates[label] for label in sorted(found.rates)]
+    pairs = [
+        (one.successes * (other.count - other.successes), 0.5 + 0.5 * np.sign(a - b))
+        for a, one in enumerate(rates)
+        for b, other in enumerate(rates)
+    ]
+    expected = sum(n * won for n, won in pairs) / sum(n for n, _ in pairs)
+    assert found.quality("label").roc_auc == pytest.approx(expected)
+
+
+def test_chunks_do_not_change_it(monkeypatch: pytest.MonkeyPatch) -> None:
     one, _ = drawn()
     monkeypatch.setattr("grasp3d.validating.validate.CHUNK", 50)
-    two = validated(one.grasps.held)
-    for name, values in one.grasps.scores.items():
-        np.testing.assert_array_equal(values, two.grasps.scores[name], err_msg=name)
+    two = validated(one.held)
+    for name, values in one.columns.items():
+        np.testing.assert_array_equal(values, two.columns[name], err_msg=name)
     assert one.qualities == two.qualities
-    assert one.labels == two.labels
-    assert [each.row for each in one.disagreements] == [each.row for each in two.disagreements]
 
 
-def test_the_greatest_disagreements_are_listed() -> None:
+def test_wrong_labels_are_listed_the_greatest_contradictions_first() -> None:
     found, _ = drawn()
-    grasps, values = found.grasps, margins()
-    failed = [one for one in found.disagreements if one.kind == "failed"]
-    largest = np.sort(values[~grasps.held & (grasps.label == 2)])[::-1][:3]
-    assert [one.margin for one in failed] == largest.tolist()
-    assert not any(grasps.held[one.row] for one in failed)
-    assert all(one.causes for one in failed)
-    assert [one.margin for one in failed] == [values[one.row] for one in failed]
-
-
-def test_reasons_are_counted_of_all_that_contradict_their_label() -> None:
-    model = GraspModel(friction=0.2, sensor_resolution=0.0)
-    found = validated(np.arange(COUNT) % 2 == 0, model=model)
-    grasps, values = found.grasps, found.grasps.scores["margin"]
-    unstable = grasps.closed & (grasps.label == 0) & grasps.held
-    assert unstable.sum() > 5
-    held = [one for one in found.disagreements if one.kind == "held"]
-    # Beside the greatest there is the greatest with each reason.
-    assert [one.margin for one in held][:3] == np.sort(values[unstable])[:3].tolist()
-    totals = {one.reason.kind: one.of for one in found.reasons}
-    assert totals == {
-        "failed": (~grasps.held & (grasps.label == 2)).sum(),
-        "held": unstable.sum(),
-        "held_open": (grasps.held & ~grasps.closed).sum(),
-    }
-    counts: dict[tuple[str, str], int] = {
-        (one.reason.kind, one.reason.name): one.count for one in found.reasons
-    }
-    masks = {"failed": ~grasps.held & (grasps.label == 2), "held": unstable}
-    for kind, mask in masks.items():
-        small = grasps.scores["contact_area"] < 0.05 * FRANKA.touch_area
-        assert counts.get((kind, "small contact"), 0) == (small & mask).sum()
-    assert sum(n for (kind, _), n in counts.items() if kind == "held_open") == totals["held_open"]
-
-
-def test_held_grasps_that_do_not_close_are_listed_apart() -> None:
-    held = np.isnan(margins()) | (margins() > 0.0)
-    found = validated(held)
-    apart = [one for one in found.disagreements if one.kind == "held_open"]
-    states = {one.reason for one in found.reasons if one.reason.kind == "held_open"}
-    assert {cause.reason for one in apart for cause in one.causes} == states
-    assert 3 <= len(apart) < 3 + len(states)
-    assert all(math.isnan(one.margin) for one in apart)
-    assert "pose, gripper or mesh differ" in str(apart[0].causes[0])
-    assert f"{found.files[0].not_closed} of them held" in sentences.closing_of(found)
+    label, score = found.columns["label"][found.wrong], found.columns["score"][found.wrong]
+    count = int((~found.held & (found.columns["label"] == "S")).sum())
+    assert 0 < count < len(found.wrong)
+    assert set(label[:count]) == {"S"}
+    assert set(label[count:]) == {"U"}
+    assert not found.held[found.wrong[:count]].any()
+    assert found.held[found.wrong[count:]].all()
+    assert len(found.wrong) - count == (found.held & (found.columns["label"] == "U")).sum()
+    assert (np.diff(score[:count]) <= 0.0).all()
+    assert (np.diff(score[count:]) >= 0.0).all()
+    assert all(found.columns["reason"][found.wrong[count:]].tolist())
 
 
 def test_several_objects_are_drawn_whole(tmp_path: Path) -> None:
@@ -179,64 +139,46 @@ def test_several_objects_are_drawn_whole(tmp_path: Path) -> None:
         write_poses(tmp_path / f"{k}b.json", replace(part, object_file=f"{k}.ply", hand=FRANKA))
     files = [tmp_path / f"{name}.json" for name in ("0", "0b", "1")]
     options = grasp3d.MeshOptions(unit="m", max_edge=0.02)
-    found = validate_grasps(files, options=options, settings=QUICK)
-    assert [one.object_number for one in found.files] == [0, 0, 1]
-    assert (found.objects, found.by_object, found.grasps.size) == (2, True, 60)
-    assert found.grasps.file.tolist() == [0] * 20 + [1] * 20 + [2] * 20
-    assert "of 2 objects only, too few" in found.warnings[-1]
-    assert "resamples (seed 0) of the 2 objects" in sentences.intervals_of(found)
+    found = validate_grasps(files, options=options)
+    assert [one.object_number for one in found.files] == [1, 1, 2]
+    assert (found.objects, found.size) == (2, 60)
+    assert found.columns["file"].tolist() == [str(file) for file in files for _ in range(20)]
+    assert found.columns["grasp"].tolist() == [*range(1, 21)] * 3
+    for one in found.qualities:
+        expected = roc_auc(found.held, found.ranked(one.score), found.columns["object"])
+        assert (one.roc_auc, one.low, one.high) == expected
 
 
-@pytest.mark.slow
-def test_a_load_adds_the_grip_force() -> None:
-    found = validated(margins() > 0.0, load=Load(mass="50 g"))
-    force = found.grasps.scores["grip_force"]
-    assert np.isfinite(force[margins() > 0.1]).all()
-    assert found.quality("grip_force").roc_auc > 0.6
-    assert "mass 50 g, as given" in sentences.sources_of(found)[0]
-
-
-@pytest.mark.slow
 @pytest.mark.slow
 def test_each_grasp_is_loaded_with_its_own_mass() -> None:
     """In any order; a mass that is given overrides them, and a file of one mass is one run."""
     held, masses = margins() > 0.0, np.where(np.arange(COUNT) % 3, 0.05, 2.0)
     given = replace(tried(held), columns={"mass": masses})
     both, light, heavy = (
-        validate_grasps(given, mesh=mesh(), hand=FRANKA, settings=QUICK, load=load)
+        validate_grasps(given, mesh=mesh(), hand=FRANKA, load=load)
         for load in (None, Load(mass=0.05), Load(mass=2.0))
     )
-    assert both.grasps.grasp.tolist() == list(range(1, COUNT + 1))
-    for name, values in both.grasps.scores.items():
-        parts = (light.grasps.scores[name], heavy.grasps.scores[name])
-        np.testing.assert_array_equal(values, np.where(masses < 1.0, *parts), err_msg=name)
-    assert (light.grasps.columns["grip_force"] != heavy.grasps.columns["grip_force"]).any()
-    np.testing.assert_array_equal(both.grasps.columns["mass"], masses)
-    assert "mass 50 g to 2 kg, by the column mass" in sentences.sources_of(both)[0]
-    assert "mass 2 kg, as given" in sentences.sources_of(heavy)[0]
-    one, pressed = (
-        validate_grasps(
-            [given, tried(held)], mesh=mesh(), hand=FRANKA, settings=QUICK, load=load
-        )
-        for load in (None, Load(grip_force=40.0))
-    )  # fmt: skip
-    lack = "the mass is known in 1 of 2 files only: grasps of the others"
-    assert f"{lack} have the worst forces" in one.warnings
-    assert np.isnan(one.grasps.scores["payload"][COUNT:]).all()
-    assert f"{lack} are loaded with 1 kg" in pressed.warnings
-    assert "mass not known, so forces are for 1 kg" in sentences.sources_of(pressed)[1]
-    assert both.objects == 1
+    assert both.columns["grasp"].tolist() == list(range(1, COUNT + 1))
+    for score in SCORES:
+        parts = (light.columns[score.name], heavy.columns[score.name])
+        expected = np.where(masses < 1.0, *parts)
+        np.testing.assert_array_equal(both.columns[score.name], expected, err_msg=score.name)
+    assert (light.columns["grip_force"] != heavy.columns["grip_force"]).any()
+    np.testing.assert_array_equal(both.columns["mass"], masses)
+    assert "mass 0.05 to 2 kg, by the column mass" in both.files[0].sources
+    assert "mass 2 kg, as given" in heavy.files[0].sources
+    assert both.quality("grip_force").roc_auc > 0.6
+    several = validate_grasps([given, tried(held)], mesh=mesh(), hand=FRANKA)
+    assert np.isnan(several.columns["payload"][COUNT:]).all()
+    assert (several.objects, several.size) == (1, 2 * COUNT)
 
 
 def test_equal_outcomes_rank_nothing() -> None:
     found = validated(np.ones(COUNT, bool))
-    assert math.isnan(found.quality("margin").roc_auc)
-    assert math.isnan(found.quality("margin").roc_auc_interval[0])
-    assert found.warnings[-1] == f"poses: all {COUNT} grasps held, so no score can be ranked"
-    assert found.labels[0].held == found.labels[0].counts
-    assert "none, as all outcomes are the same" in sentences.calibration_of(found)[1]
-    failed = validated(np.zeros(COUNT, bool))
-    assert math.isnan(failed.quality("margin").average_precision)
+    one = found.quality("margin")
+    assert np.isnan([one.roc_auc, one.low, one.high]).all()
+    assert found.warnings[-1] == "all grasps held, so no score can be ranked"
+    assert all(rate.successes == rate.count for rate in found.rates.values())
 
 
 def test_poses_in_another_unit_close_on_nothing() -> None:
@@ -245,21 +187,19 @@ def test_poses_in_another_unit_close_on_nothing() -> None:
     given = GraspPoses(poses=far, outcome=np.arange(COUNT) % 2, unit="m")
     message = r"all poses \(240\) are far from the object.*if their lengths are in mm"
     with pytest.raises(ContactError, match=message):
-        validate_grasps(given, mesh=mesh(), hand=FRANKA, settings=QUICK)
+        validate_grasps(given, mesh=mesh(), hand=FRANKA)
 
 
 @pytest.mark.slow
 def test_a_gripper_that_states_its_resolution_is_believed() -> None:
     held = margins() > 0.0
     tips = ParallelGripper.preset("tactile")
-    found = validate_grasps(tried(held), mesh=mesh(), hand=tips, settings=QUICK)
-    assert found.model.sensor_resolution == tips.resolution != GraspModel().sensor_resolution
+    found = validate_grasps(tried(held), mesh=mesh(), hand=tips)
+    (file,) = found.files
+    assert file.model.sensor_resolution == tips.resolution != GraspModel().sensor_resolution
     model = GraspModel(friction=0.8, sensor_resolution=0.2, location_error="1mm")
-    given = validate_grasps(tried(held), model, mesh=mesh(), hand=tips, settings=QUICK)
-    assert given.model == model
-    assert "labels, margins and forces at μ 0.8, α 11.46°, locations ± 1 mm" in (
-        sentences.model_of(given)
-    )
+    given = validate_grasps(tried(held), model, mesh=mesh(), hand=tips)
+    assert given.files[0].model == model
 
 
 def test_models_without_margins_are_refused() -> None:
@@ -268,27 +208,26 @@ def test_models_without_margins_are_refused() -> None:
         validated(held, model=GraspModel(method="extremes"))
 
 
-def test_the_tables_have_what_was_found(tmp_path: Path) -> None:
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_the_table_has_what_was_found(tmp_path: Path, suffix: str) -> None:
     found, _ = drawn()
-    write_validation(tmp_path / "new" / "out", found)
-    tables = {path.stem: read_columns(path) for path in (tmp_path / "new" / "out").iterdir()}
-    grasps = tables["grasps"]
-    np.testing.assert_array_equal(grasps["success"], found.grasps.held)
-    np.testing.assert_allclose(grasps["margin"].astype(float), margins())
-    assert set(grasps["closing"]) <= {"closed", "nothing", "slips_out"}
-    assert (np.isnan(margins()) == (grasps["closing"] != "closed")).all()
-    assert {*found.grasps.columns, *found.grasps.scores} < grasps.keys()
-    np.testing.assert_allclose(grasps["area1"].astype(float), found.grasps.columns["area1"])
-    differences = tables["differences"]
-    count = len(found.qualities)
-    assert len(differences["p"]) == count * (count - 1) // 2
-    assert set(differences["score"][: count - 1]) == {"quality"}
-    objects = tables["objects"]
-    assert (objects["object"].tolist(), objects["grasps"].tolist()) == ([1], [COUNT])
-    assert objects["margin"][0] == found.quality("margin").roc_auc
-    assert tables["reasons"]["grasps"].tolist() == [one.count for one in found.reasons]
-    scores = tables["scores"]
-    assert scores["score"].tolist() == [one.score.name for one in found.qualities]
-    assert scores["roc_auc"][0] == found.quality("quality").roc_auc
-    assert tables["labels"]["grasps"].sum() == 12 * COUNT
-    assert tables["calibration"]["held"].sum() == found.grasps.held[found.grasps.closed].sum()
+    write_validation(tmp_path / f"out{suffix}", found)
+    table = read_columns(tmp_path / f"out{suffix}")
+    assert table.keys() == found.columns.keys()
+    np.testing.assert_array_equal(table["outcome"] == 1.0, found.held)
+    for one in found.qualities:
+        if one.score.name != "label":
+            written = np.nan_to_num(table[one.score.name].astype(float), nan=-7.0)
+            own = np.nan_to_num(found.columns[one.score.name].astype(float), nan=-7.0)
+            np.testing.assert_allclose(written, own, err_msg=one.score.name)
+
+
+def test_one_figure_shows_what_is_known() -> None:
+    found, _ = drawn()
+    left, right = validation_figure(found).axes
+    counts = [f"{rate.name}\n{rate.count:,}" for rate in found.rates.values()]
+    assert [text.get_text() for text in left.get_xticklabels()] == counts
+    margin = found.quality("margin").roc_auc
+    assert f"margin {margin:.2f}" in [line.get_label() for line in right.lines]
+    _, alone = validation_figure(validated(np.ones(COUNT, bool))).axes
+    assert [line.get_label() for line in alone.lines] == ["chance 0.50"]
