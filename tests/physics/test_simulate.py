@@ -76,7 +76,7 @@ def test_outcomes_are_read_by_validate(tmp_path: Path) -> None:
     tried = simulate_grasps(mesh(), above(3, 20, 4), hand=small(), simulation=QUICK, cluster=HERE)
     grasp3d.write_grasps(tmp_path / "tried.csv", tried)
     found = grasp3d.validate_grasps(tmp_path / "tried.csv", mesh=mesh(), hand=small())
-    assert found.grasps.held.tolist() == (tried.outcome == 1.0).tolist() == [True, False, True]
+    assert found.held.tolist() == (tried.outcome == 1.0).tolist() == [True, False, True]
 
 
 def test_true_poses_are_drawn_around_the_given_ones() -> None:
