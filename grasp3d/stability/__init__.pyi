@@ -5,4 +5,3 @@ from .classification import Stability as Stability
 from .classification import classify as classify
 from .label import COLORS as COLORS
 from .label import Label as Label
-from .thresholds import margin_budget as margin_budget

@@ -7,11 +7,11 @@ iff beta* < beta - a and U iff beta* >= beta + a, for any mu and alpha, where Wa
 (Sec. III) sample extreme normals. No grasp of three fingers or more is labelled U where beta + a
 reaches 90 degrees.
 
-The margin is what is left below the threshold of S; its budget says which uncertainty takes most.
+The margin is what is left below the threshold of S.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -76,41 +76,3 @@ def max_resolution(worst: Floats, model: GraspModel) -> Floats:
         Same shape; 0 where no sensor is fine enough.
     """
     return np.maximum(0.0, 2.0 * (math.atan(model.friction_interval[0]) - worst))
-
-
-def margin_budget(model: GraspModel, critical_angle: ArrayLike) -> dict[str, Floats]:
-    """Parts of the friction angle of each grasp, whose last one, the margin, decides on the label.
-
-    They add up to the friction angle at the middle of the friction interval.
-
-    Args:
-        model: Friction, sensor resolution and errors.
-        critical_angle: Critical friction angle over the worst normals and locations [rad], shape
-            (...); inf: no grasp.
-
-    Returns:
-        The critical angle, what friction and sensor resolution take, and the margin [rad], by name,
-        shape (...) each. The margin is `model.sure_angle` minus the critical angle, and -inf where
-        there is no grasp.
-
-    Example:
-        >>> import grasp3d
-        >>> from grasp3d.stability import margin_budget
-        >>> model = grasp3d.GraspModel(friction="0.4..0.6", sensor_resolution=0.2)
-        >>> for name, angle in margin_budget(model, 0.3).items():
-        ...     print(f"{name}: {angle:.3f}")
-        critical angle: 0.300
-        friction: 0.083
-        sensor resolution: 0.100
-        margin: -0.019
-    """
-    smallest, largest = model.friction_interval
-    beta = math.atan(0.5 * (smallest + largest))
-    critical = np.asarray(critical_angle, dtype=np.float64)
-    parts: dict[str, Any] = {
-        "friction": beta - math.atan(smallest),
-        "sensor resolution": model.sensor_resolution / 2.0,
-    }
-    margin = beta - sum(parts.values()) - critical
-    stack = {"critical angle": critical, **parts, "margin": margin}
-    return {name: np.broadcast_to(angle, critical.shape)[()] for name, angle in stack.items()}

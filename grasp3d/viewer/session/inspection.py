@@ -13,7 +13,7 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import EPSILON_MIN
-from grasp3d.stability.thresholds import label_angles, margin_budget
+from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.grasp_numbers import surface_epsilons, surface_load_result
 from grasp3d.surface.labels import SurfaceLabels
@@ -23,10 +23,6 @@ from grasp3d.system.counts import short_number
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
 from grasp3d.viewer.subjects.subject import Subject
 
-SYMBOLS = {"critical angle": "β*", "sensor resolution": "α/2"}
-"""Parts of a budget that have a symbol in the viewer."""
-
-
 ALIKE = 5e-3
 """Relative difference below which forces are not distinguished."""
 
@@ -35,19 +31,6 @@ def angle_numbers(case: Case) -> list[tuple[str, str]]:
     """Names and values of critical angles, the coarsest resolution and the margin."""
     angles = _critical_angles(case.worst, case.best, "points" if case.located else "normals")
     return [("β*", angles), ("α*", _max_resolution(case)), ("margin", _margin(case))]
-
-
-def budget_text(case: Case) -> str:
-    """What the friction angle is spent on, as one line; empty where there is no grasp."""
-    if not math.isfinite(case.worst):
-        return ""
-    budget = margin_budget(case.model, case.worst)
-    parts = [
-        f"{SYMBOLS.get(name, name)} {signed_angle(float(angle))}"
-        for name, angle in budget.items()
-        if float(angle) != 0.0 or name in {"critical angle", "margin"}
-    ]
-    return f"β {signed_angle(float(sum(budget.values())))} = {' + '.join(parts)}"
 
 
 def _critical_angles(worst: float, best: float, of: str) -> str:
@@ -167,8 +150,6 @@ class Inspection(MarkedContacts):
     """Names, and values with their units."""
     reason: str
     """One sentence: why it is S, M or U."""
-    budget: str = ""
-    """What the friction angle is spent on; empty: no grasp."""
 
 
 def inspect(subject: Subject, vertex: int, model: GraspModel) -> Inspection:
@@ -263,7 +244,7 @@ def _inspection(
     held = "" if force is None else force.sentence()
     return Inspection(
         points, normals, case.model, pose, vertex=vertex, code=case.code, numbers=tuple(numbers),
-        reason=f"{explain(case)} {held}".rstrip(), budget=budget_text(case),
+        reason=f"{explain(case)} {held}".rstrip(),
     )  # fmt: skip
 
 

@@ -176,7 +176,6 @@ def _inspection(inspection: Inspection) -> dict[str, Any]:
         "vertex": inspection.vertex,
         "color": HEX_PALETTE[inspection.code],
         "reason": inspection.reason,
-        "budget": inspection.budget,
         "numbers": [
             {"name": name, "value": value, "wide": len(name) + len(value) > SHORT}
             for name, value in inspection.numbers

@@ -489,9 +489,6 @@ def _add_vertex(lines: _Lines, session: Session) -> None:
     lines.gap(0.5)
     for name, value in inspection.numbers:
         lines.pair(name, value)
-    if inspection.budget:
-        lines.gap(0.4)
-        lines.paragraph(inspection.budget, QUIET)
 
 
 def _heading(inspection: Inspection) -> str:
