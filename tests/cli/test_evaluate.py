@@ -175,8 +175,9 @@ def test_the_best_grasps_evaluated_again_are_the_same(
         for name in ("critical_angle", "critical_angle_best", "max_resolution", "opening"):
             assert other[name] == pytest.approx(one[name], abs=1e-6), name
         assert other["epsilon"] == pytest.approx(one["epsilon"], rel=0.02)
-    assert [row[:7] for row in printed_rows(text)] == [
-        row[:7] for row in printed_rows(run_again.stdout)
+    # Without epsilon, which is known to 1 %.
+    assert [row[:6] for row in printed_rows(text)] == [
+        row[:6] for row in printed_rows(run_again.stdout)
     ]
 
 
