@@ -60,7 +60,7 @@ def test_links_and_anchors_exist(site: Path) -> None:
             )
             if not known:
                 dead.append(f"{page.relative_to(site)}: {address}")
-    assert len(pages(site)) > 300
+    assert len(pages(site)) > 250
     assert not dead
 
 
