@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp3d._kernels.search.antipodal_candidates import PairLimits
 from grasp3d._kernels.search.descent import best_of_face, make_scratch, rank
 from grasp3d._kernels.search.face_contacts import NONE, PairDomain, cosine_at
 from grasp3d._kernels.surface.polygons import REGION_CORNERS, centroid, cut, stays_inside
@@ -25,13 +24,13 @@ def mesh_of(shape: str) -> ObjectMesh:
 
 @numba.njit
 def cosines(
-    points: Floats, lines: Floats, normals: Floats, own: Floats, limits: PairLimits
+    points: Floats, lines: Floats, normals: Floats, own: Floats, domain: PairDomain
 ) -> Floats:
     """`cosine_at` points of a face, compiled with the loop, shape (k,)."""
     found = np.empty(len(points))
     for k in range(len(points)):
         w0, w1, w2 = points[k]
-        found[k] = cosine_at((w0, w1, w2), lines, normals, own, limits)
+        found[k] = cosine_at((w0, w1, w2), 0, 0, lines, normals, own, domain)
     return found
 
 
@@ -50,7 +49,7 @@ def largest_rank(
 
 
 def sampled(
-    rng: np.random.Generator, lines: Floats, normals: Floats, own: Floats, limits: PairLimits
+    rng: np.random.Generator, lines: Floats, normals: Floats, own: Floats, domain: PairDomain
 ) -> float:
     """Largest cosine at random points of a face, ever nearer to the best one."""
     best, centre, radius = NONE, np.full(3, 1.0 / 3.0), 1.0
@@ -58,7 +57,7 @@ def sampled(
         points = centre + radius * (rng.dirichlet(np.ones(3), 150) - centre)
         points = np.maximum(points, 2e-9)
         points /= points.sum(axis=1, keepdims=True)
-        found = cosines(points, lines, normals, own, limits)
+        found = cosines(points, lines, normals, own, domain)
         if found.max() > best:
             best, centre = float(found.max()), points[found.argmax()]
         radius *= 0.5
@@ -81,7 +80,7 @@ def test_no_point_of_a_face_is_better_than_the_best_one(seed: int, shape: str, l
         own, (lines, normals) = own_normals(mesh, vertex), read(mesh, face, vertex)
         middle = float(np.linalg.norm(lines.mean(axis=0)))
         domain = domain_of(mesh, **{limit: middle} if limit else {})
-        best = sampled(rng, lines, normals, own, domain.limits)
+        best = sampled(rng, lines, normals, own, domain)
         if best < 0.2:
             continue
         tried += 1
@@ -93,7 +92,7 @@ def test_no_point_of_a_face_is_better_than_the_best_one(seed: int, shape: str, l
             continue
         angle = math.acos(min(found, 1.0))
         assert angle <= math.acos(min(best, 1.0)) + 5e-7
-        again = cosine_at(scratch[0], lines, normals, own, domain.limits)
+        again = cosine_at(scratch[0], vertex, face, lines, normals, own, domain)
         assert again == pytest.approx(found, abs=1e-12)
         below = math.cos(max(angle - 1e-6, 0.0))
         assert best_of_face(face, vertex, below, own, domain, scratch) == below
@@ -107,13 +106,13 @@ def test_a_node_with_a_good_contact_is_not_left_out(seed: int, shape: str) -> No
     rng = np.random.default_rng(seed)
     mesh = mesh_of(shape)
     domain = domain_of(mesh)
-    tree, limits = domain.tree, domain.limits
+    tree = domain.tree
     for _ in range(40):
         vertex, row = int(rng.integers(len(mesh.vertices))), int(rng.integers(len(tree.order)))
         lines, normals = read(mesh, tree.order[row], vertex)
         weights = rng.dirichlet(np.ones(3))
         own = own_normals(mesh, vertex)
-        found = cosine_at(weights, lines, normals, own, limits)
+        found = cosine_at(weights, vertex, tree.order[row], lines, normals, own, domain)
         if found <= 0.0:
             continue
         limit = math.acos(min(found, 1.0)) + 1e-9

@@ -161,8 +161,9 @@ def test_no_grasp_is_better_than_the_bound_of_its_node(seed: int, shape: str) ->
             PairLimits, itertools.product((0.0, near), (math.inf, far))
         ):
             own = own_normals(mesh, vertex)
-            found = cosine_at(weights, lines, normals, own, limits)
-            bound = upper_bound(node, vertex, own, domain._replace(limits=limits), NONE)
+            limited = domain._replace(limits=limits)
+            found = cosine_at(weights, vertex, face, lines, normals, own, limited)
+            bound = upper_bound(node, vertex, own, limited, NONE)
             assert NONE < found <= bound + 1e-9
 
 
