@@ -87,9 +87,7 @@ def turns_beside(
         location_error: As in `normal_turns`.
     """
     nearest, places, _ = nearest_surface_points(mesh, points)
-    one = np.arange(len(points) + 1)
-    sets = ContactNormals(one, np.ones_like(one[1:]), normals)
-    return normal_turns(mesh, places, nearest.faces, sets, location_error)
+    return normal_turns(mesh, places, nearest.faces, _single(normals), location_error)
 
 
 def located_surface(mesh: ObjectMesh, location_error: float, cone: float) -> Surface:
@@ -150,10 +148,14 @@ def _on_lattice(mesh: ObjectMesh, levels: Ints, location_error: float, cone: flo
     digits = np.rint(np.concatenate([places, normals], axis=1) * ROUNDED).astype(np.int64)
     keys = digits @ np.random.default_rng(0).integers(1 << 62, size=6)
     _, first, same = np.unique(keys, return_index=True, return_inverse=True)
-    one = np.arange(len(first) + 1)
-    sets = ContactNormals(one, np.ones_like(first), normals[first])
-    points = mesh.from_normalized(places[first])
+    points, sets = mesh.from_normalized(places[first]), _single(normals[first])
     return normal_turns(mesh, points, faces[first], sets, location_error, enough=cone)[same]
+
+
+def _single(normals: Floats) -> ContactNormals:
+    """Sets of one normal each, shape (m, 3)."""
+    start = np.arange(len(normals) + 1)
+    return ContactNormals(start, np.ones_like(start[1:]), normals)
 
 
 def _lattice(parts: int) -> Floats:

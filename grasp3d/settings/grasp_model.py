@@ -39,7 +39,8 @@ class GraspModel(LengthSettings):
             affects epsilon, and under a load grip force, payload and the label with force, but no
             other labels.
         location_error: Largest distance between the true and the perceived contact point, a length:
-            where a contact is, not how it is inclined. Labels are safe: every S and U is correct.
+            it is anywhere on the same surface within it, with the normal there. Labels are safe:
+            every S and U is correct.
 
     Example:
         >>> import math

@@ -144,7 +144,6 @@ def test_searches_know_the_turns_of_places() -> None:
     parts, first = turns.levels[7], turns.start[7]
     values = turns.values[first : first + (parts + 1) * (parts + 2) // 2]
     assert turns.least[7] == values.min()
-    corners = mesh.faces[[7, 7, 7]], np.eye(3)
     normals = mesh.corner_normals.normals[mesh.corner_normals.corners[7]]
     one = np.arange(4)
     exact = normal_turns(
@@ -152,7 +151,6 @@ def test_searches_know_the_turns_of_places() -> None:
         ContactNormals(one, np.ones(3, np.int64), normals), error,
     )  # fmt: skip
     assert values[[0, parts, -1]] == pytest.approx(exact, abs=1e-3)
-    assert corners[1].shape == (3, 3)
     assert located_surface(mesh, 0.0, math.pi) is mesh.contact_surface
 
 

@@ -106,7 +106,7 @@ def best_of_face(face, v, cosine, own, domain, scratch):
     Args:
         face: The face.
         v: The vertex.
-        cosine: Cosine of the limit, not below 0 where locations are exact.
+        cosine: Cosine of the limit, not below 0.
         own: Normals of the vertex (k, 3).
         domain: `PairDomain`.
         scratch: What `make_scratch` returns; the first array holds the contact's weights.
@@ -125,7 +125,7 @@ def best_of_face(face, v, cosine, own, domain, scratch):
         angle = math.acos(min(max(cosine, -1.0), 1.0)) - line_turn(far, turns)
         if angle <= max(one, other):
             return cosine
-        exact = max(math.cos(angle - min(one, other)), 0.0)
+        exact = math.cos(angle - min(one, other))
     bend = longest_difference(normals)
     if bend <= BENT:
         better = best_on_face(weights, exact, lines, normals, own, limits, polygon, nearest)
@@ -238,7 +238,7 @@ def descend(vertices, cone, domain, grasps):
 
     Args:
         vertices: Vertices (n,), neighbours one after the other.
-        cone: Largest angle that is searched for, at most pi / 2, with location errors pi [rad].
+        cone: Largest angle that is searched for, at most pi / 2 [rad].
         domain: `PairDomain`.
         grasps: `BestPairs`; written.
 

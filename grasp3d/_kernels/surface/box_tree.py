@@ -156,7 +156,7 @@ def corner_and_edges(triangle):
 
 
 @merged
-def _distance_to_edge(r, u):
+def distance_to_edge(r, u):
     """Squared distance of the point r from the segment from 0 to u."""
     uu = dot(u, u)
     s = _clamped(dot(u, r) / uu) if uu > 0.0 else 0.0
@@ -185,8 +185,8 @@ def triangle_distance(p, triangle):
         between = weighted_sum((1.0, -(s / area), -(t / area)), r, u, w)
         return dot(between, between)
     # Else the nearest point lies on an edge.
-    least = min(_distance_to_edge(r, u), _distance_to_edge(r, w))
-    return min(least, _distance_to_edge(difference(r, u), difference(w, u)))
+    least = min(distance_to_edge(r, u), distance_to_edge(r, w))
+    return min(least, distance_to_edge(difference(r, u), difference(w, u)))
 
 
 @merged

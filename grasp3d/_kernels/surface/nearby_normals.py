@@ -13,6 +13,7 @@ import numpy as np
 
 from grasp3d._kernels.array_types import FixedInts1
 from grasp3d._kernels.compiling import kernel, merged, part
+from grasp3d._kernels.surface.box_tree import distance_to_edge
 from grasp3d._kernels.surface.polygons import REGION_CORNERS, cut
 from grasp3d._kernels.surface.surface_contacts import ANY_NORMAL, smallest_angle
 from grasp3d._kernels.surface.vectors import (
@@ -126,15 +127,6 @@ def _turn_of_face(face, point, radius, set_, surface, tight, known, polygon):
     return max(tight, most), most
 
 
-@merged
-def _distance_to_edge(point, a, b):
-    """Distance of a point from the line between two others."""
-    edge, line = difference(b, a), difference(point, a)
-    square = dot(edge, edge)
-    part = min(max(dot(line, edge) / square, 0.0), 1.0) if square > 0.0 else 0.0
-    return norm(combined(1.0, line, -part, edge))
-
-
 @kernel(
     "Floats2, Ints1, Ints1, Ints1, FixedFloats2, float, float, Surface, ContactNormals, "
     "FacesAround, Floats1"
@@ -175,10 +167,11 @@ def largest_turns(
             )
             for k in range(3):
                 a, b = surface.faces[face, (k + 1) % 3], surface.faces[face, (k + 2) % 3]
-                one, two = triple(surface.points[a], 0), triple(surface.points[b], 0)
-                if _distance_to_edge(point, one, two) > radius:
+                line = difference(point, surface.points[a])
+                edge = difference(surface.points[b], surface.points[a])
+                if distance_to_edge(line, edge) > radius * radius:
                     continue
-                at_tip = sets.counts[a] == 0 and norm(difference(point, one)) <= radius
+                at_tip = sets.counts[a] == 0 and norm(line) <= radius
                 if at_tip or surface.twins[face, k, 0] == ANY_NORMAL:
                     turns[i] = math.pi
                 for j in range(around.start[a], around.start[a + 1]):
