@@ -23,7 +23,7 @@ from grasp3d import (
     sweep,
 )
 from grasp3d.errors import SettingError
-from grasp3d.surface.contacts import grasps_at
+from grasp3d.surface.contacts import SurfaceContacts, grasps_at, vertex_surface_points
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
 
@@ -97,27 +97,32 @@ def test_a_location_error_only_takes_away(labels: SurfaceLabels, located: Surfac
     assert (located.label == Label.S).any()
 
 
+@pytest.mark.parametrize(
+    ("surface", "edge", "error"),
+    [(shapes.cone(0.2, sections=24), 0.08, 0.05), (shapes.frustum(), 0.1, 0.08)],
+    ids=["cone", "frustum"],
+)
 def test_the_search_knows_what_location_errors_cost(
-    labels: SurfaceLabels, located: SurfaceLabels
+    surface: shapes.Surface, edge: float, error: float
 ) -> None:
-    """Of the pairs of vertices, and of the best grasp for exact locations, none is better."""
-    mesh, cone = labels.mesh, located.search.cone
-    vertices = np.unique(mesh.canonical[located.reason == Reason.FOUND])
+    """No pair of smooth vertices is better by more than 1 degree, up to the search cone."""
+    mesh = load_mesh(surface, max_edge=edge)
+    found = label_surface(mesh, GraspModel(location_error=error), sampling=WIDE)
     smooth = np.flatnonzero(mesh.contact_normals.counts == 1)
-    turns = grasps_at(mesh, labels.partner_points, smooth).turns(ERROR)[:, 0]
-    gains = []
-    for vertex in vertices[:: len(vertices) // 25]:
-        if mesh.contact_normals.counts[vertex] != 1:
-            continue
+    contacts = SurfaceContacts(mesh, vertex_surface_points(mesh, smooth[:, None]))
+    turns, gains = contacts.turns(error)[:, 0], []
+    for number in range(0, len(smooth), len(smooth) // 60):
+        vertex = smooth[number]
         line = mesh.vertices[smooth] - mesh.vertices[vertex]
         length = np.maximum(np.linalg.norm(line, axis=1), 1e-12)
         own = np.arccos(np.clip(line @ mesh.normals[vertex] / length, -1.0, 1.0))
         other = np.arccos(np.clip(-(line * mesh.normals[smooth]).sum(axis=1) / length, -1.0, 1.0))
-        turn = turns[smooth == vertex][0]
-        worst = np.maximum(own + turn, other + turns)
-        worst += np.arcsin(np.minimum(2.0 * ERROR / length, 1.0))
-        gains.append(min(located.critical_angle[vertex], cone) - min(worst.min(), cone))
+        worst = np.maximum(own + turns[number], other + turns)
+        worst += np.arcsin(np.minimum(2.0 * error / length, 1.0))
+        cone = found.search.cone
+        gains.append(min(found.critical_angle[vertex], cone) - min(float(worst.min()), cone))
     assert max(gains) < math.radians(1.0)
+    assert (found.critical_angle < found.search.cone).any()
 
 
 def test_another_friction_replaces_the_interval(labels: SurfaceLabels) -> None:
