@@ -161,6 +161,9 @@ def test_cubes_side_by_side_are_the_solid_that_they_tile(
     st.sampled_from([0, 1]),
 )
 @example([(3, 3, 3, 3, 1, 2), (3, 1, 3, 1, 2, 4), (2, 3, 2, 1, 2, 3), (2, 3, 2, 2, 4, 2)], 41, 1)
+@example(
+    [(3, 1, 2, 2, 3, 3)] * 2 + [(0, 1, 3, 4, 2, 1), (3, 1, 1, 2, 3, 3), (0, 0, 2, 2, 1, 2)], 0, 0
+)
 def test_boxes_on_a_lattice_have_the_volume_and_area_of_their_union(
     boxes: list[tuple[int, ...]], seed: int, single: int
 ) -> None:

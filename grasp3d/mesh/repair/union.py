@@ -20,7 +20,11 @@ REAL = 1e-6
 """Fraction of the area that must vanish in a union; bodies that touch in a line are not united."""
 
 MOST_FLIPS = 100
-"""Most rounds in which faces without an area are removed."""
+"""Most rounds in which faces without an area, and folds, are removed."""
+
+FOLD = 1e-10
+"""Two faces whose normals have a cosine of at most this much above -1 are one fold, without volume
+between them; Manifold leaves a few where many faces are coplanar."""
 
 
 def union_of(solids: list[Solid]) -> manifold3d.Manifold | None:
@@ -195,9 +199,10 @@ def without_slits(faces: Ints) -> Ints:
 
 
 def without_slivers(points: Floats, faces: Ints, rounding: float) -> Ints:
-    """Remove faces without an area by flipping their longest edge, which leaves no gap.
+    """Remove faces without an area by flipping their longest edge, folds by flipping the crease.
 
-    A flip replaces the two faces at an edge by two others on the same four corners.
+    A flip replaces the two faces at an edge by two others on the same four corners, which leaves
+    no gap.
 
     Args:
         points: Positions (V, 3).
@@ -207,20 +212,25 @@ def without_slivers(points: Floats, faces: Ints, rounding: float) -> Ints:
     Returns:
         The faces; those whose longest edge does not have exactly two faces are kept.
     """
-    faces, fewest = faces.copy(), len(faces) + 1
+    faces, least = faces.copy(), (len(faces) + 1, 0.0)
     for _ in range(MOST_FLIPS):
-        flat = np.flatnonzero(~has_area(points, faces, rounding))
-        if not 0 < len(flat) < fewest:
-            return faces
-        fewest = len(flat)
-        sides = np.roll(points[faces[flat]], -1, axis=1) - points[faces[flat]]
-        longest = np.argmax(np.linalg.norm(sides, axis=2), axis=1)
+        sides = np.roll(points[faces], -1, axis=1) - points[faces]
+        flat = ~has_area(points, faces, rounding)
+        longest = np.argmax(np.linalg.norm(sides[flat], axis=2), axis=1)
+        across = np.cross(sides[:, 0], sides[:, 1])
+        normals, doubled = unit_rows(across), np.linalg.norm(across, axis=1)
         one, two = paired_edges(faces)
         twins = np.full(faces.size, -1)  # where an edge does not have exactly two faces
         twins[one], twins[two] = two, one
-        half_edges = 3 * flat + (longest + 2) % 3
+        folded = (normals[one // 3] * normals[two // 3]).sum(axis=1) <= FOLD - 1.0
+        folded &= ~(flat[one // 3] | flat[two // 3])
+        half_edges = np.append(3 * np.flatnonzero(flat) + (longest + 2) % 3, one[folded])
+        left = flat.sum(), (doubled[one // 3] + doubled[two // 3])[folded].sum()
+        if not len(half_edges) or left >= least:
+            return faces
+        least = left
         _flip_edges(faces, half_edges, twins[half_edges])
-        faces = faces[is_face(faces)]
+        faces = without_slits(faces) if folded.any() else faces[is_face(faces)]
     return faces
 
 
