@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NoReturn, Self
 
@@ -41,9 +41,6 @@ from grasp3d.system.counts import counted
 
 TOUCHED = 0.5
 """Fraction of the work after which contacts are known."""
-
-OF_CONTACTS = ("link", "points", "normals", "gap")
-"""What `HandContacts` has of each contact besides its pose."""
 
 FEW_BEYOND = 0.1
 """Fraction of poses beyond limits up to which an order of joints that is assumed is not doubted."""
@@ -88,14 +85,15 @@ class EvaluatedHandGrasps(GivenGrasps):
     @cached_property
     def outside(self) -> Bools:
         """Whether a pose has a contact outside the region of the mesh, shape (k,)."""
-        wrong = ~allowed_contacts(self.mesh, self.contacts.points[:, None])
-        return np.asarray(np.bincount(self.contacts.row[wrong], minlength=self.size) > 0)
+        touching, outside = self.touching, np.zeros(self.touching.shape, dtype=np.bool_)
+        outside[touching] = ~allowed_contacts(self.mesh, self.contacts.points[touching][:, None])
+        return np.asarray(outside.any(axis=1))
 
     @cached_property
     def _counted(self) -> Bools:
-        """Contacts of poses at which two links touch, all in the region, shape (c,)."""
+        """Contacts of poses at which two links touch, all in the region, shape (k, L)."""
         grasped = (self.touching.sum(axis=1) >= 2) & ~self.outside
-        return np.asarray(grasped[self.contacts.row])
+        return np.asarray(self.touching & grasped[:, None])
 
     @cached_property
     def sets(self) -> ContactSets:
@@ -105,7 +103,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         error = self.model.location_error
         return ContactSets(
             size=self.size,
-            row=contacts.row[chosen],
+            row=np.nonzero(chosen)[0],
             points=points - self.mesh.center_mass,
             normals=normals,
             location_error=error,
@@ -115,14 +113,12 @@ class EvaluatedHandGrasps(GivenGrasps):
     @cached_property
     def touching(self) -> Bools:
         """Whether each link touches, shape (k, L)."""
-        touching = np.zeros((self.size, len(self.hand.link_names)), dtype=np.bool_)
-        touching[self.contacts.row, self.contacts.link] = True
-        return touching
+        return self.contacts.touching
 
     @cached_property
     def _link(self) -> Ints:
         """Link of each contact of `sets`."""
-        return self.contacts.link[self._counted]
+        return np.nonzero(self._counted)[1]
 
     @cached_property
     def tilts_of_links(self) -> Floats:
@@ -201,8 +197,8 @@ class EvaluatedHandGrasps(GivenGrasps):
 
     def contacts_of(self, row: int) -> tuple[Floats, Floats]:
         """Points of a pose's contacts, and inward normals there, shape (n, 3) each."""
-        mine = self.contacts.row == row
-        return self.contacts.points[mine], self.contacts.normals[mine]
+        mine = self.touching[row]
+        return self.contacts.points[row, mine], self.contacts.normals[row, mine]
 
     def using(self, model: GraspModel) -> "EvaluatedHandGrasps":
         """The same contacts with another friction and sensor resolution."""
@@ -316,23 +312,7 @@ class EvaluatedHandGrasps(GivenGrasps):
         Args:
             rows: Their indices, shape (c,).
         """
-        own = self.contacts
-        start = np.searchsorted(own.row, np.arange(self.size + 1))
-        counts = np.diff(start)[rows]
-        # The contacts of each chosen pose follow each other.
-        index = np.repeat(start[rows] - np.cumsum(counts) + counts, counts) + np.arange(
-            counts.sum()
-        )
-        of_contacts = {name: locked(getattr(own, name)[index]) for name in OF_CONTACTS}
-        of_poses = {
-            field.name: locked(getattr(own, field.name)[rows])
-            for field in fields(own)
-            if field.name not in {"rule", "row", *OF_CONTACTS}
-        }
-        row = locked(np.repeat(np.arange(len(rows)), counts))
-        changed: dict[str, Any] = {"row": row, **of_contacts, **of_poses}
-        contacts = replace(own, **changed)
-        return replace(self, given=self.given.take(rows), contacts=contacts)
+        return replace(self, given=self.given.take(rows), contacts=self.contacts.take(rows))
 
     def to_poses(self, metrics: Mapping[str, Floats] | None = None) -> GraspPoses:
         """As in `GivenGrasps`: poses and values of joints are those where the contacts are.

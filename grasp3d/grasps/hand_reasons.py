@@ -10,7 +10,6 @@ from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
 from grasp3d.hand.articulated.contacts import HandContacts
 from grasp3d.hand.scene import LEVEL, Scene
 from grasp3d.hand.table import best_approach
-from grasp3d.settings import MAX_FINGERS
 
 
 class HandReasons(Reasons):
@@ -57,12 +56,6 @@ class HandReasons(Reasons):
         one = touching[single].argmax(axis=1) if single.any() else ()
         self.add("touches with one link only", single, [
             f"touches with one link only, {self._name(names[k])}" for k in one
-        ])  # fmt: skip
-        contacts = np.bincount(self._contacts.row, minlength=len(counts))
-        many = (contacts > MAX_FINGERS) & (counts > 1)
-        self.add("touches at too many points", many, [
-            f"touches at {count} points, more than the {MAX_FINGERS} that are evaluated"
-            for count in contacts[many]
         ])  # fmt: skip
 
     def _joints(self, posture: Floats) -> tuple[Bools, list[str]]:

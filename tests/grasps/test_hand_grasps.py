@@ -80,10 +80,8 @@ def test_critical_angle_is_that_of_the_contacts_bit_for_bit(
     postures = TOUCHING + np.random.default_rng(0).uniform(-0.004, 0.002, size=(5, 4))
     found = evaluated(box, tmp_path, *postures)
     for row in range(5):
-        mine = found.contacts.row == row
-        contacts = Contacts(
-            found.contacts.points[mine] - box.center_mass, found.contacts.normals[mine]
-        )
+        points, normals = found.contacts_of(row)
+        contacts = Contacts(points - box.center_mass, normals)
         assert found.critical_angle[row] == critical_friction_angle(contacts)
 
 

@@ -68,13 +68,13 @@ def test_closing_fingers_stop_where_they_touch() -> None:
     found = found_at(pincer(), ball(), at(0.005), [0.0, 0.0], rule="closed")
     np.testing.assert_allclose(found.posture, [[0.025, 0.035]], atol=2e-4)
     assert np.abs(found.gaps[0, 1:]).max() < 1e-4
-    assert found.link.tolist() == [1, 2]
+    assert found.touching.tolist() == [[False, True, True]]
 
 
 def test_closing_joints_stop_at_their_limits() -> None:
     found = found_at(pincer((0.0, 0.02)), ball(), np.eye(4), [0.0, 0.0], rule="closed")
     np.testing.assert_allclose(found.posture, [[0.02, 0.02]], atol=1e-12)
-    assert len(found.row) == 0
+    assert not found.touching.any()
     assert found.gaps[0, 1] == pytest.approx(0.01, abs=1e-4)
 
 
@@ -85,7 +85,7 @@ def test_the_distal_joint_goes_on_where_the_proximal_link_touches() -> None:
     assert proximal < 0.1
     assert distal > 0.8
     assert np.abs(found.gaps[0, 1:]).max() < 1e-4
-    assert set(found.link.tolist()) == {1, 2}
+    assert found.touching.tolist() == [[False, True, True]]
 
 
 def test_a_finger_inside_does_not_close() -> None:

@@ -1,11 +1,11 @@
-"""Where the links of a hand touch an object: gaps of their shapes, and contacts as given."""
+"""Where the links of a hand touch an object: gaps of their shapes, and a contact of each link."""
 
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.array_types import Floats1, Floats2, Floats3, Floats4, Ints1, Ints2
+from grasp3d._kernels.array_types import Floats1, Floats2, Floats3, Ints1
 from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.hands.deepest import (
     ALONG,
@@ -53,11 +53,11 @@ from grasp3d._kernels.surface.vectors import (
     triple,
 )
 
-MOST = 3
-"""Most contacts of a link: one per side of an object that it touches."""
-
-ONE_SIDE = math.cos(math.radians(40.0))
+ANY_SIDE, ONE_SIDE = -2.0, math.cos(math.radians(40.0))
 """Cosine of the angle between normals up to which they belong to the same side."""
+
+CANCELS = 0.5
+"""Length of the mean of unit normals below which they are those of opposite sides."""
 
 CREASE = math.cos(math.radians(20.0))
 """Cosine of the bend of an edge beyond which points nearest to it belong to both of its sides."""
@@ -65,13 +65,6 @@ CREASE = math.cos(math.radians(20.0))
 FACING = 0.4
 """Least cosine between the outward normal of a link and the inward normal of what it touches:
 a wall's far side, or what lies beside a link, does not count."""
-
-SQUARELY = 0.9
-"""The same for a further side that is farther away than the first one."""
-
-BESIDE = 0.2
-"""How much farther away a further side may be that does not face the link squarely, in contact
-distances."""
 
 EQUAL = 1e-9
 """Difference of gaps [m] that does not matter."""
@@ -83,9 +76,9 @@ the link is in the object."""
 FAN, SIDES = 16, 4
 """Most faces around a vertex that are looked at, and most sides to which a point belongs."""
 
-GAP, NORMAL, POINT, TURNED, COLUMNS = 0, 1, 4, 7, 8
-"""Columns of `TouchScratch.near`: signed distance, inward normal and nearest point of the surface,
-cosine with the link's normal; and their number."""
+GAP, NORMAL, POINT, COLUMNS = 0, 1, 4, 7
+"""Columns of `TouchScratch.near`: signed distance, inward normal and nearest point of the surface;
+and their number."""
 
 
 class Touches(NamedTuple):
@@ -95,11 +88,10 @@ class Touches(NamedTuple):
     """Signed distance of each shape, inf: beyond the search; negative: depth (k, m)."""
     points: Floats3
     """Where: the point of the surface (k, m, 3)."""
-    counts: Ints2
-    """Contacts of each link (k, L); 0 links: none are looked for."""
-    contacts: Floats4
-    """Of each contact: point on the surface, inward unit normal, signed distance of the link's
-    shapes from the point (k, L, MOST, 7)."""
+    contacts: Floats3
+    """The contact of each link: point on the surface, inward unit normal, signed distance of the
+    link's shapes from the point (k, L, 7); nan: the link does not touch; 0 links: none are looked
+    for."""
 
 
 class TouchScratch(NamedTuple):
@@ -127,8 +119,6 @@ class TouchScratch(NamedTuple):
     """Lower bounds of the signed distances of the points of a link (s,)."""
     near: Floats2
     """Points of a link that are near the surface (n, COLUMNS)."""
-    free: Ints1
-    """1: the point belongs to no side yet (n,)."""
 
 
 def make_touch_scratch(shapes: LinkShapes) -> TouchScratch:
@@ -139,7 +129,7 @@ def make_touch_scratch(shapes: LinkShapes) -> TouchScratch:
     return TouchScratch(
         make_shape_scratch(), np.zeros(STACK, np.int64), np.zeros(STACK), np.zeros((3, 4)),
         np.zeros(9), one, two, np.zeros((PIECES, ROW)), np.zeros(ROW), four, three, np.zeros(most),
-        np.zeros((4 * most + 4, COLUMNS)), np.zeros(4 * most + 4, np.int64),
+        np.zeros((4 * most + 4, COLUMNS)),
     )  # fmt: skip
 
 
@@ -313,13 +303,11 @@ def _add_near(outward, slot, weights, gap, count, surface, scratch):
         known = False
         for i in range(first, count):
             known = known or dot(n, triple(near[i], NORMAL)) > CREASE
-        facing = dot(outward, n)
-        if not known and facing >= FACING and count < first + SIDES:
+        if not known and dot(outward, n) >= FACING and count < first + SIDES:
             row = near[count]
-            row[GAP], row[TURNED] = gap, facing
+            row[GAP] = gap
             for k in range(3):
                 row[NORMAL + k], row[POINT + k] = n[k], position[k]
-            scratch.free[count] = 1
             count += 1
         if side == 0 or (side < 4 and step == 1):
             break
@@ -389,70 +377,46 @@ def _gap_at(p, first, last, frame, shapes, scratch):
 
 
 @part
-def _sides(count, distance, contacts, scratch):
-    """Divide the near points of a link by the sides that they touch, nearest first.
+def _write_contact(count, first, last, frame, shapes, surface, row, scratch):
+    """Write the one contact of a link: the mean of its points near the surface, moved onto it.
 
-    Returns:
-        The number of sides; the mean point and normal of each are written.
+    Where their normals cancel, as on both sides of a thin edge, only the nearest side counts.
+
+    Args:
+        count: Number of these points; 0: the nearest point, in the row, is the contact.
+        first: The link's first shape.
+        last: The one after its last.
+        frame: Frame of the link to that of the object.
+        shapes: `LinkShapes`.
+        surface: `TouchedSurface`.
+        row: The contact, as in `Touches`.
+        scratch: `TouchScratch`.
     """
-    near, free, sides, least = scratch.near, scratch.free, 0, math.inf
-    while sides < MOST:
-        seed = -1
-        for i in range(count):
-            if free[i] == 1 and (seed < 0 or near[i, GAP] < near[seed, GAP]):
-                seed = i
-        if seed < 0:
+    near, nearest, length = scratch.near, 0, 0.0
+    for i in range(1, count):
+        nearest = i if near[i, GAP] < near[nearest, GAP] else nearest
+    side = triple(near[nearest], NORMAL)
+    for least in (ANY_SIDE, ONE_SIDE):
+        if length >= CANCELS * count:  # which is true without any points
             break
-        direction = triple(near[seed], NORMAL)
-        gap = near[seed, GAP]
-        least = min(least, gap)
-        counts = gap <= least + BESIDE * distance
-        members, row = 0, contacts[sides]
-        for k in range(7):
+        members, length = 0, 0.0
+        for k in range(6):
             row[k] = 0.0
         for i in range(count):
-            if free[i] == 1 and dot(direction, triple(near[i], NORMAL)) >= ONE_SIDE:
-                free[i] = 0
-                counts = counts or near[i, TURNED] >= SQUARELY
+            if dot(side, triple(near[i], NORMAL)) >= least:
                 members += 1
                 for k in range(3):
                     row[k] += near[i, POINT + k]
                     row[3 + k] += near[i, NORMAL + k]
-        if not counts:
-            continue
-        length = norm(triple(row, 3))
         for k in range(3):
             row[k] /= members
-            row[3 + k] /= length
-        row[6] = seed
-        sides += 1
-    return sides
-
-
-@part
-def _write_contact(row, first, last, frame, shapes, surface, scratch):
-    """Move a contact's point to the surface, and write its gap.
-
-    That is the mean point of a side, or its nearest point where another side is nearer to the mean.
-    """
-    p, n = triple(row, 0), triple(row, 3)
-    slot, _ = nearest_triangle(p, math.inf, surface, scratch.nodes, scratch.bounds)
-    weights = nearest_weights(p, surface.tree.triangles[slot])
-    if (
-        norm(n) > 0.0
-        and side_of(weights) == 0
-        and dot(n, inward_at(slot, weights, surface)) < (ONE_SIDE)
-    ):
-        q = triple(scratch.near[int(row[6])], POINT)
-    else:
-        q = point_of(weights, surface.tree.triangles[slot])
-    for k in range(3):
-        row[k] = q[k]
-    if not norm(n) > 0.0:
-        n = inward_at(slot, weights, surface)
-    for k in range(3):
-        row[3 + k] = n[k]
-    row[6] = _gap_at(q, first, last, frame, shapes, scratch)
+        length = norm(triple(row, 3))
+    slot, _ = nearest_triangle(triple(row, 0), math.inf, surface, scratch.nodes, scratch.bounds)
+    weights = nearest_weights(triple(row, 0), surface.tree.triangles[slot])
+    copy(point_of(weights, surface.tree.triangles[slot]), row)
+    mean = divided(triple(row, 3), length) if count > 0 else inward_at(slot, weights, surface)
+    copy(mean, row[3:])
+    row[6] = _gap_at(triple(row, 0), first, last, frame, shapes, scratch)
 
 
 @kernel("Floats4, float, float, int, int, LinkShapes, TouchedSurface, Touches, TouchScratch")
@@ -483,18 +447,13 @@ def touch(frames, distance, search, begin, end, shapes, surface, touches, scratc
                 gaps[i] = _shape_gap(i, start, search, shapes, surface, scratch)
                 copy(scratch.point, touches.points[pose, i])
                 nearest = i if gaps[i] < gaps[nearest] else nearest
-            if touches.counts.shape[1] > 0 and gaps[nearest] <= distance:
-                contacts, count = touches.contacts[pose, link], 0
+            if touches.contacts.shape[1] > 0 and gaps[nearest] <= distance:
+                contact, count = touches.contacts[pose, link], 0
                 for i in range(first, last):
                     if gaps[i] <= distance:
                         compose(frame, shapes.poses[i], scratch.pose)
                         count = _near_points(i, start, distance, count, shapes, surface, scratch)
-                count = _sides(count, distance, contacts, scratch)
-                if count == 0:  # deep inside, or only with what faces away
-                    copy(touches.points[pose, nearest], contacts[0])
-                    copy((0.0, 0.0, 0.0), contacts[0, 3:])
-                    count = 1
-                for i in range(count):
-                    _write_contact(contacts[i], first, last, frame, shapes, surface, scratch)
-                touches.counts[pose, link] = count
+                # No points: it is deep inside, or touches only with what faces away.
+                copy(touches.points[pose, nearest], contact)
+                _write_contact(count, first, last, frame, shapes, surface, contact, scratch)
             first = last

@@ -1,12 +1,11 @@
 """Contacts of a hand with joints: which of its links touch an object, where, and how far off."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grasp3d._kernels.hands.touching import MOST
-from grasp3d.arrays import ArrayLike, Floats, Ints, short_repr
+from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.closing import close
@@ -29,7 +28,7 @@ TOUCHED = 3e-4
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class HandContacts:
-    """Contacts of k poses of a hand of L links, by ascending pose, c in all."""
+    """What the links of a hand touch at k poses: one contact of each of its L links, or none."""
 
     rule: ContactRule
     """How they were found."""
@@ -37,16 +36,12 @@ class HandContacts:
     """Hand's frame to that of the mesh, (k, 4, 4) [m]."""
     posture: Floats
     """Values of the joints [rad or m], shape (k, p)."""
-    row: Ints
-    """Pose of each contact, shape (c,)."""
-    link: Ints
-    """Its link, shape (c,)."""
     points: Floats
-    """Where it is on the object's surface [m], shape (c, 3)."""
+    """Where each link touches the object's surface [m], shape (k, L, 3); nan: it does not."""
     normals: Floats
-    """Unit normals into the object, shape (c, 3)."""
+    """Mean unit normals into the object there, shape (k, L, 3)."""
     gap: Floats
-    """Signed distance of the link's shapes from that point [m], shape (c,)."""
+    """Signed distance of the link's shapes from that point [m], shape (k, L)."""
     gaps: Floats
     """Signed distance of each link from the object [m], shape (k, L); inf: beyond twice the
     contact distance; negative: a depth, the larger of how far points of the link inside the object
@@ -62,6 +57,17 @@ class HandContacts:
 
     __repr__ = short_repr
 
+    @property
+    def touching(self) -> Bools:
+        """Whether each link touches, shape (k, L)."""
+        return ~np.isnan(self.gap)
+
+    def take(self, rows: Ints) -> "HandContacts":
+        """Those of the chosen poses, in that order."""
+        names = {field.name for field in fields(self)} - {"rule"}
+        changed: dict[str, Any] = {name: locked(getattr(self, name)[rows]) for name in names}
+        return replace(self, **changed)
+
 
 def hand_contacts(
     mesh: "ObjectMesh",
@@ -75,10 +81,10 @@ def hand_contacts(
 ) -> HandContacts:
     """Find the contacts of poses of a hand with joints.
 
-    The object's triangles count, not its convex hull: a finger in a mug is outside. A link touches
-    each side of an edge with a contact of its own: its points near the surface are divided by the
-    normal of the surface, and averaged per side. An open surface has no inside: there a link
-    penetrates as far as the surface is in its shapes.
+    The object's triangles count, not its convex hull: a finger in a mug is outside. A link has one
+    contact, the mean of its points near the surface and of the normals there, or, on both sides of
+    a thin edge, where normals cancel, of those of the nearest side. An open surface has no inside:
+    there a link penetrates as far as the surface is in its shapes.
 
     Args:
         mesh: The object; its unit must be known.
@@ -109,20 +115,16 @@ def hand_contacts(
     touches = scene.touch(frames)
     gaps = scene.link_gaps(touches)
     if rule != "given":
-        touches.counts[gaps > TOUCHED] = 0
+        touches.contacts[gaps > TOUCHED] = np.nan
     depth, pairs = scene.self_collisions(frames)
-    listed = np.arange(MOST) < touches.counts[:, :, None]
-    row, link, _ = np.nonzero(listed)
-    contacts = touches.contacts[listed]
+    contacts = touches.contacts
     return HandContacts(
         rule=rule,
         poses=matrices,
         posture=values,
-        row=row,
-        link=link,
-        points=contacts[:, :3],
-        normals=contacts[:, 3:6],
-        gap=contacts[:, 6],
+        points=contacts[..., :3],
+        normals=contacts[..., 3:6],
+        gap=contacts[..., 6],
         gaps=gaps,
         self_collision=pairs,
         self_depth=depth,

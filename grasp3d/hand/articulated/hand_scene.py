@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from grasp3d._kernels.hands.overlaps import self_overlaps
-from grasp3d._kernels.hands.touching import MOST, Touches, make_touch_scratch, touch
+from grasp3d._kernels.hands.touching import Touches, make_touch_scratch, touch
 from grasp3d.arrays import Floats, Ints
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.link_bodies import reach_along
@@ -58,8 +58,7 @@ class HandScene:
         touches = Touches(
             gaps=np.full((count, shapes), np.inf),
             points=np.zeros((count, shapes, 3)),
-            counts=np.zeros((count, listed), dtype=np.int64),
-            contacts=np.zeros((count, listed, MOST, 7)),
+            contacts=np.full((count, listed, 7), np.nan),
         )
         limit = SEARCH * self.distance if search is None else search
 
