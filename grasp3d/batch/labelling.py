@@ -26,7 +26,7 @@ from grasp3d.system.context import running
 from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
-    from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+    from grasp3d.grasps.jaw_grasps import JawGrasps
     from grasp3d.surface.grasp_table import GraspTable
     from grasp3d.surface.labels import SurfaceLabels
 
@@ -270,7 +270,7 @@ def _angles_of(labels: "SurfaceLabels") -> AngleDistribution:
     return SampledAngles(worst, best, weights[counted], limit=labels.search.cone)
 
 
-def _best_of(labels: "SurfaceLabels", count: int) -> "GraspTable | EvaluatedPoses | None":
+def _best_of(labels: "SurfaceLabels", count: int) -> "GraspTable | JawGrasps | None":
     """Best distinct grasps of a surface; None: there are none, or none are asked for."""
     from grasp3d.grasps.best import are_named, best_grasps, has_poses
     from grasp3d.surface.vertex_grasps import Reason
@@ -282,7 +282,7 @@ def _best_of(labels: "SurfaceLabels", count: int) -> "GraspTable | EvaluatedPose
     return best_grasps(labels, count)
 
 
-def _best_rows(best: "GraspTable | EvaluatedPoses | None") -> tuple[BestGrasp, ...]:
+def _best_rows(best: "GraspTable | JawGrasps | None") -> tuple[BestGrasp, ...]:
     """The best distinct grasps as they are stored in the row of a surface."""
     if best is None:
         return ()
@@ -310,7 +310,7 @@ def _flat(pose: Floats) -> tuple[float, ...]:
     return tuple(pose.ravel().tolist())
 
 
-def _further_values(best: "GraspTable | EvaluatedPoses") -> dict[str, Floats]:
+def _further_values(best: "GraspTable | JawGrasps") -> dict[str, Floats]:
     """How far the approach may turn, and what is held: by name in `BestGrasp`, shape (k,) each."""
     from grasp3d.grasps.verdict import needed_force
 

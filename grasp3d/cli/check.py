@@ -10,8 +10,9 @@ from grasp3d.batch.storage.files import local_path
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Check
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.report import FAILED, NONE, Report, escaped, exact_angle
+from grasp3d.cli.report import FAILED, Report, escaped, exact_angle
 from grasp3d.mesh.diagnosis import MeshDiagnosis, Trust
+from grasp3d.surface.fields import NONE
 from grasp3d.system.counts import short_number
 
 COLORS = {Trust.YES: "green", Trust.CARE: "yellow", Trust.NO: "red"}

@@ -21,7 +21,6 @@ from grasp3d.cli.report import (
 )
 from grasp3d.errors import SettingError
 from grasp3d.grasps.audit import READING, READINGS, explained
-from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import (
     DISTANCE_ROUNDING,
     contacts_on,
@@ -30,7 +29,6 @@ from grasp3d.grasps.evaluation import (
     poses_on,
 )
 from grasp3d.grasps.grasp_files import SUFFIXES, contacts_in, read_grasps, write_grasps
-from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.grasps.pose_files import holds_poses
 from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.grasps.verdict import verdict_of
@@ -41,7 +39,6 @@ from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.quality.measures import metric_names
 from grasp3d.settings import GraspModel, with_fingers
 from grasp3d.settings.model_text import model_line
-from grasp3d.settings.units import small_length
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.counts import counted
@@ -134,13 +131,9 @@ def print_grasps(grasps: Grasps, metrics: dict[str, Any]) -> None:
     fractions = {one: percent_text(float(counts[one] / size)) for one in Label}
     report.letters("scan", {"count": lambda one: str(counts[one]), "": fractions.__getitem__})
     report.lines(_remarks(grasps))
-    if not isinstance(grasps, EvaluatedHandGrasps):
-        report.line(f"[bold]{escaped(str(verdict_of(grasps)))}[/]")
-        if grasps.load_case is not None:
-            report.line(load_line(grasps.load_case))
-    elif grasps.hand_load_result is not None:
-        report.line(f"[bold]{escaped(str(grasps.verdict))}[/]")
-        report.line(escaped(grasps.hand_load_result.link_weights))
+    report.line(f"[bold]{escaped(str(verdict_of(grasps)))}[/]")
+    if grasps.load_case is not None:
+        report.line(load_line(grasps.load_case))
     report.warnings(grasps.warnings)
     rows = np.arange(size)
     if size > MAX_ROWS:
@@ -156,11 +149,7 @@ def _kind(grasps: Grasps) -> str:
     """How many grasps there are, and of what."""
     if isinstance(grasps, GraspTable):
         return f"{counted(grasps.size, 'grasps')} of {grasps.model.fingers} fingers"
-    poses = f"{counted(grasps.size, 'poses')} of {grasps.hand.name}"
-    if isinstance(grasps, EvaluatedPoses):
-        return poses
-    distance = small_length(grasps.contact_distance, metres=True)
-    return f"{poses}, contacts {grasps.contacts.rule}, within {distance}"
+    return f"{counted(grasps.size, 'poses')} of {grasps.hand.name}"
 
 
 def _remarks(grasps: Grasps) -> Iterator[str]:
@@ -178,6 +167,7 @@ def _remarks(grasps: Grasps) -> Iterator[str]:
         parts = [f"{k} {percent_text(v.mean())} of {len(v)}" for k, v in held.items() if len(v)]
         if parts:
             yield f"held when tried: {', '.join(parts)}"
+        yield from map(escaped, grasps.remarks)
         given = grasps.given
         why = ", as the file states none" if given.assumes_frame else ""
         yield f"poses read in the gripper's frame '{given.gripper_frame}'{why} (--frame)"

@@ -11,22 +11,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.settings.units import Unit, small_length
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 from grasp3d.surface.area_statistics import quantiles
 from grasp3d.surface.fields import (
     GRASPS,
-    HAND_GRASPS,
-    LENGTH,
     LETTERS,
-    OPENING,
-    RADIANS,
-    REASON,
+    NONE,
     Array,
     Field,
-    given_poses,
 )
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.load_case import LoadCase
@@ -38,7 +32,7 @@ if TYPE_CHECKING:
     from grasp3d.arrays import Floats
     from grasp3d.mesh import ObjectMesh
 
-Grasps = GraspTable | EvaluatedPoses | EvaluatedHandGrasps
+Grasps = GraspTable | EvaluatedPoses
 
 WARNING, NOTE, FAILED = "[yellow]warning:[/]", "[yellow]note:[/]", "[red]failed:[/]"
 """Marks at the beginning of a message."""
@@ -46,9 +40,6 @@ WARNING, NOTE, FAILED = "[yellow]warning:[/]", "[yellow]note:[/]", "[red]failed:
 LEVELS = (0.1, 0.5, 0.9)
 """Levels of the quantiles that are printed."""
 PERCENTS = "/".join(f"{100.0 * level:.0f}" for level in LEVELS) + " %"
-
-NONE = "–"
-"""A cell without a number: there is no grasp, or none is known."""
 
 LEAST_WIDTH = 16
 """Characters of a text below which a narrow terminal does not fold it."""
@@ -176,12 +167,8 @@ class Report:
             grasps: The grasps; the columns that they do not have are left out.
             which: Their rows.
         """
-        fields: Sequence[Field] = GRASPS
+        fields = GRASPS if isinstance(grasps, GraspTable) else grasps.fields
         metres = grasps.mesh.unit is not None
-        if isinstance(grasps, EvaluatedPoses):
-            fields = (*(one for one in given_poses() if one is not REASON), OPENING, REASON)
-        elif isinstance(grasps, EvaluatedHandGrasps):
-            fields = HAND_GRASPS
         headed = ((field, field.values_of(grasps)) for field in fields if field.heading)
         shown = [(field, values) for field, values in headed if values is not None]
         texts = [number for number, (field, _) in enumerate(shown, 1) if field.kind == "U"]
@@ -190,35 +177,16 @@ class Report:
             for row in which
         )
         of = "grasp" if isinstance(grasps, GraspTable) else "pose"
-        self.table([of, *(_heading(one, metres=metres) for one, _ in shown)], rows, texts=texts)
+        self.table([of, *(one.title(metres=metres) for one, _ in shown)], rows, texts=texts)
         meanings = [f"{field.heading}: {field.meaning}" for field, _ in shown if field.meaning]
         self.line("; ".join(meanings))
 
 
-def _heading(field: Field, *, metres: bool) -> str:
-    unit = {RADIANS: "", LENGTH: "mm" if metres else ""}.get(field.unit, field.unit)
-    return f"{field.heading}\n{unit}" if unit else field.heading
-
-
 def cell(field: Field, value: Any, *, metres: bool) -> str:
-    """Format a value of a declared column; what is not finite is `NONE`.
-
-    Args:
-        field: The column.
-        value: Its value in one row.
-        metres: Whether lengths are in metres, and so printed in millimetres.
-    """
+    """Format a value of a declared column, letters with their colour; see `Field.text`."""
     if field.texts == LETTERS:
         return label_name(Label(int(value)))
-    if field.kind == "U":
-        return escaped(str(value))
-    if not math.isfinite(value):
-        return NONE
-    if field.unit == RADIANS:
-        return angle_text(value)
-    if field.unit == LENGTH:
-        return short_number((1e3 if metres else 1.0) * value)
-    return short_number(value) if field.unit else f"{value + 0.0:.3f}"
+    return escaped(field.text(value, metres=metres))
 
 
 def quantiles_text(field: Field, values: Array, weights: "Floats", *, metres: bool) -> str:
@@ -231,7 +199,7 @@ def quantiles_text(field: Field, values: Array, weights: "Floats", *, metres: bo
         metres: As in `cell`.
     """
     numbers = quantiles(np.where(np.isnan(values), field.worst, values), LEVELS, weights)
-    heading = _heading(field, metres=metres).replace("\n", " in ")
+    heading = field.title(metres=metres).replace("\n", " in ")
     return f"{heading} {', '.join(cell(field, one, metres=metres) for one in numbers)}"
 
 
@@ -285,4 +253,5 @@ def load_line(case: LoadCase) -> str:
     mass = "mass not given" if case.mass is None else f"{short_number(case.mass)} kg"
     text = escaped(str(case.load.task))
     per_finger = f"{case.at_hand} per finger" if case.at_hand else "none given"
-    return f"[bold]load[/]: {mass}, {text}; force at hand: {per_finger}"
+    at_hand = "" if case.by_motors else f"; force at hand: {per_finger}"
+    return f"[bold]load[/]: {mass}, {text}{at_hand}"

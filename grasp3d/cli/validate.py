@@ -6,11 +6,12 @@ from pathlib import Path
 from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Validate
 from grasp3d.cli.existing_files import check_output
-from grasp3d.cli.report import NONE, Report, escaped, label_meaning, label_name, percent_text
+from grasp3d.cli.report import Report, escaped, label_meaning, label_name, percent_text
 from grasp3d.plots.figures import METADATA, save_as
 from grasp3d.plots.validations import validation_figure
 from grasp3d.settings.model_text import model_line
 from grasp3d.stability.label import Label
+from grasp3d.surface.fields import NONE
 from grasp3d.system.counts import counted
 from grasp3d.system.tables import SUFFIXES
 from grasp3d.validating.validate import validate_grasps

@@ -8,7 +8,8 @@ from .evaluated_poses import EvaluatedPoses as EvaluatedPoses
 from .evaluation import evaluate_grasps as evaluate_grasps
 from .grasp_files import read_grasps as read_grasps
 from .grasp_files import write_grasps as write_grasps
-from .hand_grasps import EvaluatedHandGrasps as EvaluatedHandGrasps
+from .jaw_grasps import JawGrasps as JawGrasps
+from .link_grasps import LinkGrasps as LinkGrasps
 from .pose_files.frames import read_object_pose as read_object_pose
 from .poses import GraspPoses as GraspPoses
 from .ranking import ranked_rows as ranked_rows

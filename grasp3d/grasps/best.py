@@ -13,7 +13,7 @@ from grasp3d.grasps.distinct import (
     distinct_rows,
     most_distinct,
 )
-from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.jaw_grasps import JawGrasps
 from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.settings import Sampling
 from grasp3d.settings.checks import check_range
@@ -27,7 +27,7 @@ LISTED = 10
 
 def best_grasps(
     labels: SurfaceLabels, count: int, *, unstable: bool = False
-) -> GraspTable | EvaluatedPoses:
+) -> GraspTable | JawGrasps:
     """The best distinct grasps of a labelled surface that may hold, best first.
 
     Without a gripper they are those of the vertices. With a parallel gripper they are poses: those
@@ -107,14 +107,12 @@ def _internal(sampling: Sampling | None) -> bool:
     return sampling is not None and sampling.grip == "expand"
 
 
-_POOLS: WeakKeyDictionary[SurfaceLabels, EvaluatedPoses] = WeakKeyDictionary()
-_NAMED: WeakKeyDictionary[SurfaceLabels, dict[tuple[bool, int], EvaluatedPoses]] = (
-    WeakKeyDictionary()
-)
+_POOLS: WeakKeyDictionary[SurfaceLabels, JawGrasps] = WeakKeyDictionary()
+_NAMED: WeakKeyDictionary[SurfaceLabels, dict[tuple[bool, int], JawGrasps]] = WeakKeyDictionary()
 _DISTINCT: WeakKeyDictionary[SurfaceLabels, dict[bool, GraspTable]] = WeakKeyDictionary()
 
 
-def pool_of(labels: SurfaceLabels) -> EvaluatedPoses:
+def pool_of(labels: SurfaceLabels) -> JawGrasps:
     """The evaluated poses among which the best of a surface are sought; found once.
 
     Args:

@@ -13,8 +13,7 @@ from grasp3d.grasps.distinct import (
     matched_distance,
     most_distinct,
 )
-from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.evaluation import closed_at
+from grasp3d.grasps.jaw_grasps import JawGrasps
 from grasp3d.grasps.pose_files.frames import as_read_again
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.ranking import ranked_rows
@@ -72,7 +71,7 @@ class PoseSearch:
         assert isinstance(self.scene.hand, ParallelGripper)
         return self.scene.hand
 
-    def pool(self) -> EvaluatedPoses:
+    def pool(self) -> JawGrasps:
         """All poses of the pool that are free and within the approach, as if they were exact.
 
         None outside the region of the mesh, or the limits of openings.
@@ -80,7 +79,7 @@ class PoseSearch:
         found = self.evaluated(candidate_poses(self.mesh, self.scene), PoseError())
         return found.take(np.flatnonzero(self._allowed(found)))
 
-    def best(self, pool: EvaluatedPoses, count: int, *, unstable: bool = False) -> EvaluatedPoses:
+    def best(self, pool: JawGrasps, count: int, *, unstable: bool = False) -> JawGrasps:
         """The best distinct poses of a pool that may hold, each refined, best first.
 
         Args:
@@ -96,7 +95,7 @@ class PoseSearch:
         chosen = self.evaluated(as_read_again(self._closed_upon(chosen)))
         return self.evaluated(chosen.poses[ranked_rows(chosen)])
 
-    def _closed_upon(self, chosen: EvaluatedPoses) -> Floats:
+    def _closed_upon(self, chosen: JawGrasps) -> Floats:
         """Poses (k, 4, 4) at which the closing jaws leave the object where it is, if as good."""
         poses, rest = chosen.poses.copy(), chosen.jaws.poses
         rows = np.flatnonzero(self._free(rest))
@@ -106,7 +105,7 @@ class PoseSearch:
         poses[rows[better]] = rest[rows[better]]
         return poses
 
-    def _distinct(self, pool: EvaluatedPoses, count: int, least: Label) -> Ints:
+    def _distinct(self, pool: JawGrasps, count: int, least: Label) -> Ints:
         """Rows of distinct poses with such a letter or a better one, best first.
 
         While fewer than `count` are S, an S that shuts out two distinct ones is exchanged for them.
@@ -128,7 +127,7 @@ class PoseSearch:
         free[free] = is_free(self.mesh, self.scene, poses[free])
         return free
 
-    def evaluated(self, poses: Floats, error: PoseError | None = None) -> EvaluatedPoses:
+    def evaluated(self, poses: Floats, error: PoseError | None = None) -> JawGrasps:
         """What `evaluate_grasps` says of poses (k, 4, 4).
 
         Args:
@@ -143,9 +142,9 @@ class PoseSearch:
         )  # fmt: skip
         scene = self.scene if error is None else replace(self.scene, pose_error=error)
         with unreported():
-            return closed_at(self.mesh, given, self.model, scene, load=self.load)
+            return JawGrasps.closed_at(self.mesh, given, self.model, scene, load=self.load)
 
-    def _allowed(self, found: EvaluatedPoses) -> Bools:
+    def _allowed(self, found: JawGrasps) -> Bools:
         """Whether the jaws close where contacts may be, within the limits of openings."""
         least, most = self.openings
         # The object yields to the pads, as in the test of the stroke.
@@ -153,7 +152,7 @@ class PoseSearch:
         within = (found.opening >= least - soft) & (found.opening - soft <= most)
         return found.jaws.closed & within & allowed_contacts(self.mesh, found.jaws.points)
 
-    def _refined(self, chosen: EvaluatedPoses) -> EvaluatedPoses:
+    def _refined(self, chosen: JawGrasps) -> JawGrasps:
         """Poses improved by small turns and shifts.
 
         One that comes upon another stays as it was.

@@ -30,7 +30,7 @@ class Cause(StrEnum):
     EXCLUDED = "outside --region"
     UNSTABLE = "the best grasp needs more friction"
     FORCE = "the force at hand does not hold the load"
-    COLLIDES = "at no pose do the jaws close on the object without a collision"
+    COLLIDES = "at no pose is the object held without a collision"
 
 
 _STATES = {

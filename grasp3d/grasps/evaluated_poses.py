@@ -1,41 +1,39 @@
-"""Poses of a gripper with the grasps that its jaws make there."""
+"""Given poses of a hand with the grasps that it makes there: what all hands have."""
 
-import math
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
-from grasp3d.grasps.audit import FEWEST, SUSPECTED, PoseReading, audit_poses
-from grasp3d.grasps.gripper_reasons import GripperReasons
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints
+from grasp3d.grasps.audit import SUSPECTED, PoseReading, audit_poses
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.reasons import Reasons
-from grasp3d.grasps.robustness import Robustness, robustness_of
-from grasp3d.hand.choices import ObjectMotion
-from grasp3d.hand.closed_jaws import ClosedJaws, Closing
+from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.pose_checks import pose_warning
 from grasp3d.quality.measures import metric_names
-from grasp3d.settings.pose_error import poses_of
-from grasp3d.stability.label import Label
 from grasp3d.surface.fields import (
     CLOSING_SHARE,
     FORCES,
     HAND_GRASPS,
+    OPENING,
     SCORE,
     Arrays,
+    Field,
     columns_of,
-    given_poses,
 )
-from grasp3d.surface.grasp_table import GraspRows
 from grasp3d.surface.labelled_grasps import LabelledGrasps
-from grasp3d.surface.scores import written_scores
+
+if TYPE_CHECKING:
+    from grasp3d.hand.scene import Scene
+    from grasp3d.surface.load_case import LoadCase
 
 STALE = frozenset(
     {*metric_names(), *(field.name for field in (*FORCES, CLOSING_SHARE, *HAND_GRASPS))}
@@ -43,22 +41,62 @@ STALE = frozenset(
 """Columns of given poses that may be of other settings."""
 
 
-class GivenGrasps(LabelledGrasps):
+class EvaluatedPoses(LabelledGrasps):
     """Given poses of a hand, a row for each, with what it holds there."""
 
     given: GraspPoses
+    """The poses as they were given, with their outcomes [m]."""
 
     if TYPE_CHECKING:  # fields and attributes of the classes that have this base
 
         @property
-        def label(self) -> Bytes: ...  # noqa: D102
+        def scene(self) -> Scene: ...  # noqa: D102
+        @property
+        def load_case(self) -> LoadCase | None: ...  # noqa: D102
         @property
         def reachable(self) -> Bools: ...  # noqa: D102
+        @property
+        def state(self) -> Bytes: ...  # noqa: D102
+
+    @property
+    def closed(self) -> Bools:
+        """Whether the hand holds the object with two contacts at least, shape (k,)."""
+        return np.asarray(self.state == Closing.CLOSED)
+
+    @property
+    @abstractmethod
+    def fields(self) -> tuple[Field, ...]:
+        """What tables and files have of each pose."""
 
     @property
     @abstractmethod
     def reasons(self) -> Reasons:
         """Why poses are not surely grasps."""
+
+    @abstractmethod
+    def contacts_of(self, row: int) -> tuple[Floats, Floats]:
+        """Points of a pose's contacts, and inward normals there, shape (n, 3) each; n may be 0."""
+
+    @abstractmethod
+    def held_at(self, row: int) -> GripperPose:
+        """The hand at a pose, what touches there in the colour of the letter."""
+
+    @abstractmethod
+    def compute(self) -> None:
+        """Compute now what takes long."""
+
+    @property
+    def remarks(self) -> Iterable[str]:
+        """What else is to be said of the evaluation, one sentence each without a full stop."""
+        return ()
+
+    @abstractmethod
+    def using(self, **changed: Any) -> Self:
+        """The same poses with another model or load.
+
+        Args:
+            changed: `model` or `load`.
+        """
 
     @property
     def reason(self) -> npt.NDArray[np.str_]:
@@ -73,9 +111,9 @@ class GivenGrasps(LabelledGrasps):
             rows: Their indices, shape (c,).
         """
 
-    @abstractmethod
     def _columns(self) -> Arrays:
         """Results of shape (k,)."""
+        return columns_of(self.fields, self)
 
     def _table_columns(self) -> Arrays:
         """What tables have besides, shape (k,)."""
@@ -95,8 +133,7 @@ class GivenGrasps(LabelledGrasps):
     @cached_property
     def reading(self) -> PoseReading | None:
         """Another reading of the poses, in which far more fit the object than as stated, if any."""
-        table = None if self.scene is None else self.scene.table
-        return audit_poses(self.mesh, self.given, self.hand, table=table)
+        return audit_poses(self.mesh, self.given, self.hand, table=self.scene.table)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -105,13 +142,12 @@ class GivenGrasps(LabelledGrasps):
         toward[:, :3, 2] = toward[:, :3, :3] @ getattr(hand, "approach", (0.0, 0.0, 1.0))
         wrong = str(self.reading) if self.reading else None
         wrong = wrong or pose_warning(toward, mesh, reach=hand.size)
-        tilted = None if self.scene is None else self.scene.tilt_warning(self.given.object_pose)
+        tilted = self.scene.tilt_warning(self.given.object_pose)
         return (*super().warnings, *filter(None, (wrong, tilted, *self._warnings())))
 
     @property
     def hand(self) -> Hand:
         """The hand."""
-        assert self.scene is not None
         return self.scene.hand
 
     @property
@@ -141,6 +177,7 @@ class GivenGrasps(LabelledGrasps):
         """
         own = {**self._columns(), **(metrics or {})}
         scores = own.pop(SCORE.name)
+        own.pop(OPENING.name, None)
         # Measures, forces and labels in the given file may be of other settings.
         others = {
             name: column
@@ -172,185 +209,3 @@ class GivenGrasps(LabelledGrasps):
         numbers, names = np.arange(1, self.size + 1), np.array(self.given.names)
         columns = {"grasp": numbers, "name": names, **self._columns(), **self._table_columns()}
         return table_of_columns(columns, settings=self._all_settings())
-
-
-EXECUTABLE = math.radians(5.0)
-"""Angle by which the approach of a grasp must be able to turn either way for a robot to execute it
-[rad]; a stated error of poses may ask for more."""
-
-TURNS = 4
-"""Equal steps in which turned approaches are tested."""
-
-NOWHERE = np.zeros((1, 3))
-"""No shift."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class EvaluatedPoses(GraspRows, GivenGrasps):
-    """Poses of a gripper with the grasps that its jaws make there, a row for each.
-
-    Contacts are where the jaws touch, at the mean normals of the patches. Numbers are nan, and the
-    label is U, where the jaws do not close on the object.
-    """
-
-    given: GraspPoses
-    """The poses as they were given, with their outcomes [m]."""
-    jaws: ClosedJaws
-    """Where the jaws touch, and what happens where they do not."""
-    object_motion: ObjectMotion = "fixed"
-    """Whether the object gave way to the jaws."""
-    collides: Bools
-    """Whether the gripper collides with object or table on the way to the pose, shape (k,): with a
-    fixed object also when it holds it, or with the clearance before closing; wide open where it
-    holds nothing, or the object is free."""
-    reachable: Bools
-    """Whether the jaws close on the object, within the stroke with its clearance, without
-    collision, and from an allowed direction, shape (k,)."""
-
-    load_result = None
-    """What the patches hold is in `payload` and `grip_force`."""
-
-    __repr__ = short_repr
-
-    @property
-    def first(self) -> Ints:
-        """The rows themselves, shape (k,); -1: the jaws do not close on the object."""
-        return np.where(self.jaws.closed, np.arange(self.size), -1)
-
-    @property
-    def state(self) -> Bytes:
-        """`Closing` codes, shape (k,)."""
-        return self.jaws.state
-
-    @property
-    def opening(self) -> Floats:
-        """Distance of the pads, or of the nearest points of round tips [m], shape (k,)."""
-        return self.jaws.opening
-
-    @cached_property
-    def robustness(self) -> Robustness:
-        """Scores of the touched patches, and of poses that are a little wrong; rows (k,).
-
-        Computed when first read.
-        """
-        assert self.scene is not None
-        return robustness_of(
-            self.mesh, self.poses, self.jaws, self.scene, self.model, self.load_case,
-            object_motion=self.object_motion,
-        )  # fmt: skip
-
-    @cached_property
-    def label(self) -> Bytes:
-        """`Label` codes of everything that is stated: `Robustness.label`; shape (k,).
-
-        U where the pose is not `reachable`.
-        """
-        return locked(np.where(self.reachable, self.robustness.label, np.uint8(Label.U)))
-
-    @property
-    def letter(self) -> Bytes:
-        """The same as `label`."""
-        return self.label
-
-    @cached_property
-    def reasons(self) -> GripperReasons:
-        """Why poses are not S; computed when first read."""
-        return GripperReasons(self)
-
-    @cached_property
-    def approach_margin(self) -> Floats:
-        """How far the approach may turn about the closing axis, either way, free of collisions.
-
-        Tested in `TURNS` steps up to 5 degrees, or the angle of the pose error if that is larger
-        [rad], shape (k,); nan where the pose is not reachable. A gripper that turns may draw back
-        by half the height of its pads, which still touch.
-        """
-        margin = np.where(self.reachable, 0.0, math.nan)
-        free = np.flatnonzero(self.reachable)
-        for angle in self._most_turn * np.arange(1, TURNS + 1) / TURNS:
-            for turn in (angle, -angle):
-                turned = self.poses[free] @ poses_of(NOWHERE, np.array([[turn, 0.0, 0.0]]))[1]
-                blocked = self._blocked(turned, free)
-                back = 0.5 * getattr(self.hand, "pad_height", 0.0)
-                turned[:, :3, 3] -= back * turned[:, :3, 2]
-                blocked[blocked] = self._blocked(turned[blocked], free[blocked])
-                free = free[~blocked]
-            margin[free] = angle
-        return locked(margin)
-
-    def _blocked(self, poses: Floats, rows: Ints) -> Bools:
-        """Whether the open gripper collides at other poses (r, 4, 4) of some rows, shape (r,)."""
-        scene, held = self.scene, np.zeros(len(rows), dtype=np.bool_)
-        assert scene is not None
-        jaws = self.jaws.take(rows)
-        return np.array(scene.hand.blocked(self.mesh, poses, jaws, held=held, table=scene.table))
-
-    @property
-    def _most_turn(self) -> float:
-        assert self.scene is not None
-        return max(EXECUTABLE, self.scene.pose_error.angle)
-
-    @property
-    def quality(self) -> Floats:
-        """How far each grasp is from failing, s: `Robustness.score`; shape (k,)."""
-        return self.robustness.score
-
-    @cached_property
-    def score(self) -> Floats:
-        """The one number of each pose, from 0 to 1: its letter, and within that its quality s.
-
-        1 + s is reduced in proportion where `approach_margin` is smaller than the angle up to which
-        it is tested: what has no tolerance cannot be executed. See `written_scores`.
-        """
-        turn = np.nan_to_num(self.approach_margin) / self._most_turn
-        return written_scores(self.letter, (1.0 + self.quality) * turn - 1.0)
-
-    @property
-    def grip_force(self) -> Floats:
-        """Force that each finger needs at the worst normals [N], shape (k,)."""
-        return self.robustness.stated.grip_force
-
-    @property
-    def payload(self) -> Floats:
-        """What the force at hand holds at the worst normals [kg], shape (k,)."""
-        return self.robustness.stated.payload
-
-    def to_poses(self, metrics: Mapping[str, Floats] | None = None) -> GraspPoses:
-        """The poses with the results as columns; see `GivenGrasps.to_poses`."""
-        poses = super().to_poses(metrics)
-        touched = {"contacts": self.jaws.points, "normals": self.jaws.normals}
-        # Where the object yields to the pads the first touch may be beyond the stroke.
-        opening = np.minimum(self.opening, self.hand.max_opening)
-        return replace(poses, opening=opening, columns={**poses.columns, **touched})
-
-    def _warnings(self) -> Iterable[str | None]:
-        return [None if self.reading else self._starting_inside()]
-
-    def _starting_inside(self) -> str | None:
-        """What suggests that most poses are too deep."""
-        inside = int((self.state == Closing.STARTS_INSIDE).sum())
-        if self.size < FEWEST or 2 * inside <= self.size:
-            return None
-        return (
-            f"a finger starts in the object in {inside} of {self.size} poses, even wide open: is "
-            "the origin of the poses the point between the fingertips, is the unit of mesh and "
-            "poses right, and is the object narrower than the stroke there?"
-        )
-
-    def _table_columns(self) -> Arrays:
-        columns = {"opening": self.opening, **super()._table_columns()}
-        outward = 0.0 - self.jaws.normals
-        for jaw in range(outward.shape[1]):
-            for k, axis in enumerate("xyz"):
-                columns[f"{axis}{jaw + 1}"] = self.jaws.points[:, jaw, k]
-                columns[f"n{axis}{jaw + 1}"] = outward[:, jaw, k]
-        return columns
-
-    def _columns(self) -> Arrays:
-        """Results of shape (k,)."""
-        return columns_of(given_poses(self.jaws.area.shape[1]), self)
-
-    def _settings(self) -> dict[str, Any]:
-        """Settings of the evaluation; angles in radians."""
-        own = {"gripper": self.hand.name, "object_motion": self.object_motion}
-        return self.settings() | own

@@ -7,21 +7,19 @@ from typing import Any, overload
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked
+from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.grasps.evaluated_poses import EvaluatedPoses, GivenGrasps
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.grasp_files import contacts_in
-from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps, evaluate_hand
+from grasp3d.grasps.jaw_grasps import JawGrasps
+from grasp3d.grasps.link_grasps import LinkGrasps
 from grasp3d.grasps.pose_files import holds_poses, read_poses
 from grasp3d.grasps.pose_files.frames import UnknownUnitError
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.grasps.postures import refuse_joints
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.choices import ContactRule, ObjectMotion
-from grasp3d.hand.closed_jaws import ClosedJaws
-from grasp3d.hand.closing import ways
-from grasp3d.hand.hand import Hand, touching
+from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import GivenHand, given_hand
 from grasp3d.hand.jaws import IN_METRES
 from grasp3d.hand.pose_checks import check_near, numbers_text
@@ -42,12 +40,12 @@ from grasp3d.settings import (
 )
 from grasp3d.settings.pose_error import PoseError
 from grasp3d.settings.units import METRES, GivenLength, Unit, with_lengths_scaled
-from grasp3d.surface.contacts import JawContacts, SurfaceContacts
+from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.system.context import refuse_warnings, report_progress, unreported, within
+from grasp3d.system.context import refuse_warnings, report_progress, within
 
 OFF_SURFACE = 1.0 / 100.0
 """Distance, in object sizes, up to which a given contact is moved to the surface."""
@@ -62,16 +60,17 @@ PROJECTED, ANGLES_COMPUTED = 0.5, 0.9
 @overload
 def evaluate_grasps(
     mesh: MeshSource, grasps: GraspPoses, model: GivenModel = None, *,
-    hand: ArticulatedHand, table: GivenTable = None, approach: Approach | None = None,
-    contact_rule: ContactRule = "given", contact_distance: GivenLength | None = None,
-    object_motion: ObjectMotion = "free", load: GivenLoad = None,
-) -> EvaluatedHandGrasps: ...  # fmt: skip
+    hand: GivenHand = None, table: GivenTable = None, approach: Approach | None = None,
+    pose_error: PoseError | str | None = None, scene: Scene | None = None,
+    object_motion: ObjectMotion | None = None, contact_rule: ContactRule | None = None,
+    contact_distance: GivenLength | None = None, load: GivenLoad = None,
+) -> EvaluatedPoses: ...  # fmt: skip
 @overload
 def evaluate_grasps(
-    mesh: MeshSource, grasps: GraspPoses, model: GivenModel = None, *,
-    hand: GivenHand = None, table: GivenTable = None,
-    approach: Approach | None = None, pose_error: PoseError | str | None = None,
-    scene: Scene | None = None, object_motion: ObjectMotion = "free", load: GivenLoad = None,
+    mesh: MeshSource, grasps: ArrayLike, model: GivenModel = None, *,
+    hand: GivenHand, table: GivenTable = None, approach: Approach | None = None,
+    pose_error: PoseError | str | None = None,
+    object_motion: ObjectMotion | None = None, load: GivenLoad = None,
 ) -> EvaluatedPoses: ...  # fmt: skip
 @overload
 def evaluate_grasps(
@@ -80,19 +79,13 @@ def evaluate_grasps(
 ) -> GraspTable: ...  # fmt: skip
 @overload
 def evaluate_grasps(
-    mesh: MeshSource, grasps: ArrayLike, model: GivenModel = None, *,
-    hand: GivenHand, table: GivenTable = None, approach: Approach | None = None,
-    pose_error: PoseError | str | None = None,
-    object_motion: ObjectMotion = "free", load: GivenLoad = None,
-) -> EvaluatedPoses: ...  # fmt: skip
-@overload
-def evaluate_grasps(
     mesh: MeshSource, grasps: str | Path, model: GivenModel = None, *,
     hand: GivenHand = None, table: GivenTable = None, approach: Approach | None = None,
     pose_error: PoseError | str | None = None, scene: Scene | None = None,
-    object_motion: ObjectMotion = "free", max_distance: GivenLength | None = None,
-    load: GivenLoad = None,
-) -> GraspTable | EvaluatedPoses | EvaluatedHandGrasps: ...  # fmt: skip
+    object_motion: ObjectMotion | None = None, contact_rule: ContactRule | None = None,
+    contact_distance: GivenLength | None = None,
+    max_distance: GivenLength | None = None, load: GivenLoad = None,
+) -> GraspTable | EvaluatedPoses: ...  # fmt: skip
 def evaluate_grasps(
     mesh: MeshSource,
     grasps: GraspPoses | ArrayLike | str | Path,
@@ -105,10 +98,10 @@ def evaluate_grasps(
     scene: Scene | None = None,
     contact_rule: ContactRule | None = None,
     contact_distance: GivenLength | None = None,
-    object_motion: ObjectMotion = "free",
+    object_motion: ObjectMotion | None = None,
     max_distance: GivenLength | None = None,
     load: GivenLoad = None,
-) -> GraspTable | EvaluatedPoses | EvaluatedHandGrasps:
+) -> GraspTable | EvaluatedPoses:
     """Compute the label, critical friction angle and epsilon of given grasps: contacts, or poses.
 
     Contacts are moved to the nearest surface points, and have the normals there. The order of the
@@ -120,7 +113,7 @@ def evaluate_grasps(
     mesh's region, with an infinite critical angle.
 
     At poses of a hand with joints, given with their values, the links that touch make the grasp:
-    see `EvaluatedHandGrasps`.
+    see `LinkGrasps`.
 
     Args:
         mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes (a path, a mesh of trimesh,
@@ -145,14 +138,14 @@ def evaluate_grasps(
             preshape "open" until its links touch.
         contact_distance: Hands with joints: distance from the surface, to either side, up to which
             a link touches, in metres or with a unit; None: 5 mm.
-        object_motion: Of poses of grippers: free: the object settles between the jaws; fixed: it
-            does not move.
+        object_motion: Of poses of grippers: free, or None: the object settles between the jaws;
+            fixed: it does not move.
         max_distance: Largest distance of a contact from the surface, in metres or with a
             unit; None: 1/100 of the object's size.
         load: What each grasp must hold, and with which force: `load_result` then has the grip force
             and payload of each, at poses with the greatest force of the gripper at hand unless the
-            load states another one; of hands with joints `hand_load_result` has what the motors
-            hold. The mass is held by the fingers alone, not by the table. None: nothing.
+            load states another one; of hands with joints the payload is that of the motors. The
+            mass is held by the fingers alone, not by the table. None: nothing.
 
     Returns:
         The grasps in their order, with `label`, `critical_angle` [rad] and `epsilon`, shape (b,)
@@ -208,12 +201,12 @@ def evaluate_grasps(
     model, load, hand = GraspModel.given("model", model), Load.given("load", load), given_hand(hand)
     grasps, mesh = _on_mesh(grasps, load_mesh(mesh), hand)
     scene = scene or Scene.given(mesh, hand, table, approach, pose_error)
-    of_links = {"contact_rule": contact_rule, "contact_distance": contact_distance}
-    of_links = {name: value for name, value in of_links.items() if value is not None}
-    if of_links and not (scene is not None and isinstance(scene.hand, ArticulatedHand)):
-        raise SettingError(f"{next(iter(of_links))} applies to poses of a hand with joints")
+    of_poses = {
+        "object_motion": object_motion, "contact_rule": contact_rule,
+        "contact_distance": contact_distance,
+    }  # fmt: skip
     if not isinstance(grasps, GraspPoses):
-        if scene is not None or object_motion != "free":
+        if scene is not None or any(value is not None for value in of_poses.values()):
             raise SettingError(
                 "a gripper applies to poses, not to contacts; give poses, of shape (k, 4, 4)"
             )
@@ -224,9 +217,7 @@ def evaluate_grasps(
         raise SettingError(
             "poses are evaluated for a gripper; give it (--hand, in Python hand=...)"
         )
-    return evaluate_poses(
-        mesh, grasps, model, scene, object_motion=object_motion, load=load, **of_links
-    )
+    return evaluate_poses(mesh, grasps, model, scene, load=load, **of_poses)
 
 
 def _on_mesh(
@@ -276,7 +267,7 @@ def contacts_on(mesh: ObjectMesh, contacts: Floats, unit: Unit | None) -> Floats
 
 def _poses_or_contacts(grasps: GraspPoses | ArrayLike) -> GraspPoses | ArrayLike:
     """What is given; matrices, shape (..., 4, 4), as poses, as contacts end with 3 coordinates."""
-    if isinstance(grasps, GivenGrasps):
+    if isinstance(grasps, EvaluatedPoses):
         return grasps.given
     if isinstance(grasps, LabelledGrasps):
         raise SettingError(
@@ -388,166 +379,56 @@ def _name(grasp: int, contact: int) -> str:
     return f"grasp {grasp + 1}, contact {contact + 1}"
 
 
-JAWS_CLOSED = 0.7
-"""Fraction of the work after which the jaws are closed."""
-
-ROUNDING = 1e-9
-"""Angle by which a limit may be exceeded through rounding [rad]."""
-
-
 def evaluate_poses(
     mesh: MeshSource,
     poses: GraspPoses,
     model: GraspModel | None,
     scene: Scene,
     *,
-    object_motion: ObjectMotion = "free",
     load: Load | None = None,
-    **of_links: Any,
-) -> EvaluatedPoses | EvaluatedHandGrasps:
-    """Close the jaws of a gripper on an object from given poses, and evaluate the grasps.
-
-    As `evaluate_grasps` does, also of a hand with joints.
+    **options: Any,
+) -> EvaluatedPoses:
+    """Evaluate the grasps that a gripper or a hand with joints makes at given poses.
 
     Args:
         mesh: The object; one whose unit is not known gets the scale that the poses state, if any.
         poses: The poses; without a unit they are in that of the mesh's file.
         model: Friction and sensor resolution [rad]; None: the defaults, with the resolution that
             the gripper states, if any.
-        scene: The gripper, the table and the allowed approach.
-        object_motion: free: the object settles between the jaws; fixed: it does not move.
+        scene: The hand, the table and the allowed approach.
         load: What each grasp must hold; None: nothing.
-        of_links: Hands with joints: `contact_rule` and `contact_distance`.
+        options: Of grippers `object_motion`, of hands with joints `contact_rule` and
+            `contact_distance`, as in `evaluate_grasps`; None: the default.
 
     Raises:
         MeshError: It is no mesh.
-        SettingError: The unit of the mesh is not known, a setting is outside its range, or the load
-            needs a mass that is not known.
-        ContactError: A grasp is internal: its opening is larger than the one before it.
+        SettingError: The unit of the mesh is not known, a setting is outside its range or for
+            another kind of hand, or the load needs a mass that is not known.
+        ContactError: The poses have values of other joints, or one is an internal grasp.
     """
-    hand = scene.hand
+    kind = LinkGrasps if isinstance(scene.hand, ArticulatedHand) else JawGrasps
+    stated = {name: value for name, value in options.items() if value is not None}
+    other = next((name for name in stated if name not in OPTIONS[kind]), None)
+    if other is not None:
+        raise SettingError(f"{other} does not apply to poses of {scene.hand.name}")
     mesh = in_stated_scale(load_mesh(mesh), poses)
     mesh.needs_metres(IN_METRES)
     start = poses.on(mesh)
     if start.object_scale is None:
         start = replace(start, object_scale=mesh.file_scale)
-    _check_external(start)
-    check_near(start.poses, mesh, stated=poses.unit, reach=hand.size)
-    if isinstance(hand, ArticulatedHand):
-        case = None if load is None else LoadCase.of(load, mesh, model or GraspModel(), hand)
-        return evaluate_hand(mesh, start, model, scene, load=case, **of_links)
-    refuse_joints(start, hand)
-    own_model = touching(hand, GraspModel()) if model is None else model
-    own_model = with_fingers(own_model, hand.fingers[-1])
-    mesh.check_units(own_model)
-    if load is not None:
-        LoadCase.of(load, mesh, own_model, hand)  # refuse it before the work
-    result = closed_at(mesh, start, own_model, scene, object_motion=object_motion, load=load)
+    check_near(start.poses, mesh, stated=poses.unit, reach=scene.hand.size)
+    result = kind.of(mesh, start, model, scene, load=load, **stated)
     refuse_warnings(result.warnings)
-    with within(JAWS_CLOSED, 1.0):
-        result.compute_labels()
+    result.compute()
     report_progress(1.0)
     return result
 
 
-def closed_at(
-    mesh: ObjectMesh,
-    start: GraspPoses,
-    model: GraspModel,
-    scene: Scene,
-    *,
-    object_motion: ObjectMotion = "free",
-    load: Load | None = None,
-) -> EvaluatedPoses:
-    """Close the jaws of a gripper at poses that are known to be sound; see `evaluate_poses`.
-
-    Args:
-        mesh: The object, of a known unit.
-        start: The poses, in metres.
-        model: As `evaluate_poses` makes it, of so many fingers.
-        scene: The gripper, the table and the allowed approach.
-        object_motion: As in `evaluate_poses`.
-        load: What each grasp must hold; None: nothing.
-    """
-    hand, most = scene.hand, scene.pose_error.position
-    with within(0.0, JAWS_CLOSED):
-        jaws = hand.close(
-            mesh,
-            start.poses,
-            object_motion=object_motion,
-            friction=model.nominal_friction,
-            **({"give_way": most} if most else {}),
-        )
-    held = jaws.closed if object_motion == "fixed" else np.zeros(start.count, dtype=np.bool_)
-    colliding, shift = _blocked(mesh, start, jaws, held, scene, most)
-    jaws = replace(jaws, shift=locked(shift))
-    contacts, angles = (
-        JawContacts.of(mesh, jaws.take(jaws.closed)),
-        np.full((2, start.count), math.nan),
-    )
-    if contacts.size:
-        found = critical_angles(contacts, location_error=model.location_error)
-        allowed = allowed_contacts(mesh, contacts.points)
-        angles[:, jaws.closed] = np.where(allowed, found, math.inf)
-    return EvaluatedPoses(
-        contacts=JawContacts.of(mesh, jaws),
-        model=model,
-        critical_angle=locked(angles[0]),
-        critical_angle_best=locked(angles[1]),
-        scene=scene,
-        load=load,
-        given=start,
-        jaws=jaws,
-        object_motion=object_motion,
-        collides=locked(colliding),
-        reachable=locked(
-            jaws.closed & ~colliding & hand.opens_to(jaws) & scene.allows(start.poses)
-        ),
-    )
-
-
-def using(
-    grasps: GraspTable | EvaluatedPoses, *, model: GraspModel, load: Load | None
-) -> GraspTable | EvaluatedPoses:
-    """The same contacts with another model or load; at poses jaws are closed again.
-
-    Args:
-        grasps: Evaluated grasps.
-        model: The model.
-        load: What each grasp must hold; None: nothing.
-    """
-    if isinstance(grasps, GraspTable):
-        return grasps.using(model=model, load=load)
-    assert grasps.scene is not None
-    motion = grasps.object_motion
-    with unreported():
-        return closed_at(
-            grasps.mesh, grasps.given, model, grasps.scene, object_motion=motion, load=load
-        )
-
-
-def _blocked(
-    mesh: ObjectMesh, start: GraspPoses, jaws: ClosedJaws, held: Bools, scene: Scene, most: float
-) -> tuple[Bools, Floats]:
-    """Whether the gripper collides at each pose, and how far it gave way before [m], (k,).
-
-    It gives way along the closing axis by at most as much as is stated.
-    """
-    shift = np.array(jaws.shift)
-
-    def blocked(rows: Ints, shifts: Floats) -> Bools:
-        poses = np.array(start.poses[rows])
-        poses[:, :3, 3] += shifts[:, None] * poses[:, :3, 0]
-        return scene.hand.blocked(mesh, poses, jaws.take(rows), held=held[rows], table=scene.table)
-
-    colliding = np.array(blocked(np.arange(start.count), shift))
-    for move in ways(most) if most else ():
-        within_error = np.abs(jaws.shift + move) <= most * (1.0 + ROUNDING)
-        rows = np.flatnonzero(colliding & jaws.closed & within_error)
-        if len(rows):
-            free = rows[~blocked(rows, jaws.shift[rows] + move)]
-            colliding[free], shift[free] = False, jaws.shift[free] + move
-    return colliding, shift
+OPTIONS: dict[type[EvaluatedPoses], tuple[str, ...]] = {
+    JawGrasps: ("object_motion",),
+    LinkGrasps: ("contact_rule", "contact_distance"),
+}
+"""Options of `evaluate_poses` that are for one kind of hand."""
 
 
 def poses_on(
@@ -622,13 +503,3 @@ def _checked_scale(mesh: ObjectMesh, unit: Unit, scale: float, file: str | None)
         raise SettingError(text)
     warnings = dict.fromkeys((*report.warnings, f"{text}, if it is that file"))
     return replace(mesh, report=replace(report, warnings=tuple(warnings)))
-
-
-def _check_external(poses: GraspPoses) -> None:
-    """Refuse internal grasps, whose jaws would have to move apart."""
-    internal = np.flatnonzero(poses.pregrasp_opening < poses.opening * (1.0 - ROUNDING))
-    if len(internal):
-        raise ContactError(
-            f"{poses.names[internal[0]]} is an internal grasp, as are {len(internal)} of "
-            f"{poses.count}: its fingers push outward; only external grasps are evaluated"
-        )

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.grasps.evaluated_poses import GivenGrasps
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_files import holds_poses, read_poses, write_poses
 from grasp3d.grasps.pose_files.documents import (
     check_file,
@@ -278,7 +278,7 @@ def _grasp(number: int, grasp: object) -> list[list[float]]:
 
 def write_grasps(
     path: str | Path,
-    grasps: GraspTable | GivenGrasps | GraspPoses,
+    grasps: GraspTable | EvaluatedPoses | GraspPoses,
     *,
     format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
     metrics: Mapping[str, Floats] | None = None,
@@ -335,7 +335,7 @@ def write_grasps(
         (3, 2, 3)
     """
     path = Path(path)
-    if isinstance(grasps, GivenGrasps):
+    if isinstance(grasps, EvaluatedPoses):
         grasps = grasps.to_poses(metrics)
     posed = any(given is not None for given in (format, object_pose, frame))
     if isinstance(grasps, GraspTable) and posed:

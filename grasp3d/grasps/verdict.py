@@ -2,20 +2,19 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints
+from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.errors import GraspError
 from grasp3d.grasps.best import best_grasps, count_sure, distinct_grasps, has_poses, pool_of
 from grasp3d.grasps.best_poses import PoseSearch
 from grasp3d.grasps.causes import Cause, cause_fractions
 from grasp3d.grasps.distinct import MOST_DISTINCT
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.evaluation import using
 from grasp3d.grasps.explanations import finger_words
 from grasp3d.grasps.gripper_reasons import MISSED, OFF_PADS, UNSURE
 from grasp3d.grasps.ranking import ranked_rows
@@ -103,51 +102,64 @@ class LoadVerdict:
     """Force at hand of each finger [N]; None: not known."""
     needed: float
     """Least grip force of all grasps [N], for the mass or, if none is known, for 1 kg; inf: no
-    grasp holds the load."""
+    grasp holds the load; nan: motors of a hand with joints must hold it."""
     payload: float
-    """Largest mass that a grasp holds with the force at hand [kg]; nan: no force is known, or the
-    task does not depend on the mass."""
+    """Largest mass that a grasp holds with the force at hand, or the motors [kg]; nan: no force is
+    known, or the task does not depend on the mass."""
     what: str = ""
     """The task in words, with a verb: 'hold 0.5 kg in any orientation'."""
     reason: str = ""
     """Why no force surely holds the load, as far as that is known; empty where one does."""
 
     @classmethod
-    def of(cls, grasps: GraspTable | EvaluatedPoses) -> "LoadVerdict | None":
+    def of(cls, grasps: GraspTable | EvaluatedPoses, rows: Bools) -> "LoadVerdict | None":
         """What a load takes; None: there is no load.
 
         Args:
-            grasps: All grasps of an object, or the reachable poses.
+            grasps: All grasps of an object, or poses.
+            rows: Those that count: which are reachable, shape (b,).
         """
         case, forces = grasps.load_case, needed_force(grasps)
-        if case is None or forces is None:
+        if case is None:
             return None
-        needed = float(np.nanmin(forces, initial=math.inf)) + 0.0  # 0, not -0
-        available, payload = case.available, math.nan
-        if available is not None and case.by_mass:
-            held = np.zeros(0) if grasps.payload is None else grasps.payload
-            payload = float(np.nanmax(held, initial=0.0))
+        held = np.zeros(0) if grasps.payload is None else grasps.payload[rows]
+        available, most = case.available, float(np.nanmax(held, initial=0.0))
+        if forces is None:  # of the motors
+            needed, enough = math.nan, most >= (case.mass or 1.0)
+            decided = case.decided
+        else:
+            needed = float(np.nanmin(forces[rows], initial=math.inf)) + 0.0  # 0, not -0
+            enough = available is not None and needed <= available
+            decided = case.complete
+        known = case.by_mass and (forces is None or available is not None)
         task, pure = case.load.task, not case.by_mass
         mass = None if pure else case.mass
         around = "in any orientation" if task == Load().task else f"against {task}"
         kilograms = "each kilogram" if mass is None else f"{short_number(mass)} kg"
         return cls(
-            holds=(available is not None and needed <= available) if case.complete else None,
+            holds=enough if decided else None,
             mass=mass,
             available=available,
             needed=needed,
-            payload=payload,
+            payload=most if known else math.nan,
             what=f"resist {task}" if pure else f"hold {kilograms} {around}",
             reason="" if math.isfinite(needed) else _why_none(grasps.load_result),
         )
 
     @property
+    def fails(self) -> bool:
+        """Whether no force suffices, or it is known whether that at hand, or the motors, do."""
+        return self.holds is not None or math.isinf(self.needed)
+
+    @property
     def numbers(self) -> str:
         """What the load takes, as a sentence, where the mass or the force at hand is not known."""
-        if self.holds is not None or not math.isfinite(self.needed):
+        if self.fails:
             return ""
+        most = self.what.replace("each kilogram", f"{short_number(self.payload)} kg")
+        if math.isnan(self.needed):
+            return f"Its motors {most}."
         if self.available is not None:
-            most = self.what.replace("each kilogram", f"{short_number(self.payload)} kg")
             return f"{short_number(self.available)} N {most}."
         verb, rest = self.what.split(maxsplit=1)
         return f"{verb.capitalize()}ing {rest} takes {short_number(self.needed)} N."
@@ -233,7 +245,7 @@ class Verdict:
             return f"{cause}{'' if part > WHOLE else f' on {100.0 * part:.0f} % of the surface'}"
         if self.wrong:
             return f"{lost}{self.wrong}"
-        if load is not None and (load.holds is not None or not math.isfinite(load.needed)):
+        if load is not None and load.fails:
             return lost + self._load_unheld(load)
         if self.word == "not":
             return f"{lost}there is no grasp that may be stable"
@@ -243,9 +255,13 @@ class Verdict:
     def _load_unheld(self, load: LoadVerdict) -> str:
         """That the force at hand does not surely hold the load."""
         known = None if load.holds is None else load.available
+        motors = math.isnan(load.needed)
         force = "any force" if known is None else f"{short_number(known)} N"
+        force = "its motors" if motors else force
         if self.word == "perhaps":
             return f"the sensor cannot tell whether {force} can {load.what}"
+        if motors:
+            return f"its motors are too weak to {load.what}"
         if load.reason or load.holds is None:
             reason = f": {load.reason}" if load.reason else ""
             return f"no force suffices to {load.what}{reason}"
@@ -286,8 +302,8 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
     tried, named, count = _judged(grasps)
     # Without a named one, all that were tried fail where their poses are wrong.
     code = max([*tried.letter, *named.letter] if named.size else [], default=Label.U)
-    reachable = getattr(tried, "reachable", np.ones(tried.size, dtype=bool))
-    load = LoadVerdict.of(tried.take(np.flatnonzero(reachable)))
+    reachable = getattr(tried, "reachable", np.ones(tried.size, dtype=np.bool_))
+    load = LoadVerdict.of(tried, reachable)
     verdict = Verdict(
         _WORDS[code],
         by=finger_words(grasps.model.fingers) if grasps.scene is None else grasps.scene.hand.name,
@@ -371,32 +387,36 @@ def needed_force(grasps: GraspTable | EvaluatedPoses) -> Floats | None:
 
 def _remedies(grasps: GraspTable | EvaluatedPoses, load: LoadVerdict | None) -> tuple[Remedy, ...]:
     """What would make some of the grasps S, none of which is; each is tested."""
-    model, remedies, few = grasps.model, [], grasps.take(_candidates(grasps))
+    model, few = grasps.model, grasps.take(_candidates(grasps))
+    remedies: list[Remedy] = []
     alpha = math.floor(round(math.degrees(model.sensor_resolution) / ALPHA, 6))
     finer = _edge(lambda step: _sure(few, sensor_resolution=_alpha(step)), 1, alpha)
     if finer:
         remedies.append(Remedy("sensor_resolution", _alpha(finer), model.sensor_resolution))
     if load is None or not (finer or math.isfinite(load.needed)):
         remedies += _friction(few)
-    stated, needed, held = grasps.load, needed_force(few), few.payload
-    if load is None or load.holds is not False or load.available is None:
-        return tuple(remedies)
-    assert stated is not None
-    assert needed is not None
-    assert held is not None
-    for row in np.argsort(needed):
-        if math.isfinite(needed[row]) and few.margin[row] > 0.0:
-            force = _rounded(float(needed[row]) * (1.0 + PAYLOAD_RTOL), 3, math.ceil)
-            if _sure(few, load=replace(stated, grip_force=force)):
-                remedies.append(Remedy("grip_force", force, load.available))
-                break
-    for row in np.argsort(-held) if load.mass is not None else ():
-        if held[row] > 0.0 and few.margin[row] > 0.0:
-            mass = _rounded(float(held[row]) / (1.0 + PAYLOAD_RTOL), 2, math.floor)
-            if _sure(few, load=replace(stated, mass=mass, density=None)):
-                remedies.append(Remedy("mass", mass, load.mass or 0.0))
-                break
-    return tuple(remedies)
+    return (*remedies, *_load_remedies(few, load))
+
+
+def _load_remedies(few: GraspTable | EvaluatedPoses, load: LoadVerdict | None) -> Iterator[Remedy]:
+    """More force, and less mass, with which some of the grasps are S, as far as there are any."""
+    stated, needed, held = few.load, needed_force(few), few.payload
+    if load is None or stated is None or load.holds is not False:
+        return
+    if needed is not None and load.available is not None:
+        for row in np.argsort(needed):
+            if math.isfinite(needed[row]) and few.margin[row] > 0.0:
+                force = _rounded(float(needed[row]) * (1.0 + PAYLOAD_RTOL), 3, math.ceil)
+                if _sure(few, load=replace(stated, grip_force=force)):
+                    yield Remedy("grip_force", force, load.available)
+                    break
+    if held is not None and load.mass is not None:
+        for row in np.argsort(-held):
+            if held[row] > 0.0 and few.margin[row] > 0.0:
+                mass = _rounded(float(held[row]) / (1.0 + PAYLOAD_RTOL), 2, math.floor)
+                if _sure(few, load=replace(stated, mass=mass, density=None)):
+                    yield Remedy("mass", mass, load.mass)
+                    break
 
 
 def _candidates(grasps: GraspTable | EvaluatedPoses) -> Ints:
@@ -412,8 +432,7 @@ def _candidates(grasps: GraspTable | EvaluatedPoses) -> Ints:
 
 def _sure(grasps: GraspTable | EvaluatedPoses, *, load: Load | None = None, **changed: Any) -> bool:
     """Whether some of the grasps are S with another load, or another model."""
-    model = replace(grasps.model, **changed)
-    after = using(grasps, model=model, load=load or grasps.load)
+    after = grasps.using(model=replace(grasps.model, **changed), load=load or grasps.load)
     return bool((after.letter == Label.S).any())
 
 

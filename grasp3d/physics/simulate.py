@@ -12,8 +12,8 @@ from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.run import run
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.grasps.best import best_grasps
-from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps, in_stated_scale, poses_of_file
+from grasp3d.grasps.jaw_grasps import JawGrasps
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import GivenHand, given_hand
@@ -187,17 +187,19 @@ def _needed_jaws(hand: Hand | None) -> Jaws:
 
 def _evaluated(
     mesh: ObjectMesh, grasps: GraspPoses | None, model: GivenModel, hand: Hand | None, count: int
-) -> EvaluatedPoses:
+) -> JawGrasps:
     """Given poses, or the best ones of a gripper, with their labels."""
-    if grasps is not None:
-        return evaluate_grasps(mesh, grasps, model, hand=hand)
-    best = best_grasps(label_surface(mesh, model, hand=hand), count)
-    if not isinstance(best, EvaluatedPoses) or not best.size:
+    found: object = (
+        best_grasps(label_surface(mesh, model, hand=hand), count)
+        if grasps is None
+        else evaluate_grasps(mesh, grasps, model, hand=hand)
+    )
+    if not isinstance(found, JawGrasps) or not found.size:
         raise GraspError(
             f"{mesh.report.source}: the gripper has no grasp on it that may hold; give poses "
             "(--grasps)"
         )
-    return best
+    return found
 
 
 def simulate_attempts(

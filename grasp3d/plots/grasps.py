@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes
-from grasp3d.grasps.evaluated_poses import EvaluatedPoses, GivenGrasps
-from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.plots.figures import PAGE, as_text, label_patches, new_figure, show_picture, styled
 from grasp3d.settings.model_text import model_line
 from grasp3d.stability.label import MEANING, Label
@@ -34,7 +33,7 @@ LONGEST = 48
 
 @styled
 def grasp_figure(
-    grasps: GraspTable | GivenGrasps, pictures: list[Bytes], numbers: Sequence[int] = ()
+    grasps: GraspTable | EvaluatedPoses, pictures: list[Bytes], numbers: Sequence[int] = ()
 ) -> Figure:
     """Lay out the pictures of grasps, with the legend of their colours.
 
@@ -59,25 +58,20 @@ def grasp_figure(
     return figure
 
 
-def _lines(grasps: GraspTable | GivenGrasps, row: int) -> list[str]:
+def _lines(grasps: GraspTable | EvaluatedPoses, row: int) -> list[str]:
     """What is written below the picture of a grasp."""
     angle, lines = float(grasps.critical_angle[row]), []
     if math.isfinite(angle):
         lines = [rf"$\beta^*$ {_degrees(angle)}   $\varepsilon$ {grasps.epsilon[row]:.3f}"]
     if isinstance(grasps, EvaluatedPoses):
-        if grasps.load is not None and math.isfinite(force := float(grasps.grip_force[row])):
-            lines[:] = [f"needs {short_number(force)} N"]
-            if math.isfinite(payload := float(grasps.payload[row])):
-                lines[0] += f", holds {short_number(payload)} kg"
-        turn = float(grasps.approach_margin[row])
+        load = []
+        if grasps.grip_force is not None and math.isfinite(grasps.grip_force[row]):
+            load.append(f"needs {short_number(grasps.grip_force[row])} N")
+        if grasps.payload is not None and math.isfinite(grasps.payload[row]):
+            load.append(f"holds {short_number(grasps.payload[row])} kg")
+        lines = [", ".join(load)] if load and grasps.load is not None else lines
+        turn = grasps.held_at(row).approach_margin
         lines += [f"approach ±{math.degrees(turn):.0f}°"] if math.isfinite(turn) else []
-    if isinstance(grasps, EvaluatedHandGrasps):
-        margin, held = float(grasps.margin[row]), grasps.hand_load_result
-        lines += [f"margin {_degrees(margin, '+')}"] if math.isfinite(margin) else []
-        if held is not None and not math.isnan(held.payload[row]):
-            sure = f"{short_number(held.payload_min[row])} surely"
-            lines.append(f"holds {short_number(held.payload[row])}{held.unit}, {sure}")
-    if isinstance(grasps, GivenGrasps):
         lines += wrap(str(grasps.reason[row]), REASON)[:2]
     return lines
 
@@ -95,9 +89,9 @@ def _sheet(source: str, settings: str, count: int, below: int) -> tuple[Figure, 
     return figure, list(grid[:count])
 
 
-def _degrees(angle: float, sign: str = "") -> str:
+def _degrees(angle: float) -> str:
     """An angle with a typographic minus sign."""
-    return f"{round(math.degrees(angle), 1) + 0.0:{sign}.1f}°".replace("-", "−")  # never -0
+    return f"{round(math.degrees(angle), 1) + 0.0:.1f}°".replace("-", "−")  # never -0
 
 
 def _short(name: str) -> str:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from grasp3d.hand.closed_jaws import Closing, Touch
 from grasp3d.stability.label import Label
+from grasp3d.system.counts import short_number
 
 Array = npt.NDArray[Any]
 Arrays = dict[str, Array]
@@ -25,6 +26,9 @@ When = Literal["always", "gripper", "load", "pose error"]
 RADIANS, LENGTH, AREA, NEWTONS, KILOGRAMS = "rad", "m", "m²", "N", "kg"
 XYZ = ("x", "y", "z")
 LETTERS = tuple(label.name for label in sorted(Label))
+
+NONE = "–"
+"""What stands for a value that is not finite: there is no grasp, or nothing is known."""
 
 
 class Allowed(NamedTuple):
@@ -99,6 +103,34 @@ class Field:
     def texts_of(self, values: Array) -> Array:
         """Texts in place of codes, if it has any."""
         return np.array(self.texts)[values] if self.texts else values
+
+    def title(self, *, metres: bool) -> str:
+        """Its heading, with its unit on a second line.
+
+        Args:
+            metres: Whether lengths are in metres, and so shown in millimetres.
+        """
+        unit = {RADIANS: "", LENGTH: "mm" if metres else ""}.get(self.unit, self.unit)
+        return f"{self.heading}\n{unit}" if unit else self.heading
+
+    def text(self, value: Any, *, metres: bool) -> str:
+        """A value as people read it, without its unit, but angles in degrees; `NONE` if not finite.
+
+        Args:
+            value: That of one row, as files hold it.
+            metres: As in `title`.
+        """
+        if self.texts:
+            return self.texts[int(value)]
+        if self.kind == "U":
+            return str(value)
+        if not math.isfinite(value):
+            return NONE
+        if self.unit == RADIANS:
+            return f"{math.degrees(value) + 0.0:.1f}°"  # never -0
+        if self.unit == LENGTH:
+            return short_number((1e3 if metres else 1.0) * value)
+        return short_number(value) if self.unit else f"{value + 0.0:.3f}"
 
     def shape_for(self, fingers: int) -> tuple[int, ...]:
         """Shape of the values of one vertex or grasp."""
@@ -293,13 +325,14 @@ def under_load(name: str) -> Callable[[Any], Array | None]:
 
 
 REASON = Field("reason", kind="U", heading="reason")
+CLOSING = Field("closing", of=attrgetter("state"), kind="u1", texts=names_of(Closing))
 
 
 def given_poses(fingers: int = 2) -> tuple[Field, ...]:
     """Given poses that were evaluated, of a hand with so many fingers."""
     numbers = range(fingers)
     return (
-        Field("closing", of=attrgetter("state"), kind="u1", texts=names_of(Closing)),
+        CLOSING,
         STATED_LABEL,
         SCORE,
         *(field for field in ANGLES if field is not CRITICAL_ANGLE_BEST),
@@ -325,6 +358,7 @@ def given_poses(fingers: int = 2) -> tuple[Field, ...]:
 ANGLE_HAND = Allowed(-math.pi, math.pi, unknown=True)
 
 HAND_GRASPS = (
+    CLOSING,
     STATED_LABEL,
     SCORE,
     replace(CRITICAL_ANGLE, allowed=ANGLE_HAND),
@@ -340,15 +374,14 @@ HAND_GRASPS = (
     Field("overlap", LENGTH, (), Allowed(0.0)),
     Field("below_table", LENGTH, (), POSITIVE_OR_NAN),
     *(
-        Field(name, unit, (), HELD, of=of_part("hand_load_result", name), when="load",
+        Field(name, unit, (), HELD, of=of_part("motors", name), when="load",
               heading=heading, meaning=meaning)
         for name, unit, heading, meaning in (
-            ("payload", KILOGRAMS, "holds", "what the motors hold at the perceived normals"),
-            ("payload_min", KILOGRAMS, "surely", "at the worst normals"),
-            ("load_fraction", "", "load", "the mass over what is surely held"),
+            ("payload", KILOGRAMS, "payload", "what the motors hold at the worst normals"),
+            ("load_fraction", "", "load", "the mass over that"),
         )
     ),
-    Field("limit", kind="U", of=of_part("hand_load_result", "limit"), when="load",
+    Field("limit", kind="U", of=of_part("motors", "limit"), when="load",
           heading="limit", meaning="what limits what is surely held"),
     Field("reachable", kind="?"),
     REASON,

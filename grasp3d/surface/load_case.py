@@ -103,6 +103,8 @@ class LoadCase:
     pad_torsion: float | None = None
     """Torsion radius of the gripper's pads per friction, to which it is proportional [m]; None:
     there are no pads, or a torsion radius is given, which is that at any friction."""
+    by_motors: bool = False
+    """Whether the motors of a hand with joints hold it, and no force of the fingers is at hand."""
 
     @classmethod
     def of(
@@ -120,7 +122,8 @@ class LoadCase:
             SettingError: The centre of mass is not known, or the mass or the unit of the mesh is
                 needed but not known.
         """
-        if load.torque_limits is not None and (hand is None or hand.fingers):
+        by_motors = hand is not None and not hand.fingers
+        if load.torque_limits is not None and not by_motors:
             raise SettingError("torque_limits are those of the motors of a hand with joints")
         source = mesh.report.source
         mass = mass_of(mesh, load)
@@ -140,7 +143,7 @@ class LoadCase:
         if torsion == 0.0 and hand is not None:
             pads = hand.torsion_radius(1.0)
             torsion = pads * model.nominal_friction
-        return cls(load, mass, task, force, torsion, pads)
+        return cls(load, mass, task, force, torsion, pads, by_motors)
 
     def __str__(self) -> str:
         return f"{self.to_hold}, {self.at_hand} at hand" if self.at_hand else self.to_hold

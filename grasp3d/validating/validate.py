@@ -46,7 +46,7 @@ class Evaluation:
     options: MeshOptions | None
     reach: ReachSettings
     load: Load | None
-    object_motion: ObjectMotion
+    object_motion: ObjectMotion | None
     explain: bool
     """Whether poses are read as they fit their object."""
     files: list[ValidatedFile] = field(default_factory=list)
@@ -86,7 +86,7 @@ class Evaluation:
                 self._say(tried, closed.warnings if rows[0] == 0 else ())
                 for part, load in body.parts(rows):
                     self._say(tried, input_warnings(mesh, scene, load, model, None))
-                    found = replace(closed.take(part - rows[0]), load=load)
+                    found = closed.take(part - rows[0]).using(load=load)
                     self.tables.append({
                         "file": np.full(len(part), len(self.files)),
                         "object": np.full(len(part), number),
@@ -118,7 +118,7 @@ def validate_grasps(
     options: MeshOptions | None = None,
     hand: GivenHand = None,
     reach: ReachSettings | None = None,
-    object_motion: ObjectMotion = "free",
+    object_motion: ObjectMotion | None = None,
     load: GivenLoad = None,
     outcome: str | None = None,
     object_pose: GivenPose | None = None,
@@ -144,7 +144,8 @@ def validate_grasps(
             name, or the description in files of this project), else for ACRONYM's files the
             Franka hand.
         reach: What the objects stand on, and the allowed approach directions.
-        object_motion: free: objects settle between the jaws; fixed: they do not move.
+        object_motion: Of grippers: free, or None: objects settle between the jaws; fixed: they do
+            not move.
         load: What each grasp must hold; None, or without a mass: the mass and the centre of mass
             that a file states, as ACRONYM's do.
         outcome: Column or key of the files that says whether a grasp held, 1 or 0, true or false;
@@ -156,8 +157,8 @@ def validate_grasps(
             `PoseReading`. None: the one that each file or its format states.
 
     Raises:
-        ContactError: A file is missing or damaged, no outcome is known, a value is none, or no jaws
-            close.
+        ContactError: A file is missing or damaged, no outcome is known, a value is none, or no hand
+            closes.
         MeshError: A mesh is not found, or is none.
         SettingError: The gripper or the unit of a mesh is not known, or a setting is outside its
             range.
@@ -211,7 +212,7 @@ def _compared(evaluation: Evaluation) -> Validation:
     """Compare the scores of evaluated grasps with their outcomes.
 
     Raises:
-        ContactError: At no pose the jaws close on the mesh.
+        ContactError: At no pose the hand closes on the mesh.
     """
     columns, warnings = _joined(evaluation.tables), evaluation.warnings()
     order = np.lexsort((columns["grasp"], columns["file"]))
@@ -221,8 +222,8 @@ def _compared(evaluation: Evaluation) -> Validation:
     if not states["closed"]:
         found = "; ".join(f"{state}: {count}" for state, count in states.most_common())
         raise ContactError(
-            f"at none of the {len(order)} poses the jaws close on the mesh ({found}): check "
-            f"gripper, unit and frame of the poses; {'; '.join(warnings[:3])}"
+            f"at none of the {len(order)} poses the hand closes on the mesh ({found}): check "
+            f"hand, unit and frame of the poses; {'; '.join(warnings[:3])}"
         )
     columns = {name: locked(values[order]) for name, values in columns.items()}
     result = Validation(tuple(evaluation.files), columns, (), ())

@@ -8,7 +8,7 @@ from functools import partial
 from importlib import import_module
 
 from grasp3d.errors import SettingError
-from grasp3d.grasps.evaluated_poses import GivenGrasps
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.mesh import MeshSource, load_mesh
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.surface.grasp_table import GraspTable
@@ -38,7 +38,7 @@ class NotebookView:
 
 
 def show(
-    shown: SurfaceLabels | GraspTable | GivenGrasps | MeshSource,
+    shown: SurfaceLabels | GraspTable | EvaluatedPoses | MeshSource,
     settings: ViewSettings | None = None,
     *,
     model: GraspModel | None = None,
@@ -85,11 +85,11 @@ def show(
 
 
 def _collection(
-    shown: SurfaceLabels | GraspTable | GivenGrasps | MeshSource,
+    shown: SurfaceLabels | GraspTable | EvaluatedPoses | MeshSource,
     model: GraspModel | None,
     sampling: Sampling | None,
 ) -> Collection:
-    if not isinstance(shown, SurfaceLabels | GraspTable | GivenGrasps):
+    if not isinstance(shown, SurfaceLabels | GraspTable | EvaluatedPoses):
         return collection_of_mesh(load_mesh(shown), model, sampling)
     if not (model is None and sampling is None):
         raise SettingError("labels and grasps have a model already; give one for a mesh only")

@@ -372,7 +372,7 @@ def test_poses_that_all_collide_are_no_matter_of_force() -> None:
     assert below.jaws.closed.all()
     assert not below.reachable.any()
     assert str(verdict_of(below)) == (
-        "Not held by franka: at no pose do the jaws close on the object without a collision."
+        "Not held by franka: at no pose is the object held without a collision."
     )
     free = evaluate_grasps(mesh, poses, MODEL, hand=ParallelGripper.preset("franka"), load=load)
     assert str(verdict_of(free)).startswith("Surely held by franka: 1 of 1 grasps")

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from grasp3d.arrays import Bytes, Floats
-from grasp3d.grasps.evaluated_poses import GivenGrasps
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.scene import Scene
 from grasp3d.rendering.grasp_views import grasp_view
 from grasp3d.rendering.opengl import UPRIGHT, view_axes
@@ -23,7 +23,7 @@ MOST_PICTURES = 40
 
 
 def draw_grasps(
-    grasps: GraspTable | GivenGrasps, labels: SurfaceLabels | None = None
+    grasps: GraspTable | EvaluatedPoses, labels: SurfaceLabels | None = None
 ) -> list[Bytes]:
     """Render the object with each grasp, at most `MOST_PICTURES` of them.
 
@@ -42,7 +42,7 @@ def draw_grasps(
         OutputError: OpenGL is not available.
     """
     rows = range(min(grasps.size, MOST_PICTURES))
-    if isinstance(grasps, GivenGrasps):
+    if isinstance(grasps, EvaluatedPoses):
         marked = [marked_pose(grasps, row) for row in rows]
         subject = subject_of_poses(grasps)
     else:

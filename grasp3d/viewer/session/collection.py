@@ -16,7 +16,7 @@ from grasp3d.batch.store import read_summary
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.export.read_labels import READERS, labels_in, read_labels
 from grasp3d.export.stored import settings_from, stored_settings
-from grasp3d.grasps.evaluated_poses import GivenGrasps
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
@@ -117,7 +117,7 @@ def collection_of_mesh(
     return _single(mesh.report.source, partial(_label_mesh, mesh, *settings), *settings)
 
 
-def collection_of_grasps(grasps: GraspTable | GivenGrasps) -> Collection:
+def collection_of_grasps(grasps: GraspTable | EvaluatedPoses) -> Collection:
     """Collection of grasps on one surface, an item for each.
 
     The surface has the labels that the first finger would have at every vertex, with the others
@@ -131,11 +131,11 @@ def collection_of_grasps(grasps: GraspTable | GivenGrasps) -> Collection:
         raise SettingError("there are no grasps to view")
     last, source = LastOpened(), as_unicode(grasps.mesh.report.source)
     names = [f"grasp {row + 1}" for row in range(grasps.size)]
-    if isinstance(grasps, GivenGrasps):
+    if isinstance(grasps, EvaluatedPoses):
         names = [as_unicode(name) for name in grasps.given.names]
 
     def opened(row: int) -> Subject:
-        if isinstance(grasps, GivenGrasps):
+        if isinstance(grasps, EvaluatedPoses):
             return subject_of_poses(grasps.take(np.array([row])))
         return scan_of_grasp(grasps, row)
 

@@ -5,22 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from grasp3d.grasps.evaluated_poses import EvaluatedPoses, GivenGrasps
-from grasp3d.grasps.evaluation import using
-from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
-from grasp3d.grasps.hand_load_result import load_text
-from grasp3d.hand.gripper_pose import GripperPose
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel
-from grasp3d.settings.units import small_length
-from grasp3d.stability.label import COLORS, Label
+from grasp3d.stability.label import Label
+from grasp3d.surface.fields import NONE, REASON, STATED_LABEL
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason, SearchReport
-from grasp3d.system.counts import short_number
-from grasp3d.viewer.session.inspection import UNKNOWN, Inspection, MarkedContacts, signed_angle
-from grasp3d.viewer.session.painting import ROUNDING
+from grasp3d.viewer.session.inspection import Inspection, MarkedContacts
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 
 WHY = {
@@ -31,7 +25,7 @@ WHY = {
 """Reasons of grasps that the hand can reach."""
 
 
-def subject_of_poses(grasps: GivenGrasps) -> Subject:
+def subject_of_poses(grasps: EvaluatedPoses) -> Subject:
     """The object of evaluated poses, of which the first one is shown; its surface has no labels.
 
     Args:
@@ -65,7 +59,7 @@ def subject_of_mesh(mesh: ObjectMesh, model: GraspModel, scene: Scene | None = N
     return subject_of(labels)
 
 
-def marked_pose(grasps: GivenGrasps, row: int) -> MarkedContacts:
+def marked_pose(grasps: EvaluatedPoses, row: int) -> MarkedContacts:
     """The contacts of a pose, with the hand that makes them.
 
     The links that touch, or the fingers of a gripper, have the colour of the letter.
@@ -74,63 +68,27 @@ def marked_pose(grasps: GivenGrasps, row: int) -> MarkedContacts:
         grasps: Evaluated poses.
         row: Number of the pose.
     """
-    if isinstance(grasps, EvaluatedHandGrasps):
-        return MarkedContacts(*grasps.contacts_of(row), grasps.model, _hand_at(grasps, row))
-    assert isinstance(grasps, EvaluatedPoses)
-    jaws, given, touching = grasps.jaws, grasps.given, np.array([], dtype=np.int64)
-    opening = grasps.hand.max_opening
-    if jaws.closed[row]:
-        opening, touching = float(jaws.opening[row]), np.arange(2)
-    held = GripperPose(
-        jaws.poses[row] if jaws.closed[row] else given.poses[row],
-        opening,
-        float(given.pregrasp_opening[row]),
-        float(grasps.approach_margin[row]),
-        math.nan,
-        colors={0: COLORS[Label(int(grasps.label[row]))]},
-    )
-    return MarkedContacts(
-        jaws.points[row, touching], jaws.normals[row, touching], grasps.model, held
-    )
+    return MarkedContacts(*grasps.contacts_of(row), grasps.model, grasps.held_at(row))
 
 
-def _hand_at(grasps: EvaluatedHandGrasps, row: int) -> GripperPose:
-    contacts, color = grasps.contacts, COLORS[Label(int(grasps.letter[row]))]
-    return GripperPose(
-        contacts.poses[row], 0.0, math.nan, math.nan, math.nan,
-        posture=contacts.posture[row],
-        toward=grasps.hand.approach,
-        colors=dict.fromkeys(np.flatnonzero(grasps.touching[row]).tolist(), color),
-    )  # fmt: skip
-
-
-def inspect_pose(grasps: GivenGrasps, model: GraspModel) -> Inspection:
+def inspect_pose(grasps: EvaluatedPoses, model: GraspModel) -> Inspection:
     """Inspect the first pose at another friction and sensor resolution.
 
     Args:
         grasps: Evaluated poses.
         model: Friction and resolution.
     """
-    if isinstance(grasps, EvaluatedHandGrasps):
-        found: EvaluatedPoses | EvaluatedHandGrasps = grasps.using(model)
-    else:
-        assert isinstance(grasps, EvaluatedPoses)
-        same = grasps.model == replace(model, fingers=grasps.model.fingers)
-        model = grasps.model if same else replace(model, fingers=grasps.model.fingers)
-        again = grasps if same else using(grasps, model=model, load=grasps.load)
-        assert isinstance(again, EvaluatedPoses)
-        found = again
+    found = grasps.using(model=model)
     marked = marked_pose(found, 0)
-    listed = _numbers(found) if isinstance(found, EvaluatedHandGrasps) else _gripper_numbers(found)
     return Inspection(
         marked.points, marked.normals, model, marked.held, vertex=None,
         code=int(found.letter[0]),
-        numbers=tuple(listed),
+        numbers=tuple(_numbers(found)),
         reason=reason_of(found, 0),
     )  # fmt: skip
 
 
-def reason_of(grasps: GivenGrasps, row: int) -> str:
+def reason_of(grasps: EvaluatedPoses, row: int) -> str:
     """Why a pose is S, M or U, or what is wrong with it, in one sentence."""
     reason = str(grasps.reason[row])
     text = f"{reason[:1].upper()}{reason[1:]}." if reason else ""
@@ -139,75 +97,17 @@ def reason_of(grasps: GivenGrasps, row: int) -> str:
     return text or WHY[Label(int(grasps.letter[row]))]
 
 
-def _gripper_numbers(grasps: EvaluatedPoses) -> list[tuple[str, str]]:
-    """Names and values of the first pose of a gripper; those that are not known are left out."""
-    numbers = [("pose", str(grasps.given.names[0]))]
-    numbers.append(("score", f"{grasps.score[0]:.2f}"))
-    if not grasps.jaws.closed[0]:
-        return numbers
-    numbers += _angles(grasps)
-    numbers.append(("ε", f"{grasps.epsilon[0]:.3g}"))
-    if grasps.load is not None:
-        force, payload = float(grasps.grip_force[0]), float(grasps.payload[0])
-        text = f"{short_number(force)} N" if math.isfinite(force) else "no force suffices"
-        numbers.append(("needs", text))
-        numbers += [("holds", f"{short_number(payload)} kg")] if math.isfinite(payload) else []
-    numbers.append(("opening", grasps.mesh.length_text(grasps.opening[0])))
-    if math.isfinite(turn := float(grasps.approach_margin[0])):
-        numbers.append(("approach may turn", f"±{math.degrees(turn):.1f}°"))
-    return numbers
-
-
-def _angles(grasps: GivenGrasps) -> list[tuple[str, str]]:
-    """Critical angle, coarsest resolution and margin of the first pose, as far as known."""
-    return [
-        (name, signed_angle(float(value), always=name == "margin"))
-        for name, value in (
-            ("β*", grasps.critical_angle[0]),
-            ("α*", grasps.max_resolution[0]),
-            ("margin", grasps.margin[0]),
-        )
-        if math.isfinite(value)
-    ]
-
-
-def _numbers(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
+def _numbers(grasps: EvaluatedPoses) -> list[tuple[str, str]]:
     """Names and values of the first pose; those that are not known are left out."""
-    contacts = grasps.contacts
-    links = grasps.links[0].split()
-    numbers = [
-        ("pose", str(grasps.given.names[0])),
-        ("contacts", contacts.rule),
-        ("links", ", ".join(links) or "none"),
-        *_angles(grasps),
-        ("ε", f"{grasps.epsilon[0]:.3g}" if math.isfinite(grasps.epsilon[0]) else UNKNOWN),
-        ("rank", str(grasps.rank[0])),
-        *_held(grasps),
-    ]
-    lengths = (
-        ("gap", grasps.gap[0]),
-        ("inside the object", grasps.penetration[0]),
-        ("links overlap", grasps.overlap[0]),
-        ("below the table", grasps.below_table[0]),
-    )
-    least = ROUNDING * grasps.mesh.size
-    numbers += [
-        (name, small_length(value, metres=True, digits=2))
-        for name, value in lengths
-        if value > least
-    ]
+    metres, numbers = grasps.mesh.unit is not None, [("pose", str(grasps.given.names[0]))]
+    for field in grasps.fields:
+        if (field.heading or field.kind == "U") and field not in {STATED_LABEL, REASON}:
+            values = field.values_of(grasps)
+            text = NONE if values is None else field.text(values[0], metres=metres)
+            unit = field.title(metres=metres).partition("\n")[2]
+            numbers += (
+                [(field.heading or field.name, f"{text} {unit}".strip())]
+                if text not in {NONE, ""}
+                else []
+            )
     return numbers
-
-
-def _held(grasps: EvaluatedHandGrasps) -> list[tuple[str, str]]:
-    """What the motors hold at the first pose; nothing where no load is stated, or no grasp is."""
-    load_result = grasps.hand_load_result
-    if load_result is None or math.isnan(load_result.payload[0]):
-        return []
-    load = load_text(load_result.load_fraction[0]) if load_result.load.decided else ""
-    return [
-        ("holds", f"{short_number(load_result.payload[0])}{load_result.unit}"),
-        ("holds surely", f"{short_number(load_result.payload_min[0])}{load_result.unit}"),
-        ("limited by", str(load_result.limit[0]) or UNKNOWN),
-        *([(load_result.load.to_hold, f"load {load}")] if load else []),
-    ]

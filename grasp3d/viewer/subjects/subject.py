@@ -8,7 +8,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts
-from grasp3d.grasps.evaluated_poses import GivenGrasps
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
@@ -55,7 +55,7 @@ class Subject:
     yet."""
     given: GivenGrasp | None = None
     """The grasp whose surface it is; None: there is none."""
-    poses: GivenGrasps | None = None
+    poses: EvaluatedPoses | None = None
     """Poses of a hand, of which the first one is shown; the surface has no labels."""
 
     __repr__ = short_repr

@@ -24,14 +24,11 @@ from grasp3d.quality.hand_forces.payloads import (
 from grasp3d.stability.contact_sets import ContactSets
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.system.context import report_progress, within
+from grasp3d.system.context import report_progress
 from grasp3d.system.counts import short_number
 
 FORCE_RTOL = 1e-2
 """Width of the brackets of payloads, relative to them."""
-
-MOST_LOAD = 10.0
-"""Load fraction from which on texts do not say how large it is."""
 
 WHY = {
     OF_LINKS: "the weight of the links alone is too much for the motors",
@@ -47,15 +44,15 @@ FLAT = 1e-3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class HandLoadResult:
+class MotorLoads:
     """What the motors of a hand hold at each of k poses: masses [kg], or factors of wrenches."""
 
-    load: LoadCase
+    case: LoadCase
     hand: ArticulatedHand
     torques: Floats
     """As `torques_of` has them, shape (p,)."""
-    friction: tuple[float, float, float]
-    """The smallest coefficient, which counts for what is sure, the nominal and the largest one."""
+    friction: tuple[float, float]
+    """The smallest coefficient, which counts for what is sure, and the largest one."""
     sets: ContactSets
     jacobians: Floats
     """Of the contacts, in the mesh's frame [m], shape (c, 3, p)."""
@@ -69,9 +66,7 @@ class HandLoadResult:
 
     __repr__ = short_repr
 
-    def payloads(
-        self, chosen: Bools, angles: Floats, tilts: Floats | None = None
-    ) -> list[HandPayload]:
+    def held(self, chosen: Bools, angles: Floats, tilts: Floats | None = None) -> list[HandPayload]:
         """What is held at each pose, `UNKNOWN` at those that are not chosen.
 
         Args:
@@ -87,7 +82,7 @@ class HandLoadResult:
             actuation = actuation_of(self.hand, self.postures[row], self.torques, links)
             grasp = HandGrasp(contacts, self.jacobians[own], actuation)
             tilt = 0.0 if tilts is None else tilts[own]
-            found[row] = hand_payload(grasp, self.load.task, tilt=tilt, rtol=FORCE_RTOL)
+            found[row] = hand_payload(grasp, self.case.task, tilt=tilt, rtol=FORCE_RTOL)
             report_progress((row + 1) / sets.size)
         return found
 
@@ -95,21 +90,12 @@ class HandLoadResult:
         """Half-angles of the friction cones [rad], shape (c,)."""
         return np.full(len(self.tilts), math.atan(friction))
 
-    def compute(self) -> None:
-        """Compute the masses, which takes the time of some thousand cone programs a second."""
-        with within(0.0, 0.4):
-            _ = self.payload_min
-        with within(0.4, 0.8):
-            _ = self.payload
-        with within(0.8, 1.0):
-            _ = self.payload_max
-
     @cached_property
     def _sure(self) -> list[HandPayload]:
-        return self.payloads(self.sets.evaluated, self._angles(self.friction[0]), self.tilts)
+        return self.held(self.sets.evaluated, self._angles(self.friction[0]), self.tilts)
 
     @cached_property
-    def payload_min(self) -> Floats:
+    def payload(self) -> Floats:
         """Largest masses that are surely held, at the worst normals, shape (k,); nan: no grasp."""
         return locked([one.lower for one in self._sure])
 
@@ -119,27 +105,21 @@ class HandLoadResult:
         return np.array([one.limit for one in self._sure], dtype=np.str_)
 
     @cached_property
-    def payload(self) -> Floats:
-        """Held at the perceived normals, shape (k,)."""
-        found = self.payloads(self.sets.evaluated, self._angles(self.friction[1]))
-        return locked([one.lower for one in found])
-
-    @cached_property
-    def payload_max(self) -> Floats:
+    def payload_most(self) -> Floats:
         """Masses above which no normals, of those that may be true, let the hand hold, (k,).
 
         The cones of all of them are within beta + a, so one of these masses need not be held at any
         one of the normals. nan where it is not known, or does not matter: the mass is surely held.
         """
-        angles = self._angles(self.friction[2]) + self.tilts
-        chosen = self.payload_min < self._mass
+        angles = self._angles(self.friction[1]) + self.tilts
+        chosen = self.payload < self._mass
         chosen[self.sets.row[angles >= RIGHT_ANGLE - FLAT]] = False
-        return locked([one.upper for one in self.payloads(chosen, angles)])
+        return locked([one.upper for one in self.held(chosen, angles)])
 
     @property
     def doubts(self) -> Iterator[str]:
         """Torques of the load that are hardly true, one sentence each."""
-        hand, stated = self.hand, self.load.load.torque_limits or 0.0
+        hand, stated = self.hand, self.case.load.torque_limits or 0.0
         driven = np.array(hand.joint_names)[~np.isnan(self.torques)].tolist()
         yield from too_strong(hand, "torque_limits", dict.fromkeys(driven, stated))
 
@@ -151,7 +131,7 @@ class HandLoadResult:
         known = [name for name in hand.beyond_base if name in hand.masses]
         if self.link_loads is None:
             return "the weight of the links is neglected: no masses of links are stated"
-        if not links_weigh(self.load.task):
+        if not links_weigh(self.case.task):
             return "the weight of the links is neglected: the task does not say where gravity acts"
         total = short_number(sum(hand.masses[name].mass for name in known))
         missing = sorted({*moving} - {*known})
@@ -161,19 +141,14 @@ class HandLoadResult:
     @property
     def _mass(self) -> float:
         """What must be held, nan: it is not known."""
-        mass = self.load.mass if self.load.by_mass else 1.0
+        mass = self.case.mass if self.case.by_mass else 1.0
         return math.nan if mass is None else mass
 
     @cached_property
     def load_fraction(self) -> Floats:
         """Mass over what is surely held, shape (k,): above 1 it is not; nan: no mass is known."""
         with np.errstate(divide="ignore"):
-            return locked(self._mass / self.payload_min)
-
-    @property
-    def spare(self) -> Floats:
-        """What is surely held beyond the mass, in units of it, shape (k,)."""
-        return self.payload_min / self._mass - 1.0
+            return locked(self._mass / self.payload)
 
     def label(self, codes: Bytes) -> Bytes:
         """Labels that take the load into account, shape (k,), where its mass is known.
@@ -186,54 +161,19 @@ class HandLoadResult:
         """
         if math.isnan(self._mass):
             return codes
-        most = np.where(self.payload_min >= self._mass, Label.S, Label.M)
-        most[self.payload_max < self._mass] = Label.U
+        most = np.where(self.payload >= self._mass, Label.S, Label.M)
+        most[self.payload_most < self._mass] = Label.U
         return locked(np.minimum(codes, most), np.uint8)
 
     @property
     def unit(self) -> str:
         """Unit of the masses, with a space; of wrenches alone what their factors are."""
-        return " kg" if self.load.by_mass else " times the wrenches"
+        return " kg" if self.case.by_mass else " times the wrenches"
 
     def shortfall(self, row: int) -> str:
         """Why the mass is not surely held at a pose, in one sentence."""
-        most, sure = self.payload_max[row], self.payload_min[row]
+        most, sure = self.payload_most[row], self.payload[row]
         why = f": {WHY[cause]}" if (cause := str(self.limit[row])) in WHY else ""
         if most < self._mass:
             return f"holds {short_number(most)}{self.unit} at most{why}"
         return f"surely holds {short_number(sure)}{self.unit} only{why}"
-
-    def verdict(self, chosen: Bools) -> str:
-        """What the motors hold at the best pose, in one sentence.
-
-        Args:
-            chosen: The poses that count, shape (k,).
-        """
-        hand = self.hand
-        surely = np.where(chosen & (self.payload > 0.0), self.payload_min, -1.0)
-        if not (surely >= 0.0).any():
-            causes = {*self.limit[chosen & (self.payload_min == 0.0)].tolist()}
-            why = f": {WHY[cause]}" if len(causes) == 1 and (cause := min(causes)) in WHY else ""
-            return f"the motors of {hand.name} hold {self.load.to_hold} at no pose{why}"
-        row = int(np.lexsort((self.payload, surely))[-1])
-        torques = np.unique(self.torques[~np.isnan(self.torques)])
-        slides = {joint.kind for joint in hand.tree.joints.values()} <= {"slides", "fixed"}
-        size = "N" if slides else "N m"
-        at = f"{short_number(torques[0])} {size}" if len(torques) == 1 else "its torques"
-        task = str(self.load.load.task)
-        where = "in any orientation" if task == "weight" else f"({task})"
-        tilt = self.tilts[self.sets.row == row].max()
-        text = f"{hand.name} holds {short_number(self.payload[row])}{self.unit} at {at} {where}"
-        resolution = short_number(2.0 * math.degrees(tilt))
-        sure = f"{short_number(surely[row])}{self.unit} surely at a resolution of {resolution}°"
-        limit = str(self.limit[row])
-        if limit.partition(" ")[0] in hand.joint_names and not limit.startswith("joint"):
-            limit = f"joint {limit}"
-        return f"{text}; {sure}; {limit} limits (pose {row + 1})"
-
-
-def load_text(fraction: float) -> str:
-    """A load fraction in percent; nan: there is no grasp."""
-    if math.isnan(fraction):
-        return "none"
-    return f"{100.0 * fraction:.0f} %" if fraction < MOST_LOAD else f"> {100.0 * MOST_LOAD:.0f} %"

@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
-from grasp3d.grasps.evaluated_poses import GivenGrasps
-from grasp3d.grasps.hand_load_result import HandLoadResult
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.hand_reasons import HandReasons
+from grasp3d.grasps.motor_loads import MotorLoads
 from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.postures import ORDER, matched
 from grasp3d.hand.articulated.actuation import torques_of
@@ -21,22 +21,25 @@ from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, HandContacts, hand_contacts
 from grasp3d.hand.articulated.plausible_numbers import implausible
 from grasp3d.hand.choices import ContactRule
+from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.mesh.turns import turns_beside
-from grasp3d.quality.loads import load_settings
+from grasp3d.quality.loads import Load, load_settings
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import GraspModel
-from grasp3d.settings.units import GivenLength
+from grasp3d.settings.units import GivenLength, small_length
 from grasp3d.stability.contact_sets import ContactSets, SetLabels, label_sets
+from grasp3d.stability.label import COLORS, Label
 from grasp3d.stability.thresholds import max_resolution
-from grasp3d.surface.fields import HAND_GRASPS, Arrays, columns_of
+from grasp3d.surface.fields import HAND_GRASPS, Arrays, Field
 from grasp3d.surface.grasp_numbers import EPSILON_RTOL
 from grasp3d.surface.grasp_table import settings_of
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.scores import quality_of_contacts, written_scores
-from grasp3d.system.context import refuse_warnings, report_progress, within
+from grasp3d.surface.scores import quality_of_contacts
+from grasp3d.system.context import within
 from grasp3d.system.counts import counted
 
 TOUCHED = 0.5
@@ -47,12 +50,12 @@ FEW_BEYOND = 0.1
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class EvaluatedHandGrasps(GivenGrasps):
+class LinkGrasps(EvaluatedPoses):
     """Poses of a hand with joints, with the grasps that its links make there, a row for each.
 
-    What a link touches is a contact, whose normal it knows within its resolution: its own, or that
-    of the model. The letters are those of a posture that does not give way. Numbers are nan, and
-    the label is U, where fewer than two links touch.
+    What a link touches is one contact, whose normal it knows within its resolution: its own, or
+    that of the model. The letters are those of a posture that does not give way. Numbers are nan,
+    and the label is U, where fewer than two links touch.
     """
 
     mesh: ObjectMesh
@@ -68,19 +71,87 @@ class EvaluatedHandGrasps(GivenGrasps):
     """What the links touch, by which rule, with gaps and collisions."""
     contact_distance: float
     """Distance of a link from the surface up to which it touches [m]."""
-    to_hold: LoadCase | None = None
+    load: Load | None = None
     """What each grasp must hold; None: nothing is stated."""
 
-    load = None
     load_result = None
 
     __repr__ = short_repr
+
+    @classmethod
+    def of(
+        cls,
+        mesh: ObjectMesh,
+        start: GraspPoses,
+        model: GraspModel | None,
+        scene: Scene,
+        *,
+        contact_rule: ContactRule = "given",
+        contact_distance: GivenLength = f"{CONTACT_DISTANCE} m",
+        load: Load | None = None,
+    ) -> Self:
+        """Find what the links touch at given poses; see `evaluate_grasps`.
+
+        Args:
+            mesh: The object, of a known unit.
+            start: The poses, in metres, with values of the joints.
+            model: Friction and sensor resolution; None: the defaults.
+            scene: The hand and the table.
+            contact_rule: given or closed.
+            contact_distance: Distance of a link from the surface up to which it touches.
+            load: What each grasp must hold; None: nothing.
+
+        Raises:
+            SettingError: A setting that does not apply to hands with joints, or a load of which the
+                mass or the torques are not known.
+            ContactError: The poses have values of other joints, or none.
+        """
+        hand, own_model = scene.hand, model or GraspModel()
+        assert isinstance(hand, ArticulatedHand)
+        _refuse(hand, scene, own_model, load)
+        mesh.check_units(own_model)
+        if load is not None:
+            torques_of(hand, load.torque_limits)  # refuse it before the work
+            LoadCase.of(load, mesh, own_model, hand)
+        distance = mesh.length("contact_distance", contact_distance)
+        poses = replace(matched(start, hand), joint_names=hand.joint_names)
+        with within(0.0, TOUCHED):
+            contacts = hand_contacts(
+                mesh, hand, poses.poses, poses.posture, rule=contact_rule,
+                contact_distance=distance, table=scene.table,
+            )  # fmt: skip
+        return cls(
+            mesh=mesh, model=own_model, scene=scene, given=poses, contacts=contacts,
+            contact_distance=distance, load=load,
+        )  # fmt: skip
+
+    def compute(self) -> None:
+        """Compute what takes long: letters, and what the motors hold."""
+        with within(TOUCHED, 1.0):
+            _ = self.label
 
     @property
     def hand(self) -> ArticulatedHand:
         """The hand."""
         assert isinstance(self.scene.hand, ArticulatedHand)
         return self.scene.hand
+
+    @cached_property
+    def load_case(self) -> LoadCase | None:
+        """The load on this object; None: no load is stated."""
+        load = self.load
+        return None if load is None else LoadCase.of(load, self.mesh, self.model, self.hand)
+
+    @property
+    def touching(self) -> Bools:
+        """Whether each link touches, shape (k, L)."""
+        return self.contacts.touching
+
+    @property
+    def state(self) -> Bytes:
+        """`Closing` codes, shape (k,): closed with two links at least."""
+        codes = np.array([Closing.NOTHING, Closing.ONE_SIDE, Closing.CLOSED], dtype=np.uint8)
+        return np.asarray(codes[np.minimum(self.touching.sum(axis=1), 2)])
 
     @cached_property
     def outside(self) -> Bools:
@@ -90,35 +161,25 @@ class EvaluatedHandGrasps(GivenGrasps):
         return np.asarray(outside.any(axis=1))
 
     @cached_property
-    def _counted(self) -> Bools:
-        """Contacts of poses at which two links touch, all in the region, shape (k, L)."""
+    def _counted(self) -> tuple[Ints, Ints]:
+        """Poses and links of the contacts where two links touch, all in the region, shape (c,)."""
         grasped = (self.touching.sum(axis=1) >= 2) & ~self.outside
-        return np.asarray(self.touching & grasped[:, None])
+        row, link = np.nonzero(self.touching & grasped[:, None])
+        return row, link
 
     @cached_property
     def sets(self) -> ContactSets:
         """The contacts relative to the centre of mass, of poses at which two links touch."""
-        contacts, chosen = self.contacts, self._counted
-        points, normals = contacts.points[chosen], contacts.normals[chosen]
+        points, normals = self.contacts.points[self._counted], self.contacts.normals[self._counted]
         error = self.model.location_error
         return ContactSets(
             size=self.size,
-            row=np.nonzero(chosen)[0],
+            row=self._counted[0],
             points=points - self.mesh.center_mass,
             normals=normals,
             location_error=error,
             turns=turns_beside(self.mesh, points, normals, error) if error > 0.0 else None,
         )
-
-    @cached_property
-    def touching(self) -> Bools:
-        """Whether each link touches, shape (k, L)."""
-        return self.contacts.touching
-
-    @cached_property
-    def _link(self) -> Ints:
-        """Link of each contact of `sets`."""
-        return np.nonzero(self._counted)[1]
 
     @cached_property
     def tilts_of_links(self) -> Floats:
@@ -130,37 +191,33 @@ class EvaluatedHandGrasps(GivenGrasps):
     @cached_property
     def _labels(self) -> SetLabels:
         low, high = (math.atan(friction) for friction in self.model.friction_interval)
-        return label_sets(self.sets, self.tilts_of_links[self._link], (low, high))
+        return label_sets(self.sets, self.tilts_of_links[self._counted[1]], (low, high))
 
     @cached_property
-    def _link_loads(self) -> Floats | None:
-        """Torques that hold the links per acceleration of gravity, in the mesh's frame."""
-        posture = self.contacts.posture
-        loads = self.hand.link_loads(posture, self.hand.link_poses(posture))
-        return None if loads is None else loads @ self.contacts.poses[:, :3, :3].swapaxes(1, 2)
-
-    @cached_property
-    def hand_load_result(self) -> HandLoadResult | None:
+    def motors(self) -> MotorLoads | None:
         """What the motors hold at each pose; None: no load is stated."""
-        if self.to_hold is None:
+        if self.load is None or self.load_case is None:
             return None
-        low, high = self.model.friction_interval
-        torques = torques_of(self.hand, self.to_hold.load.torque_limits)
-        return HandLoadResult(
-            load=self.to_hold, hand=self.hand, torques=torques,
-            friction=(low, self.model.nominal_friction, high), sets=self.sets,
-            jacobians=self.jacobians, tilts=self.sets.tilts(self.tilts_of_links[self._link]),
-            postures=self.contacts.posture, link_loads=self._link_loads,
+        hand, posture = self.hand, self.contacts.posture
+        weights = hand.link_loads(posture, hand.link_poses(posture))
+        turned = self.contacts.poses[:, :3, :3].swapaxes(1, 2)
+        return MotorLoads(
+            case=self.load_case, hand=hand, torques=torques_of(hand, self.load.torque_limits),
+            friction=self.model.friction_interval, sets=self.sets, jacobians=self.jacobians,
+            tilts=self.sets.tilts(self.tilts_of_links[self._counted[1]]), postures=posture,
+            link_loads=None if weights is None else weights @ turned,
         )  # fmt: skip
 
     @cached_property
     def label(self) -> Bytes:
-        """`Label` codes: 0 U, 1 M, 2 S; shape (k,).
+        """`Label` codes of everything that is stated: 0 U, 1 M, 2 S; shape (k,).
 
-        With a load whose mass is known S is what the motors surely hold.
+        With a load whose mass is known S is what the motors surely hold. U where the hand cannot be
+        there without a collision.
         """
-        load_result, codes = self.hand_load_result, self._labels.label
-        return codes if load_result is None else load_result.label(codes)
+        codes, motors = self._labels.label, self.motors
+        held = codes if motors is None else motors.label(codes)
+        return locked(np.where(self.reachable, held, np.uint8(Label.U)))
 
     @property
     def letter(self) -> Bytes:
@@ -169,16 +226,15 @@ class EvaluatedHandGrasps(GivenGrasps):
 
     @cached_property
     def quality(self) -> Floats:
-        """How far each grasp is from failing, shape (k,); see `quality_of_contacts`."""
-        held, of = self.epsilon, self.hand_load_result
-        if of is not None and of.load.decided:
-            held = 1.0 + of.spare
-        return locked(quality_of_contacts(np.nan_to_num(self.margin, nan=-math.inf), held))
+        """How far each grasp is from failing, shape (k,); see `quality_of_contacts`.
 
-    @cached_property
-    def score(self) -> Floats:
-        """As of other grasps; 0 where the hand cannot be there without a collision, shape (k,)."""
-        return locked(np.where(self.reachable, written_scores(self.letter, self.quality), 0.0))
+        -1 where the hand cannot be there without a collision.
+        """
+        held, motors = self.epsilon, self.motors
+        if motors is not None and motors.case.decided:
+            held = 1.0 / motors.load_fraction
+        quality = quality_of_contacts(np.nan_to_num(self.margin, nan=-math.inf), held)
+        return locked(np.where(self.reachable, quality, -1.0))
 
     @property
     def critical_angle(self) -> Floats:
@@ -195,15 +251,6 @@ class EvaluatedHandGrasps(GivenGrasps):
         """Angle by which the grasp is S [rad], shape (k,)."""
         return self._labels.margin
 
-    def contacts_of(self, row: int) -> tuple[Floats, Floats]:
-        """Points of a pose's contacts, and inward normals there, shape (n, 3) each."""
-        mine = self.touching[row]
-        return self.contacts.points[row, mine], self.contacts.normals[row, mine]
-
-    def using(self, model: GraspModel) -> "EvaluatedHandGrasps":
-        """The same contacts with another friction and sensor resolution."""
-        return replace(self, model=model)
-
     @cached_property
     def max_resolution(self) -> Floats:
         """Resolution of all sensors alike below which a grasp is S [rad], shape (k,); 0: none."""
@@ -212,17 +259,20 @@ class EvaluatedHandGrasps(GivenGrasps):
     @cached_property
     def epsilon(self) -> Floats:
         """Epsilon of all contacts at the perceived normals, certified from below, shape (k,)."""
-        model, mesh = self.model, self.mesh
-        options = EpsilonOptions(torque_scale=mesh.torque_scale, rtol=EPSILON_RTOL)
-        assert isinstance(model.torsion_radius, float)
-        return self.sets.epsilon(
-            options, friction=model.nominal_friction, torsion_radius=model.torsion_radius
-        )
+        options = EpsilonOptions(torque_scale=self.mesh.torque_scale, rtol=EPSILON_RTOL)
+        torsion, friction = self.model.torsion_radius, self.model.nominal_friction
+        assert isinstance(torsion, float)
+        return self.sets.epsilon(options, friction=friction, torsion_radius=torsion)
 
     @property
     def rank(self) -> Ints:
         """Dimension of the span of the wrenches, shape (k,); 0: no grasp."""
         return self.sets.rank
+
+    @property
+    def payload(self) -> Floats | None:
+        """What the motors surely hold [kg], shape (k,); None: there is no load."""
+        return None if self.motors is None else self.motors.payload
 
     @cached_property
     def jacobians(self) -> Floats:
@@ -230,12 +280,12 @@ class EvaluatedHandGrasps(GivenGrasps):
 
         Shape (c, 3, p).
         """
-        contacts, row = self.contacts, self.sets.row
-        rotation, offset = contacts.poses[:, :3, :3], contacts.poses[:, :3, 3]
+        row, link = self._counted
+        rotation, offset = self.contacts.poses[:, :3, :3], self.contacts.poses[:, :3, 3]
         points = self.sets.points + self.mesh.center_mass - offset[row]
         in_hand = (points[:, None] @ rotation[row])[:, 0]
-        links = self.hand.link_poses(contacts.posture)
-        return locked(rotation[row] @ self.hand.jacobians(links, row, self._link, in_hand))
+        links = self.hand.link_poses(self.contacts.posture)
+        return locked(rotation[row] @ self.hand.jacobians(links, row, link, in_hand))
 
     @cached_property
     def links(self) -> npt.NDArray[np.str_]:
@@ -268,28 +318,35 @@ class EvaluatedHandGrasps(GivenGrasps):
         return np.maximum(0.0, self.contacts.table_depth)
 
     @cached_property
-    def reasons(self) -> HandReasons:
-        """What is wrong with each grasp."""
+    def _collisions(self) -> HandReasons:
         reasons = HandReasons(self.hand, self.contacts, self.contact_distance)
         reasons.add_impossible(self.given.posture, self.scene)
-        reasons.add_contacts(self.touching)
-        reasons.add("touches outside --region", self.outside)
-        if (of := self.hand_load_result) is not None:
-            short = (self.label < self._labels.label) | (of.load_fraction > 1.0)
-            texts = [of.shortfall(row) for row in np.flatnonzero(short).tolist()]
-            reasons.add("the motors do not surely hold it", short, texts)
         return reasons
 
     @property
     def reachable(self) -> Bools:
         """Whether the hand can be there without a collision, shape (k,)."""
-        return locked(~self.reasons.impossible)
+        return locked(~self._collisions.impossible)
+
+    @cached_property
+    def reasons(self) -> HandReasons:
+        """What is wrong with each grasp."""
+        reasons, motors = self._collisions, self.motors
+        reasons.add_contacts(self.touching)
+        reasons.add("touches outside --region", self.outside)
+        if motors is not None:
+            short = (self.label < self._labels.label) | (motors.load_fraction > 1.0)
+            texts = [motors.shortfall(row) for row in np.flatnonzero(short).tolist()]
+            reasons.add("the motors do not surely hold it", short, texts)
+        return reasons
 
     @property
-    def verdict(self) -> str | None:
-        """What the motors hold at the best pose, in one sentence; None: no load is stated."""
-        load_result = self.hand_load_result
-        return None if load_result is None else load_result.verdict(self.reachable)
+    def remarks(self) -> Iterable[str]:
+        """Which contacts count, and whether the weight of the links does."""
+        distance = small_length(self.contact_distance, metres=True)
+        yield f"contacts {self.contacts.rule}, within {distance}"
+        if self.motors is not None:
+            yield self.motors.link_weights
 
     def _warnings(self) -> Iterable[str | None]:
         if order := self.given.settings.get(ORDER):
@@ -299,12 +356,27 @@ class EvaluatedHandGrasps(GivenGrasps):
             asked = asked if beyond > FEW_BEYOND * self.size else ""
             yield f"the order of the joints is {order}{asked}"
         yield from implausible(self.hand)
-        if self.hand_load_result is not None:
-            yield from self.hand_load_result.doubts
+        if self.motors is not None:
+            yield from self.motors.doubts
 
     def metrics(self, names: str) -> NoReturn:
         """Refuse: measures are for grasps of equal numbers of contacts. Raises SettingError."""
         raise SettingError(f"{self.hand.name} is a hand with joints, and takes no metrics {names}")
+
+    def contacts_of(self, row: int) -> tuple[Floats, Floats]:
+        """Points of a pose's contacts, and inward normals there, shape (n, 3) each."""
+        mine = self.touching[row]
+        return self.contacts.points[row, mine], self.contacts.normals[row, mine]
+
+    def held_at(self, row: int) -> GripperPose:
+        """The hand at a pose, links that touch in the colour of the letter."""
+        color = COLORS[Label(int(self.letter[row]))]
+        return GripperPose(
+            self.contacts.poses[row], 0.0, math.nan, math.nan, math.nan,
+            posture=self.contacts.posture[row],
+            toward=self.hand.approach,
+            colors=dict.fromkeys(np.flatnonzero(self.touching[row]).tolist(), color),
+        )  # fmt: skip
 
     def take(self, rows: Ints) -> Self:
         """The chosen poses, in that order.
@@ -314,98 +386,48 @@ class EvaluatedHandGrasps(GivenGrasps):
         """
         return replace(self, given=self.given.take(rows), contacts=self.contacts.take(rows))
 
+    def using(self, **changed: Any) -> Self:
+        """The same contacts with another model or load."""
+        return replace(self, **changed)
+
     def to_poses(self, metrics: Mapping[str, Floats] | None = None) -> GraspPoses:
-        """As in `GivenGrasps`: poses and values of joints are those where the contacts are.
+        """As in `EvaluatedPoses`: poses and values of joints are those where the contacts are.
 
         Closed ones are not those that were given.
         """
         poses = super().to_poses(metrics)
         return replace(poses, poses=self.contacts.poses, posture=self.contacts.posture)
 
+    @property
+    def fields(self) -> tuple[Field, ...]:
+        """What tables and files have of each pose."""
+        return HAND_GRASPS
+
     def _columns(self) -> Arrays:
-        """Results of shape (k,)."""
+        """Results of shape (k,), with the gaps of the links that come near."""
         gaps = np.where(np.isfinite(self.contacts.gaps), self.contacts.gaps, math.nan)
         near = {
             f"{GAP}{name}": column
             for name, column in zip(self.hand.link_names, gaps.T, strict=True)
             if not np.isnan(column).all()
         }
-        return {**columns_of(HAND_GRASPS, self), **near}
+        return {**super()._columns(), **near}
 
     def _settings(self) -> dict[str, Any]:
         """Settings of the evaluation; angles in radians."""
-        tilts = self.tilts_of_links
-        felt = {
-            name: 2.0 * tilt
-            for name, tilt in zip(self.hand.link_names, tilts.tolist(), strict=True)
-        }
+        felt = dict(zip(self.hand.link_names, (2.0 * self.tilts_of_links).tolist(), strict=True))
         return settings_of(self.mesh, self.model, self.scene) | {
             "hand": self.hand.name,
             "contact_rule": self.contacts.rule,
             "contact_distance": self.contact_distance,
-            **load_settings(None if self.to_hold is None else self.to_hold.load),
-            "verdict": self.verdict,
-            "link_weights": None
-            if self.hand_load_result is None
-            else self.hand_load_result.link_weights,
+            **load_settings(self.load),
+            "link_weights": None if self.motors is None else self.motors.link_weights,
             "sensor_resolutions": felt,
         }
 
 
-def evaluate_hand(
-    mesh: ObjectMesh,
-    poses: GraspPoses,
-    model: GraspModel | None,
-    scene: Scene,
-    *,
-    contact_rule: ContactRule = "given",
-    contact_distance: GivenLength = f"{CONTACT_DISTANCE} m",
-    load: LoadCase | None = None,
-) -> EvaluatedHandGrasps:
-    """Evaluate poses of a hand with joints, as `evaluate_grasps` does.
-
-    Args:
-        mesh: The object.
-        poses: The poses, in metres, with values of the joints.
-        model: Friction and sensor resolution [rad]; None: the defaults.
-        scene: The hand and the table.
-        contact_rule: given or closed.
-        contact_distance: Distance of a link from the surface up to which it touches.
-        load: What each grasp must hold; None: nothing.
-
-    Raises:
-        SettingError: A setting that does not apply to hands with joints.
-        ContactError: The poses have values of other joints, or none.
-    """
-    hand = scene.hand
-    assert isinstance(hand, ArticulatedHand)
-    _refuse(hand, scene, model or GraspModel(), load)
-    own_model = model or GraspModel()
-    mesh.check_units(own_model)
-    distance = mesh.length("contact_distance", contact_distance)
-    poses = replace(matched(poses, hand), joint_names=hand.joint_names)
-    with within(0.0, TOUCHED):
-        contacts = hand_contacts(
-            mesh, hand, poses.poses, poses.posture, rule=contact_rule,
-            contact_distance=distance, table=scene.table,
-        )  # fmt: skip
-    result = EvaluatedHandGrasps(
-        mesh=mesh, model=own_model, scene=scene, given=poses, contacts=contacts,
-        contact_distance=distance, to_hold=load,
-    )  # fmt: skip
-    refuse_warnings(result.warnings)
-    with within(TOUCHED, 1.0):
-        _ = result.label
-        if result.hand_load_result is not None:
-            result.hand_load_result.compute()
-        report_progress(1.0)
-    return result
-
-
-def _refuse(hand: ArticulatedHand, scene: Scene, model: GraspModel, load: LoadCase | None) -> None:
-    """Refuse settings that do not apply, and loads without torques. Raises SettingError."""
-    if load is not None:
-        torques_of(hand, load.load.torque_limits)
+def _refuse(hand: ArticulatedHand, scene: Scene, model: GraspModel, load: Load | None) -> None:
+    """Refuse settings that do not apply to hands with joints. Raises SettingError."""
     refused = {
         "fingers: a hand touches with as many links as it happens to": model.fingers != 2,
         "method extremes: its labels are exact": model.method != "exact",
@@ -413,7 +435,7 @@ def _refuse(hand: ArticulatedHand, scene: Scene, model: GraspModel, load: LoadCa
         "torsion_radius with a load: what motors hold is that of points": load is not None
         and model.torsion_radius != 0.0,
         "grip_force: it follows from torque_limits": load is not None
-        and load.available is not None,
+        and load.grip_force is not None,
     }
     for text, applies in refused.items():
         if applies:
