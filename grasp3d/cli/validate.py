@@ -73,7 +73,7 @@ def print_validation(report: Report, found: Validation) -> None:
     )
     report.lines(f"labels, margins and forces at {model}" for model in models)
     report.lines([*sources[:MOST_FILES], *more])
-    no_grasp = "the jaws do not close on the mesh: U, with the worst value of every score"
+    no_grasp = "the hand does not close on the mesh: U, with the worst value of every score"
     report.line(f"at {counted(missing, 'poses')} {no_grasp}")
     report.warnings(found.warnings)
     report.rates("label", ((label_meaning(one), rate) for one, rate in found.rates.items()))

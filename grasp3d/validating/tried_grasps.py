@@ -177,8 +177,6 @@ def _checked(
         acronym = path.suffix.lower() in ACRONYM
         poses = read_poses(path, hand=hand, **stated)
     gripper, origin = _gripper(poses, hand, name, acronym=acronym)
-    if not gripper.fingers:  # it closes on nothing by itself
-        gripper.check_fingers(2)
     if path is not None and acronym and hand is None:  # it states the hand, not the TCP
         poses = read_poses(path, hand=gripper, **stated)
     if mesh is None:

@@ -57,7 +57,7 @@ def test_it_prints_how_well_scores_predict(folder: Path) -> None:
     assert f"120 grasps with an outcome on 1 object: {held} held" in text
     assert "labels, margins and forces at μ 0.5, α 22.6°" in text
     assert "gripper franka, as given; mass not known, so no grip force" in text
-    assert "the jaws do not close on the mesh: U, with the worst value" in text
+    assert "the hand does not close on the mesh: U, with the worst value" in text
     assert re.search(r"^■ S surely stable +\d+ +100 % +\d+ to 100 %$", text, re.MULTILINE)
     assert re.search(r"margin +larger +1\.000 +1\.000 +1\.000", text)
     assert "intervals at 95 %, for this object" in text

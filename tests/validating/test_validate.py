@@ -17,7 +17,7 @@ from grasp3d.plots.validations import validation_figure
 from grasp3d.system.tables import read_columns
 from grasp3d.validating import SCORES, Validation, write_validation
 from grasp3d.validating.ranking import roc_auc
-from tests.helpers import shapes
+from tests.helpers import shapes, slider_hand
 from tests.helpers.tried_grasps import chances, expected_roc_auc, poses_on
 
 FRANKA = ParallelGripper.preset("franka")
@@ -231,3 +231,23 @@ def test_one_figure_shows_what_is_known() -> None:
     assert f"margin {margin:.2f}" in [line.get_label() for line in right.lines]
     _, alone = validation_figure(validated(np.ones(COUNT, bool))).axes
     assert [line.get_label() for line in alone.lines] == ["chance 0.50"]
+
+
+def test_poses_of_hands_with_joints_are_compared_as_others_are(tmp_path: Path) -> None:
+    """Four sliding fingers, some too far from the box; the outcomes follow the margin."""
+    box = load_mesh(shapes.box(slider_hand.BOX), unit="m")
+    hand = grasp3d.read_hand(slider_hand.write(tmp_path))
+    postures = 0.04 - np.random.default_rng(0).uniform(0.0, 0.012, size=(60, 4))
+    given = GraspPoses(poses=np.tile(np.eye(4), (60, 1, 1)), posture=postures, unit="m")
+    found = evaluate_grasps(box, given, GraspModel(), hand=hand)
+    held = np.nan_to_num(found.margin, nan=-1.0) > 0.0
+    given = replace(given, outcome=held.astype(float))
+    exact, located = (
+        validate_grasps(given, GraspModel(location_error=error), mesh=box, hand=hand)
+        for error in (0.0, 0.001)
+    )
+    assert exact.quality("margin").roc_auc == exact.quality("score").roc_auc == 1.0
+    assert exact.rates[grasp3d.Label.S].rate == 1.0
+    assert {one.score.name for one in exact.qualities} >= {"quality", "epsilon", "reachable"}
+    assert "opening" not in exact.columns
+    assert (exact.columns["margin"][held] > located.columns["margin"][held]).all()
