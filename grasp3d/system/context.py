@@ -127,6 +127,9 @@ def in_threads(
         for start in starts[number::threads]:
             work(slice(start, min(start + chunk, count)), own)
 
+    if threads == 1:
+        run(0)
+        return
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(run, range(threads)))
 

@@ -31,18 +31,14 @@ def random_hand(generator: np.random.Generator) -> HandGrasp:
 
 
 def random_actuation(generator: np.random.Generator, joints: int) -> Actuation:
-    """Motors, or differentials over several joints, with stops and links that weigh something."""
-    arms = None
-    actuators = joints
+    """Motors of most joints, with stops and links that weigh something."""
+    most = generator.uniform(0.2, 1.0, size=joints)
     if joints > 2 and generator.random() < 0.4:
-        actuators = int(generator.integers(joints - 2, joints + 1))
-        arms = np.eye(joints)[:actuators]
-        arms[:, actuators:] = 0.7 * (generator.random((actuators, joints - actuators)) < 0.4)
-    most = generator.uniform(0.2, 1.0, size=actuators)
+        most[int(generator.integers(joints - 2, joints + 1)) :] = 0.0
     stops = generator.choice([-1, 0, 0, 0, 1], size=joints) * (generator.random() < 0.4)
     loaded = generator.random() < 0.4
     links = 0.003 * generator.normal(size=(joints, 3)) if loaded else None
-    return Actuation(most, arms=arms, stops=stops, links=links)
+    return Actuation(most, stops=stops, links=links)
 
 
 def driven(grasp: HandGrasp, actuation: Actuation) -> HandGrasp:

@@ -3,9 +3,9 @@
 With forces f of the hand on the object, Jacobian J of the contact points and weight g of the links
 (as the torques that hold them),
 
-    J^T f + g = B^T u + E s,    -u+ <= u <= u+,  s >= 0,
+    J^T f + g = B u + E s,    -u+ <= u <= u+,  s >= 0,
 
-B the moment arms of the motors, and E the joints at a stop. Joints that a rigid coupling moves with
+B the joints that have a motor, and E those at a stop. Joints that a rigid coupling moves with
 another one are no joints of their own: they move with that in J, and structure carries what its
 motor does not. The forces for which that has a solution are a convex polyhedron K, which does not
 depend on normals.
@@ -21,10 +21,10 @@ from grasp3d.errors import SettingError
 
 @dataclass(frozen=True, eq=False, init=False)
 class Actuation:
-    """The torques that k motors, within their limits, and stops exert on p joints."""
+    """The torques that k motors, one of a joint, and stops exert on p joints."""
 
     columns: Floats
-    """Torques on the joints of the motors, and of the stops after them, B^T and E, shape (p, q)."""
+    """Torques on the joints of the motors, and of the stops after them, B and E, shape (p, q)."""
     limits: Floats
     """Greatest torques of the motors, both ways, above 0; inf: no limit; shape (k,)."""
     names: tuple[str, ...]
@@ -39,7 +39,6 @@ class Actuation:
         self,
         limits: ArrayLike,
         *,
-        arms: ArrayLike | None = None,
         names: tuple[str, ...] | None = None,
         stops: ArrayLike | None = None,
         links: ArrayLike | None = None,
@@ -47,10 +46,8 @@ class Actuation:
         """The actuation of a hand in a posture.
 
         Args:
-            limits: Greatest torques of the motors, both ways [N m], shape (k,); inf: no limit,
-                0: no motor.
-            arms: Moment arms of the motors, shape (k, p): (1, 1) for a tendon over two joints,
-                which divides its force between them (a differential). None: one motor per joint.
+            limits: Greatest torque of each joint's motor, both ways [N m], shape (p,); inf: no
+                limit, 0: no motor.
             names: Names of the motors. None: their numbers.
             stops: 1 where a joint is at its lower stop, which pushes it up, -1 at its upper one,
                 else 0, shape (p,).
@@ -68,25 +65,23 @@ class Actuation:
             raise SettingError(
                 f"limits of motors must be one torque for each, at least 0; got {most}"
             )
-        table = np.asarray(np.eye(len(most)) if arms is None else arms, dtype=np.float64)
-        joints = table.shape[-1]
+        joints = len(most)
         ends = np.asarray(np.zeros(joints) if stops is None else stops, dtype=np.float64)
         held = np.asarray(np.zeros((joints, 3)) if links is None else links, dtype=np.float64)
         for name, array, shape in (
-            ("arms", table, (len(most), joints)),
             ("stops", ends, (joints,)),
             ("links", held, (joints, 3)),
         ):
             if array.shape != shape or not np.isfinite(array).all():
                 raise SettingError(
-                    f"{name} of {len(most)} motors and {joints} joints must be finite numbers of "
-                    f"shape {shape}; got shape {array.shape}"
+                    f"{name} of {joints} joints must be finite numbers of shape {shape}; got shape "
+                    f"{array.shape}"
                 )
         if names and len(names) != len(most):
             raise SettingError(f"{len(most)} motors need as many names; got {len(names)}")
         some, at_stop = np.flatnonzero(most), np.flatnonzero(ends)
         known = names or tuple(f"motor {k}" for k in range(len(most)))
-        columns = np.concatenate([table[some].T, np.diag(np.sign(ends))[:, at_stop]], axis=1)
+        columns = np.concatenate([np.eye(joints)[:, some], np.diag(np.sign(ends))[:, at_stop]], 1)
         for name, value in (
             ("columns", locked(columns)),
             ("limits", locked(most[some])),

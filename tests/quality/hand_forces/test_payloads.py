@@ -117,30 +117,6 @@ def within(moved: Floats, normals: Floats, tilts: Floats) -> Floats:
     return np.cos(angle) * normals + np.sin(angle) * across / np.maximum(length, 1e-300)
 
 
-LIMIT = 0.3
-
-
-def fingertip(direction: tuple[float, float, float]) -> HandGrasp:
-    """A fingertip at the origin, its last two joints along z at distances on a bent finger."""
-    axes = np.array([[-0.05, -0.03, 0.0], [-0.02, -0.02, 0.0]])
-    columns = [np.cross([0.0, 0.0, 1.0], -axis) for axis in axes]
-    jacobian = np.stack([*columns, [0.0, 0.0, 0.06]], axis=1)[None]  # a lateral joint besides
-    arms = [[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-    actuation = Actuation([LIMIT, LIMIT], arms=arms)
-    contacts = Contacts([[0.0, 0.0, 0.0]], [direction], 0.5)
-    return HandGrasp(contacts, jacobian, actuation)
-
-
-def test_a_differential_presses_only_along_the_line_between_its_axes() -> None:
-    line = np.array([0.03, 0.01, 0.0]) / math.hypot(0.03, 0.01)
-    across = np.array([-line[1], line[0], 0.0])
-    along = hand_payload(fingertip(tuple(line)), [*-line, 0, 0, 0])
-    arm = abs(np.cross([0.05, 0.03, 0.0], line)[2])
-    assert along.lower == pytest.approx(LIMIT / arm, rel=1e-7)
-    off = hand_payload(fingertip(tuple(across)), [*-across, 0, 0, 0])
-    assert off.upper <= 1e-9
-
-
 @pytest.mark.parametrize("friction", [0.3, 0.8])
 def test_two_planar_fingers_hold_a_disc_by_a_closed_form(friction: float) -> None:
     radius, limits = 0.03, np.array([0.4, 0.2])
@@ -365,9 +341,8 @@ def test_shapes_and_limits_that_do_not_fit_are_refused() -> None:
     for limits, options, words in (
         ([0.2, -0.1], {}, "limits of motors must be one torque for each"),
         ([0.2, math.nan], {}, "limits of motors must be one torque for each"),
-        ([0.2], {"arms": np.eye(2)}, r"arms of 1 motors and 2 joints .* shape \(1, 2\)"),
-        ([0.2], {"stops": [1, 0]}, r"stops of 1 motors and 1 joints .* shape \(1,\)"),
-        ([0.2], {"links": [[0, 0, math.inf]]}, r"links of 1 motors and 1 joints"),
+        ([0.2], {"stops": [1, 0]}, r"stops of 1 joints .* shape \(1,\)"),
+        ([0.2], {"links": [[0, 0, math.inf]]}, r"links of 1 joints"),
     ):
         with pytest.raises(SettingError, match=words):
             Actuation(limits, **options)
