@@ -13,8 +13,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
+from grasp3d.outcomes.ranking import roc_auc, roc_curve
 from grasp3d.plots.figures import styled
-from grasp3d.validating.ranking import roc_auc, roc_curve
 
 CURVES = (
     (0, "quality", "payload of the patches, worst case of the sensor", "#0072B2", "-"),

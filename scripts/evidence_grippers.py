@@ -34,12 +34,11 @@ from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.batch import ClusterSettings
 from grasp3d.grasps import GraspPoses
 from grasp3d.grasps.pose_files import write_poses
-from grasp3d.physics import SimulationSettings
-from grasp3d.physics.parts import parts_of
-from grasp3d.validating import SCORES
-from grasp3d.validating.ranking import roc_auc
-from grasp3d.validating.scores import scores_of
-from grasp3d.validating.success import success_rate
+from grasp3d.outcomes import SCORES, SimulationSettings
+from grasp3d.outcomes.parts import parts_of
+from grasp3d.outcomes.ranking import roc_auc
+from grasp3d.outcomes.scores import scores_of
+from grasp3d.outcomes.success import success_rate
 
 MESHES = Path(__file__).parents[1] / "meshes"
 FOREIGN = {

@@ -21,8 +21,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import grasp3d
+from grasp3d.outcomes.success import success_rate
 from grasp3d.system.tables import write_columns
-from grasp3d.validating.success import success_rate
 from tests.helpers.facets import (
     SLIPPED,
     FacetPress,

@@ -54,6 +54,7 @@ from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, grow
 from grasp3d._kernels.hull.polytope import Polytope, make_polytope
 from grasp3d._kernels.hull.support_functions import ROWS, WrenchSpace
 from grasp3d.arrays import Bytes, Floats
+from grasp3d.outcomes.success import success_rate
 from grasp3d.paper.figures import FIGURES
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.plots.figures import (
@@ -72,7 +73,6 @@ from grasp3d.rendering.opengl import View
 from grasp3d.settings import with_fingers
 from grasp3d.stability.label import COLORS, MEANING
 from grasp3d.system.tables import read_columns
-from grasp3d.validating.success import success_rate
 from grasp3d.viewer.scene.framing import MARGIN
 from grasp3d.viewer.scene.overlays import BOLD, PLAIN
 from grasp3d.viewer.scene.pictures import open_renderer

@@ -29,7 +29,7 @@ from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand as AnyHand
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.physics.simulation_settings import SimulationSettings
+from grasp3d.outcomes.simulation_settings import SimulationSettings
 from grasp3d.quality.loads import Load
 from grasp3d.settings import DEGREE, GraspModel, MeshOptions, PoseFormat, Radians, Sampling
 from grasp3d.settings.friction import friction_interval

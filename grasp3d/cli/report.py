@@ -12,6 +12,7 @@ import numpy as np
 
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.object_pose import ObjectPose
+from grasp3d.outcomes.success import SuccessRate
 from grasp3d.settings.units import Unit, small_length
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 from grasp3d.surface.area_statistics import quantiles
@@ -26,7 +27,6 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.counts import counted, short_number
 from grasp3d.system.names import printable
-from grasp3d.validating.success import SuccessRate
 
 if TYPE_CHECKING:
     from grasp3d.arrays import Floats

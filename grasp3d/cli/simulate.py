@@ -17,11 +17,11 @@ from grasp3d.hand.frames import AUTO
 from grasp3d.hand.hand import touching
 from grasp3d.mesh import load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
-from grasp3d.physics.engine import mujoco_module
-from grasp3d.physics.simulate import simulate_grasps
+from grasp3d.outcomes.engine import mujoco_module
+from grasp3d.outcomes.simulate import simulate_grasps
+from grasp3d.outcomes.success import success_rate
 from grasp3d.stability.label import Label
 from grasp3d.system.names import safe_stem
-from grasp3d.validating.success import success_rate
 
 
 def run(command: Simulate) -> int:

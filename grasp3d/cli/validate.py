@@ -7,6 +7,8 @@ from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Validate
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import Report, escaped, label_meaning, label_name, percent_text
+from grasp3d.outcomes.validate import validate_grasps
+from grasp3d.outcomes.validation import Validation, write_validation
 from grasp3d.plots.figures import METADATA, save_as
 from grasp3d.plots.validations import validation_figure
 from grasp3d.settings.model_text import model_line
@@ -14,8 +16,6 @@ from grasp3d.stability.label import Label
 from grasp3d.surface.fields import NONE
 from grasp3d.system.counts import counted
 from grasp3d.system.tables import SUFFIXES
-from grasp3d.validating.validate import validate_grasps
-from grasp3d.validating.validation import Validation, write_validation
 
 MOST_FILES = 8
 """Most sentences on the sources of files that are printed."""

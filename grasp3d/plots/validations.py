@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from grasp3d.outcomes.ranking import roc_curve
+from grasp3d.outcomes.validation import Validation
 from grasp3d.plots.figures import LABEL_COLORS, LINES, PAGE, new_figure, styled
-from grasp3d.validating.ranking import roc_curve
-from grasp3d.validating.validation import Validation
 
 SHOWN = ("quality", "margin", "payload", "epsilon", "contact_area")
 """Scores whose ROC curves are drawn, where they are known."""

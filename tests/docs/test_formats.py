@@ -33,14 +33,13 @@ from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.grasp_files import write_grasps
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.mesh.repair.work import RepairStep
-from grasp3d.physics import simulate_grasps
+from grasp3d.outcomes import simulate_grasps, write_validation
 from grasp3d.quality.loads import Load
 from grasp3d.surface.fields import CONTACTS, Field, given_poses
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.sweeps import write_sweeps
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.validating import write_validation
 from tests.docs.field_tables import PAGES, PLY_TYPES, rendered
 from tests.helpers import shapes
 

@@ -240,7 +240,7 @@ CHECK = """
 import re, sys, time
 from pathlib import Path
 import grasp3d
-from grasp3d.validating.tried_grasps import check_grasps
+from grasp3d.outcomes.tried_grasps import check_grasps
 hand = grasp3d.read_hand("franka")
 start = time.perf_counter()
 (tried,) = check_grasps([sys.argv[1]], mesh="any.stl", hand=hand, outcome="result")

@@ -21,7 +21,7 @@ from grasp3d import (
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import settings_text
 from grasp3d.errors import SettingError
-from grasp3d.physics import SimulationSettings
+from grasp3d.outcomes import SimulationSettings
 from grasp3d.settings.parsing import plain_values
 from grasp3d.settings.units import (
     METRES,

@@ -19,8 +19,8 @@ from grasp3d.grasps import read_object_pose
 from grasp3d.grasps.pose_files import holds_poses, read_poses
 from grasp3d.hand.hand_files import hand_of_line, read_hand
 from grasp3d.hand.parallel_gripper import preset
+from grasp3d.outcomes.tried_grasps import MeshFolder
 from grasp3d.system.documents import LONGEST_NUMBER, parse_json
-from grasp3d.validating.tried_grasps import MeshFolder
 from grasp3d.viewer.session.collection import open_collection
 from tests.hand.test_robot_descriptions import BOX, URDF
 

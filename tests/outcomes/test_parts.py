@@ -11,9 +11,9 @@ from scipy.spatial import ConvexHull
 from grasp3d import load_mesh
 from grasp3d.batch import ClusterSettings
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.physics import SimulationSettings, convex_parts
-from grasp3d.physics import parts as module
-from grasp3d.physics.parts import parts_of
+from grasp3d.outcomes import SimulationSettings, convex_parts
+from grasp3d.outcomes import parts as module
+from grasp3d.outcomes.parts import parts_of
 
 
 @pytest.fixture(autouse=True)

@@ -1,5 +1,9 @@
+from .parts import convex_parts as convex_parts
+from .pulling import Fate as Fate
 from .scores import SCORES as SCORES
 from .scores import Score as Score
+from .simulate import simulate_grasps as simulate_grasps
+from .simulation_settings import SimulationSettings as SimulationSettings
 from .success import SuccessRate as SuccessRate
 from .validate import validate_grasps as validate_grasps
 from .validation import ScoreQuality as ScoreQuality

@@ -19,12 +19,12 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import GivenHand, given_hand
 from grasp3d.hand.jaws import Jaws
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
-from grasp3d.physics.engine import mujoco_module
-from grasp3d.physics.fingers import Fingers
-from grasp3d.physics.parts import parts_of
-from grasp3d.physics.pulling import Attempt, Fate, Outcome, simulate_attempt
-from grasp3d.physics.scene import Stage, grasp_model
-from grasp3d.physics.simulation_settings import SimulationSettings
+from grasp3d.outcomes.engine import mujoco_module
+from grasp3d.outcomes.fingers import Fingers
+from grasp3d.outcomes.parts import parts_of
+from grasp3d.outcomes.pulling import Attempt, Fate, Outcome, simulate_attempt
+from grasp3d.outcomes.scene import Stage, grasp_model
+from grasp3d.outcomes.simulation_settings import SimulationSettings
 from grasp3d.settings import GivenModel
 from grasp3d.settings.parsing import plain_values
 from grasp3d.surface.labelling import label_surface

@@ -42,7 +42,7 @@ class SimulationSettings(LengthSettings):
         seed: Seed of what is drawn, and of the convex parts; the same seed gives the same result.
 
     Example:
-        >>> from grasp3d.physics import SimulationSettings
+        >>> from grasp3d.outcomes import SimulationSettings
         >>> SimulationSettings(trials=3, object_mass="200 g").object_mass
         0.2
     """

@@ -16,12 +16,12 @@ from grasp3d import GraspModel, ObjectMesh, ParallelGripper, load_mesh
 from grasp3d.batch import ClusterSettings
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.grasps import GraspPoses
-from grasp3d.physics import Fate, SimulationSettings, simulate_grasps
-from grasp3d.physics.pulling import Attempt
-from grasp3d.physics.scene import Stage
-from grasp3d.physics.simulate import Job, JobResult, simulate_attempts, simulate_job
+from grasp3d.outcomes import Fate, SimulationSettings, simulate_grasps
+from grasp3d.outcomes.pulling import Attempt
+from grasp3d.outcomes.scene import Stage
+from grasp3d.outcomes.simulate import Job, JobResult, simulate_attempts, simulate_job
 from tests.helpers import slider_hand
-from tests.physics.test_fingers import stage
+from tests.outcomes.test_fingers import stage
 
 HERE = ClusterSettings(workers=0)
 QUICK = SimulationSettings(pull_time=0.02, time_step=2e-3)
@@ -111,7 +111,7 @@ def test_a_true_pose_is_that_of_its_error_in_the_given_frame(
         seen.extend(attempts)
         return simulate_attempts(attempts, *others)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("grasp3d.physics.simulate.simulate_attempts", watched)
+    monkeypatch.setattr("grasp3d.outcomes.simulate.simulate_attempts", watched)
     settings = replace(QUICK, pose_error="3mm")
     tried = simulate_grasps(mesh(), above(3), hand=small(), simulation=settings, cluster=HERE)
     shift = [tried.columns[f"error_{axis}_m"][0] for axis in "xyz"]
@@ -199,8 +199,8 @@ def _crash(job: Job, of: Stage) -> JobResult:
 
 @pytest.mark.slow
 def test_a_crash_is_an_error_of_its_grasps_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("grasp3d.physics.simulate.simulate_job", _crash)
-    monkeypatch.setattr("grasp3d.physics.simulate.ATTEMPTS", 1)
+    monkeypatch.setattr("grasp3d.outcomes.simulate.simulate_job", _crash)
+    monkeypatch.setattr("grasp3d.outcomes.simulate.ATTEMPTS", 1)
     outcomes = simulate_attempts([FINE] * 2, stage(), ClusterSettings(workers=1))
     assert [one.fate for one in outcomes] == [Fate.BROKEN, Fate.HELD]
 

@@ -26,7 +26,7 @@ class Score:
     """A number of each grasp that may predict whether it holds.
 
     Example:
-        >>> from grasp3d.validating import SCORES
+        >>> from grasp3d.outcomes import SCORES
         >>> print(*(score.name for score in SCORES))
         quality score payload margin critical_angle label epsilon ...
     """

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp3d.validating import SuccessRate
+from grasp3d.outcomes import SuccessRate
 
 
 @given(st.integers(1, 10_000), st.floats(0.0, 1.0))

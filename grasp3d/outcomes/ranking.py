@@ -7,7 +7,7 @@ from scipy.special import expit, logit
 from scipy.stats import rankdata, t
 
 from grasp3d.arrays import Bools, Floats, Ints
-from grasp3d.validating.success import LEVEL
+from grasp3d.outcomes.success import LEVEL
 
 
 def roc_auc(held: Bools, scores: Floats, clusters: Ints) -> tuple[float, float, float]:
@@ -32,7 +32,7 @@ def roc_auc(held: Bools, scores: Floats, clusters: Ints) -> tuple[float, float, 
         Two of three grasps that held have a better score than both that failed:
 
         >>> import numpy as np
-        >>> from grasp3d.validating.ranking import roc_auc
+        >>> from grasp3d.outcomes.ranking import roc_auc
         >>> held = np.array([True, True, False, True, False])
         >>> area, low, high = roc_auc(held, np.array([0.9, 0.8, 0.7, 0.6, 0.5]), np.arange(5))
         >>> round(area, 4)

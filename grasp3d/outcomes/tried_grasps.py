@@ -45,7 +45,7 @@ class MeshFolder:
 
     Example:
         >>> from pathlib import Path
-        >>> from grasp3d.validating.tried_grasps import MeshFolder
+        >>> from grasp3d.outcomes.tried_grasps import MeshFolder
         >>> MeshFolder(Path("meshes")).find("scans/mug.glb", Path("log.csv")).name
         'mug.glb'
     """

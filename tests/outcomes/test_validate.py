@@ -13,10 +13,10 @@ from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.outcomes import SCORES, Validation, write_validation
+from grasp3d.outcomes.ranking import roc_auc
 from grasp3d.plots.validations import validation_figure
 from grasp3d.system.tables import read_columns
-from grasp3d.validating import SCORES, Validation, write_validation
-from grasp3d.validating.ranking import roc_auc
 from tests.helpers import shapes, slider_hand
 from tests.helpers.tried_grasps import chances, expected_roc_auc, poses_on
 
@@ -106,7 +106,7 @@ def test_the_label_is_a_score_too() -> None:
 
 def test_chunks_do_not_change_it(monkeypatch: pytest.MonkeyPatch) -> None:
     one, _ = drawn()
-    monkeypatch.setattr("grasp3d.validating.validate.CHUNK", 50)
+    monkeypatch.setattr("grasp3d.outcomes.validate.CHUNK", 50)
     two = validated(one.held)
     for name, values in one.columns.items():
         np.testing.assert_array_equal(values, two.columns[name], err_msg=name)

@@ -16,7 +16,7 @@ class SuccessRate:
     """How many of some grasps succeeded.
 
     Example:
-        >>> from grasp3d.validating import SuccessRate
+        >>> from grasp3d.outcomes import SuccessRate
         >>> rate = SuccessRate("S", 20, 19)
         >>> print("{:.2f}, from {:.2f} to {:.2f}".format(rate.rate, *rate.interval))
         0.95, from 0.76 to 0.99

@@ -11,7 +11,7 @@ from grasp3d import Load, MeshOptions, ParallelGripper
 from grasp3d.errors import ContactError, MeshError, SettingError
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.validating.tried_grasps import (
+from grasp3d.outcomes.tried_grasps import (
     GIVEN,
     STATED,
     MeshFolder,

@@ -13,8 +13,8 @@ from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.run import run
 from grasp3d.errors import GraspError, MeshError, OutputError, SettingError
 from grasp3d.mesh import ObjectMesh
-from grasp3d.physics.engine import NEEDS_PHYSICS
-from grasp3d.physics.simulation_settings import SimulationSettings
+from grasp3d.outcomes.engine import NEEDS_PHYSICS
+from grasp3d.outcomes.simulation_settings import SimulationSettings
 from grasp3d.system.files import atomic_write
 
 SEARCH = {"mcts_iterations": 60, "mcts_nodes": 10, "preprocess_mode": "off"}
@@ -90,7 +90,7 @@ def convex_parts(vertices: Floats, faces: Ints, *, threshold: float = 0.02, seed
 
     Example:
         >>> import trimesh
-        >>> from grasp3d.physics import convex_parts
+        >>> from grasp3d.outcomes import convex_parts
         >>> box = trimesh.creation.box([0.04, 0.06, 0.1])
         >>> len(convex_parts(box.vertices, box.faces))
         1

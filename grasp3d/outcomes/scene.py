@@ -12,9 +12,9 @@ import numpy as np
 
 from grasp3d.arrays import Floats, short_repr
 from grasp3d.mesh import ObjectMesh
-from grasp3d.physics.engine import IMPEDANCE, STIFFNESS, contact_fields, mujoco_module, new_spec
-from grasp3d.physics.fingers import Fingers
-from grasp3d.physics.simulation_settings import SimulationSettings
+from grasp3d.outcomes.engine import IMPEDANCE, STIFFNESS, contact_fields, mujoco_module, new_spec
+from grasp3d.outcomes.fingers import Fingers
+from grasp3d.outcomes.simulation_settings import SimulationSettings
 
 OBJECT = "object"
 

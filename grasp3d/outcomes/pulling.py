@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from grasp3d.arrays import Floats, short_repr
-from grasp3d.physics.engine import mujoco_module, without_log
-from grasp3d.physics.scene import CLOSING, JOINTS, OBJECT, Stage, lay_object, put_object
-from grasp3d.physics.simulation_settings import SimulationSettings
+from grasp3d.outcomes.engine import mujoco_module, without_log
+from grasp3d.outcomes.scene import CLOSING, JOINTS, OBJECT, Stage, lay_object, put_object
+from grasp3d.outcomes.simulation_settings import SimulationSettings
 
 RAMP, WAITING = 0.2, 0.3
 """Time in which the grip force grows, and then until the first pull [s]."""

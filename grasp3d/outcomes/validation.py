@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bools, Floats, Ints, short_repr
+from grasp3d.outcomes.scores import Score
+from grasp3d.outcomes.success import SuccessRate, success_rate
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
-from grasp3d.validating.scores import Score
-from grasp3d.validating.success import SuccessRate, success_rate
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ def write_validation(path: str | Path, result: Validation) -> None:
         >>> import trimesh
         >>> import grasp3d
         >>> from grasp3d.grasps import GraspPoses
-        >>> from grasp3d.validating import write_validation
+        >>> from grasp3d.outcomes import write_validation
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.04, 0.02]), unit="m")
         >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (2, 1, 1))
         >>> tried = GraspPoses(poses=poses, outcome=[1, 0], unit="m")

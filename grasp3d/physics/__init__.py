@@ -1,5 +1,0 @@
-"""Grasps in a physics simulation: MuJoCo, with objects of convex parts from CoACD."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,5 +1,0 @@
-"""Labels and scores of grasps, held against what became of the grasps."""
-
-from lazy_loader import attach_stub
-
-__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)
