@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from grasp3d import Contacts, classify, epsilon, force_closure
@@ -113,6 +113,7 @@ def contradictions(kind: str, count: int, seed: int, size: int) -> dict[str, int
 @pytest.mark.slow
 @given(st.sampled_from(CASES), st.integers(0, 2**32 - 1))
 @settings(max_examples=10, deadline=None)
+@example(("two points", 4), 0)  # of one closure is undecided at an angle below one that is open
 def test_nothing_is_claimed_of_degenerate_grasps_that_does_not_hold(
     case: tuple[str, int], seed: int
 ) -> None:

@@ -371,6 +371,8 @@ def epsilons(
                 not_open = min(not_open, high)
             elif is_open:
                 proven = max(proven, angle)
+                if not_open <= angle:  # what was undecided at a smaller angle is open, too
+                    not_open = high
             else:  # from here on closure and its opposite are looked for on either side
                 not_closed, not_open = max(not_closed, angle), min(not_open, angle)
             low = max(low, min(proven, not_open))
