@@ -67,7 +67,7 @@ ENGINES = {
     "trame": {"viewer"},
     "trame_rca": {"viewer"},
     "aiohttp": {"viewer"},
-    "mujoco": {"hand.mjcf", "physics.engine"},
+    "mujoco": {"hand.mujoco_model", "physics.engine"},
     "coacd": {"physics.parts"},
     "yaml": {"grasps.pose_files"},
     "h5py": {"grasps.pose_files"},

@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -67,15 +68,16 @@ def read_hand(
 ) -> Hand:
     """Read a hand: a preset by name, a JSON file, or a URDF or MuJoCo model.
 
-    URDF and MuJoCo models of grippers need the names of the two finger links. What is read from
-    them, and what is assumed, is in `grasp3d.hand.hand_geometry`; of hands with joints, for which
-    no fingers are named, in `grasp3d.hand.articulated.proposal`.
+    A URDF or MuJoCo model whose links slide two by two is that of a parallel gripper, measured as
+    `grasp3d.hand.measured_gripper` says; one whose joint and travel are those of a preset with
+    fingers that turn is that preset; others are hands with joints, of which what is not stated is
+    proposed as `grasp3d.hand.articulated.proposal` says.
 
     Args:
         source: Name of a preset; or a file that `write_hand` wrote (.json), a URDF (.urdf) or a
             MuJoCo model (.xml, .mjcf).
         fingers: URDF and MuJoCo: names of the links, or bodies, of the two fingers that slide;
-            None: it is a hand with joints.
+            None: the only two links that slide, if there are.
         palm: URDF and MuJoCo: name of the link whose geometry is the palm; None: the link
             that carries the fingers, with what is fixed to it.
         tcp: URDF and MuJoCo: from the origin of the link that carries the fingers to the TCP, along
@@ -113,7 +115,7 @@ def read_hand(
     if problem := problem_of_file(path):
         raise SettingError(printable(f"{path}: {problem}"))
     if suffix != ".json":
-        return _of_model(path, fingers, palm, tcp, preset)
+        return made_of(path, _of_links, fingers, palm, tcp, preset)
     if given:
         raise SettingError(printable(f"{path}: {given}: for URDF and MuJoCo files only"))
     content = read_json(path)
@@ -125,33 +127,29 @@ def read_hand(
         raise SettingError(printable(f"{path}: {error}")) from error
 
 
-def _of_model(
-    path: Path,
+def _of_links(
+    tree: "LinkTree",
     fingers: tuple[str, str] | None,
     palm: str | None,
     tcp: float | None,
     preset: str | None,
 ) -> Hand:
     """The hand of a URDF or MuJoCo model. Raises SettingError."""
-    if fingers is None:
-        from grasp3d.hand.articulated.hand_json import proposed_hand
+    from grasp3d.hand.articulated.hand_json import proposed_hand
+    from grasp3d.hand.measured_gripper import measured_gripper, sliding_fingers, turning_preset
 
-        if tcp is not None:
-            raise SettingError(printable(f"{path}: tcp is for grippers of two fingers: name them"))
-        return proposed_hand(path, preset, palm)
-    if preset is not None:
-        raise SettingError(printable(f"{path}: preset is for hands with joints, without fingers"))
-    if len(fingers) != 2 or fingers[0] == fingers[1]:
-        raise SettingError(printable(f"{path}: a gripper needs two different finger links"))
-    return made_of(path, _gripper_of_links, fingers, palm, tcp)
-
-
-def _gripper_of_links(
-    tree: "LinkTree", fingers: tuple[str, str], palm: str | None, tcp: float | None
-) -> Hand:
-    from grasp3d.hand.hand_geometry import gripper_of_hand
-
-    return gripper_of_hand(tree.sliding_hand(fingers, palm), tcp=tcp)
+    if fingers is not None and (len(fingers) != 2 or fingers[0] == fingers[1]):
+        raise tree.error("a gripper needs two different finger links")
+    if preset is None and (found := fingers or sliding_fingers(tree)) is not None:
+        return measured_gripper(tree, found, palm, tcp)
+    if fingers is not None:
+        raise tree.error("preset is for hands with joints, without fingers")
+    if tcp is not None:
+        raise tree.error("tcp is for grippers of two fingers that slide: name them")
+    if preset is None and (known := turning_preset(tree)) is not None:
+        source = f"{known.source}; it is {known.name}, whose joint {Path(tree.source).name} has"
+        return replace(known, source=source)
+    return proposed_hand(tree, preset, palm)
 
 
 def write_hand(path: str | Path, hand: Hand) -> None:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from scipy.optimize import linprog
 
 import grasp3d
@@ -94,7 +93,6 @@ MODEL = """<mujoco model="finger"><compiler angle="radian"/><worldbody>
 
 
 def test_tendons_and_springs_of_models_are_named(tmp_path: Path) -> None:
-    pytest.importorskip("mujoco")
     path = tmp_path / "finger.xml"
     path.write_text(MODEL, encoding="utf-8")
     hand = grasp3d.read_hand(path)
@@ -114,7 +112,6 @@ def test_tendons_and_springs_of_models_are_named(tmp_path: Path) -> None:
 
 def test_models_whose_limits_are_wider_than_one_way_have_no_motors_there(tmp_path: Path) -> None:
     """A joint's limit of what acts on it is no motor, and a range of forces allows no control."""
-    pytest.importorskip("mujoco")
     path = tmp_path / "finger.xml"
 
     def read(old: str, new: str) -> ArticulatedHand:

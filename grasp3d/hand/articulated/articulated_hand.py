@@ -111,10 +111,8 @@ class ArticulatedHand:
         found = []
         for joint in sorted(joints, key=lambda one: one.follows is not None):
             name, factor, offset = self.tree.source_of(joint)
-            low, high = joint.limits or (-np.inf, np.inf)
-            limits = (low, high) if low <= high else (-np.inf, np.inf)
             column = self.joint_names.index(name)
-            found.append(JointRange(joint.name, column, factor, offset, limits))
+            found.append(JointRange(joint.name, column, factor, offset, joint.limits))
         return tuple(found)
 
     def excess(self, postures: Floats) -> Floats:

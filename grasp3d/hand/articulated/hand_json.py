@@ -151,21 +151,17 @@ def articulated_hand(content: Mapping[str, Any]) -> ArticulatedHand:
     return made_of(Path(stated["description"]), articulated_hand_of, stated)
 
 
-def proposed_hand(path: Path, preset: str | None, palm: str | None) -> ArticulatedHand:
-    """A hand from a URDF or MuJoCo model alone.
+def proposed_hand(tree: LinkTree, preset: str | None, palm: str | None) -> ArticulatedHand:
+    """A hand from its links and joints alone.
 
     Args:
-        path: The file.
+        tree: Links and joints.
         preset: Whose numbers it has; None: those of the hand whose joints have the same names.
         palm: Name of the palm's link; None: it is found.
 
     Raises:
-        SettingError: The file cannot be read, is of no hand with joints, or of another one.
+        SettingError: They are of no hand with joints, or of another one.
     """
-    return made_of(path, _proposed, preset, palm)
-
-
-def _proposed(tree: LinkTree, preset: str | None, palm: str | None) -> ArticulatedHand:
     stated: dict[str, Any] = {}
     name = preset or fitting(tree)
     if name is not None:
@@ -174,16 +170,4 @@ def _proposed(tree: LinkTree, preset: str | None, palm: str | None) -> Articulat
             stated["assumed"] = [f"it is the hand {name}, whose joints have the same names"]
     if palm is not None:
         stated["palm"] = palm
-    hand = articulated_hand_of(tree, stated)
-    if all(_slides(hand, tip) for tip in hand.fingertips):
-        raise tree.error(
-            f"its fingers slide: name the links of its two fingers: grasp3d hand {tree.source} "
-            "--fingers LINK LINK -o NAME.json makes a description of it, for all commands"
-        )
-    return hand
-
-
-def _slides(hand: ArticulatedHand, link: str) -> bool:
-    """Whether the last joint that moves a link slides."""
-    kinds = (hand.tree.joints[one].kind for one in hand.tree.chain(link)[:-1])
-    return next(kind for kind in kinds if kind != "fixed") == "slides"
+    return articulated_hand_of(tree, stated)

@@ -142,13 +142,6 @@ def _check(tree: LinkTree) -> None:
                 f"joint {joint.name} neither slides nor turns about an axis, and has no value of "
                 "a posture; name a base of the hand below it"
             )
-        low, high = joint.limits or (1.0, 0.0)
-        if joint.kind != "fixed" and joint.follows is None and not low <= high:
-            stated = "no limits" if joint.limits is None else f"limits from {low:g} to {high:g}"
-            raise tree.error(
-                f"joint {joint.name} has {stated}; state its smallest and its largest value, or "
-                "that it has none (continuous)"
-            )
         source = tree.source_of(joint)[0]
         if joint.kind != "fixed" and kinds[source] == "fixed":
             raise tree.error(f"joint {joint.name} follows {source}, which does not move")
@@ -193,6 +186,11 @@ class _Proposal:
         closing = self._closing()
         preshapes = self._preshapes(closing)
         approach = self._approach(preshapes["open"])
+        if unseen := [link for link in tree.unseen if link in tree.links]:
+            self.assumed.append(
+                f"links that are only seen, without collision geometry, touch nothing: "
+                f"{', '.join(unseen)}"
+            )
         if endless := [
             n for n, ends in zip(self.names, self.limits, strict=True) if np.isinf(ends).any()
         ]:
