@@ -64,7 +64,6 @@ def read_hand(
     fingers: tuple[str, str] | None = None,
     palm: str | None = None,
     tcp: float | None = None,
-    preset: str | None = None,
 ) -> Hand:
     """Read a hand: a preset by name, a JSON file, or a URDF or MuJoCo model.
 
@@ -82,9 +81,6 @@ def read_hand(
             that carries the fingers, with what is fixed to it.
         tcp: URDF and MuJoCo: from the origin of the link that carries the fingers to the TCP, along
             the approach axis [m]; None: the middle of the flat pads.
-        preset: URDF and MuJoCo models of a hand with joints: whose numbers it has, a name of
-            `grasp3d.hand.articulated.presets`; None: that one whose joints have the same names, if
-            there is one.
 
     Raises:
         SettingError: It is no preset and no such file, or describes no gripper of two sliding
@@ -97,7 +93,7 @@ def read_hand(
         >>> grasp3d.read_hand("gripper.json") == grasp3d.read_hand("wsg50")
         True
     """
-    options = {"fingers": fingers, "palm": palm, "tcp": tcp, "preset": preset}
+    options = {"fingers": fingers, "palm": palm, "tcp": tcp}
     given = ", ".join(name for name, value in options.items() if value is not None)
     path, suffix = Path(source), Path(source).suffix.lower()
     is_file_name = suffix in SUFFIXES or len(path.parts) > 1 or is_file(path) or is_folder(path)
@@ -115,7 +111,7 @@ def read_hand(
     if problem := problem_of_file(path):
         raise SettingError(printable(f"{path}: {problem}"))
     if suffix != ".json":
-        return made_of(path, _of_links, fingers, palm, tcp, preset)
+        return made_of(path, _of_links, fingers, palm, tcp)
     if given:
         raise SettingError(printable(f"{path}: {given}: for URDF and MuJoCo files only"))
     content = read_json(path)
@@ -132,7 +128,6 @@ def _of_links(
     fingers: tuple[str, str] | None,
     palm: str | None,
     tcp: float | None,
-    preset: str | None,
 ) -> Hand:
     """The hand of a URDF or MuJoCo model. Raises SettingError."""
     from grasp3d.hand.articulated.hand_json import proposed_hand
@@ -140,16 +135,14 @@ def _of_links(
 
     if fingers is not None and (len(fingers) != 2 or fingers[0] == fingers[1]):
         raise tree.error("a gripper needs two different finger links")
-    if preset is None and (found := fingers or sliding_fingers(tree)) is not None:
+    if (found := fingers or sliding_fingers(tree)) is not None:
         return measured_gripper(tree, found, palm, tcp)
-    if fingers is not None:
-        raise tree.error("preset is for hands with joints, without fingers")
     if tcp is not None:
         raise tree.error("tcp is for grippers of two fingers that slide: name them")
-    if preset is None and (known := turning_preset(tree)) is not None:
+    if (known := turning_preset(tree)) is not None:
         source = f"{known.source}; it is {known.name}, whose joint {Path(tree.source).name} has"
         return replace(known, source=source)
-    return proposed_hand(tree, preset, palm)
+    return proposed_hand(tree, palm)
 
 
 def write_hand(path: str | Path, hand: Hand) -> None:

@@ -134,8 +134,8 @@ class LinkTree:
     """The joint that moves each link, by the name of the link; the root has none."""
     shapes: Callable[[str], tuple[LinkShape, ...]]
     """Collision geometry of a link, by its name."""
-    pulls: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Names of tendons, motors that turn a joint one way, and springs, with their joints."""
+    pulled: frozenset[str] = frozenset()
+    """Joints that tendons, or motors that turn them one way, pull, and no motor turns."""
     masses: Mapping[str, LinkMass] = field(default_factory=dict)
     """By links, where the file states them."""
     closures: tuple[str, ...] = ()

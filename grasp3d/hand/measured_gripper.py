@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from grasp3d.arrays import Floats
-from grasp3d.hand.jaws import AXES
+from grasp3d.hand.jaws import AXES, Corners
 from grasp3d.hand.link_tree import Joint, LinkTree
 from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper
 
@@ -109,14 +109,14 @@ def measured_gripper(
     across = [name for name in AXES if name[-1] != closing[-1]]
     approach = max(across, key=lambda name: float(UNIT[name] @ middle))
     numbers = _sizes(tree, parts, body, (closing, approach), tcp)
-    where = "the TCP is in their middle, and " if tcp is None else ""
+    where = "the TCP is in the middle of their flat parts, " if tcp is None else ""
     return ParallelGripper(
         name=carrier,
         base_axes=(closing, approach),
         **numbers,
         source=(
             f"boxes around {fingers[0]}, {fingers[1]} and the palm of {Path(tree.source).name}; "
-            f"assumed: pads are flat, {where}they alone touch; the palm is as wide as the stroke "
+            f"assumed: the inner sides are flat, {where}and nothing else of a finger touches; the palm is as wide as the stroke "
             "at least; compliance and clearance are the defaults, the force is not known"
         ),
     )
@@ -234,14 +234,17 @@ def _sizes(
     ]
     around = np.abs(np.concatenate([palm, *beside]) - [0.0, middle, 0.0])
     scales = (ends[:, 1] - ends[:, 0]) / (wide - narrow)
+    half, top = 0.5 * min(float(np.ptp(pad[:, 0])) for pad in pads), end - centre
+    low = max(float(pad[0, 1]) for pad in pads) - centre
+    longer = low < -top - OVERLAP
     lengths = {
         "min_opening": narrow,
         "max_opening": wide,
         "finger_thickness": max(float(np.ptp(one[..., 0])) for one in fingers),
         "finger_width": float(np.ptp(points[:, 1])),
         "finger_length": end - front,
-        "pad_width": min(float(np.ptp(pad[:, 0])) for pad in pads),
-        "pad_height": 2.0 * (end - centre),
+        "pad_width": 2.0 * half,
+        "pad_height": 2.0 * top,
         "palm_thickness": max(2.0 * float(around[:, 0].max()), wide),
         "palm_width": 2.0 * float(around[:, 1].max()),
         "palm_length": front - float(palm[:, 2].min()),
@@ -249,10 +252,16 @@ def _sizes(
     }
     return {
         **{name: round(length, DIGITS) for name, length in lengths.items()},
+        "inner_faces": _rectangle(half, round(low, DIGITS), round(top, DIGITS)) if longer else (),
         "joint_names": tuple(names),
         "joint_scale": tuple(scales.round(DIGITS).tolist()),
         "joint_closed": tuple((ends[:, 0] - scales * narrow).round(DIGITS).tolist()),
     }
+
+
+def _rectangle(half: float, low: float, top: float) -> tuple[Corners, ...]:
+    """The flat inner side of a finger that is longer than its pad."""
+    return (((0.0, -half, low), (0.0, half, low), (0.0, half, top), (0.0, -half, top)),)
 
 
 def _pad(tree: LinkTree, finger: Floats, front: float) -> Floats:

@@ -96,7 +96,7 @@ class _Reader:
         self.paired = {*model.pair_geom1.tolist(), *model.pair_geom2.tolist()}
         active = zip(model.eq_type, model.eq_active0, strict=True)
         self.equations = [one for one, (_, is_active) in enumerate(active) if is_active]
-        self.efforts, self.pulls = self._motors()
+        self.efforts, self.pulled = self._motors()
 
     def tree(self) -> LinkTree:
         """Its links, with their masses and shapes."""
@@ -126,7 +126,7 @@ class _Reader:
             tuple(links),
             joints,
             self.shapes,
-            self.pulls,
+            self.pulled,
             masses if urdf is None else urdf.masses,
             self._closures(),
             tuple(link for link in links if link in shown),
@@ -192,35 +192,33 @@ class _Reader:
             or model.eq_data[number][2:5].any()
         )
 
-    def _motors(self) -> tuple[dict[int, float], dict[str, tuple[str, ...]]]:
-        """Greatest torque or force of the motors at joints, and what pulls by names, with joints.
+    def _motors(self) -> tuple[dict[int, float], frozenset[str]]:
+        """Greatest torque or force of the motors at joints, and joints that are pulled alone.
 
-        That are tendons, motors with a force of one sign, and springs.
+        Tendons, and motors with a force of one sign, pull. What holds a joint with a spring is not
+        known.
         """
         model, efforts = self.model, dict[int, float]()
         if self.urdf is not None:
             stated = self.urdf.efforts
-            return {n: stated[name] for n, name in enumerate(self.names) if name in stated}, {}
-        pulls, driven, pulled = dict[str, tuple[str, ...]](), set[int](), set[int]()
+            return {
+                n: stated[one] for n, one in enumerate(self.names) if one in stated
+            }, frozenset()
+        driven, pulled = set[int](), set[int]()
         for number in range(model.nu):
             low, high = self._forces(number)
-            joints, kind = self._driven(number), model.actuator_trntype[number]
-            one_way = joints and math.isfinite(high - low) and low < high and low * high >= 0.0
-            if kind == mjtTrn.mjTRN_TENDON or one_way:
-                name = model.actuator(number).name or f"actuator {number}"
-                pulls[name] = tuple(self.names[one] for one in joints)
-                pulled.update(joints)
-                continue
-            driven.update(joints)
-            if kind == mjtTrn.mjTRN_JOINT and model.actuator_forcelimited[number]:
+            kind, joints = model.actuator_trntype[number], self._driven(number)
+            one_way = math.isfinite(high - low) and low < high and low * high >= 0.0
+            (pulled if one_way or kind == mjtTrn.mjTRN_TENDON else driven).update(joints)
+            if kind == mjtTrn.mjTRN_JOINT and model.actuator_forcelimited[number] and not one_way:
                 gear = abs(float(model.actuator_gear[number, 0]))
                 efforts.setdefault(joints[0], gear * max(abs(low), abs(high)))
-        for joint in np.flatnonzero(model.jnt_actfrclimited).tolist():
-            if joint in driven or joint not in pulled:  # or motors are in another file
-                efforts[joint] = float(np.abs(model.jnt_actfrcrange[joint]).max())
+        pulled -= driven
+        for joint in {*np.flatnonzero(model.jnt_actfrclimited).tolist()} - pulled:
+            efforts[joint] = float(np.abs(model.jnt_actfrcrange[joint]).max())
         for joint in np.flatnonzero(model.jnt_stiffness).tolist():
-            pulls[f"the spring of {self.names[joint]}"] = (self.names[joint],)
-        return efforts, pulls
+            efforts.pop(joint, None)
+        return efforts, frozenset(self.names[joint] for joint in pulled)
 
     def _driven(self, number: int) -> list[int]:
         """Joints that an actuator drives, by a tendon or not."""

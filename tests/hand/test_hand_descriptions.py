@@ -15,7 +15,7 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.hand_json import KEYS
 from grasp3d.hand.articulated.plausible_numbers import implausible
-from grasp3d.hand.articulated.presets import NAMES, content_of
+from grasp3d.hand.articulated.presets import NAMES
 from grasp3d.hand.articulated.proposal import articulated_hand_of
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_line, hand_of_line, write_hand
@@ -243,8 +243,6 @@ def test_only_the_palm_is_named_beside_a_model(tmp_path: Path) -> None:
     assert read(path, palm="inner1").palm == "inner1"
     with pytest.raises(SettingError, match="tcp is for grippers of two fingers"):
         read_hand(path, tcp=0.1)
-    with pytest.raises(SettingError, match="preset is for hands with joints"):
-        read_hand(path, fingers=("outer0", "outer1"), preset="allegro")
 
 
 def test_links_without_joints_are_no_hand(tmp_path: Path) -> None:
@@ -296,8 +294,6 @@ def test_known_hands_are_found_by_their_joints(name: str) -> None:
     found = read(hand_file(name))
     assert found.name == name
     assert f"it is the hand {name}, whose joints have the same names" in found.assumed
-    named = read(hand_file(name), preset=name)
-    assert named.assumed == tuple(one for one in found.assumed if "it is the hand" not in one)
     torques = {"allegro": 0.7, "leap": 0.93}.get(name, np.nan)
     np.testing.assert_array_equal(found.torques, np.full(len(found.joint_names), torques))
     np.testing.assert_allclose(
@@ -322,8 +318,6 @@ def test_couplings_of_known_hands() -> None:
     assert hand.joint_names == (
         "finger_1_prox_joint", "finger_1_med_joint", "finger_2_med_joint", "finger_3_med_joint",
     )  # fmt: skip
-    tendons = content_of("shadow")["tendons"]
-    assert tendons == [f"{f}J2 and {f}J1" for f in ["FF", "MF", "RF", "LF"]]
 
 
 def test_a_prefix_of_all_names_is_found(tmp_path: Path) -> None:
@@ -338,15 +332,7 @@ def test_a_prefix_of_all_names_is_found(tmp_path: Path) -> None:
     assert hand.joint_names[0] == "rh_finger_1_prox_joint"
 
 
-def test_names_of_known_hands_need_a_file(tmp_path: Path) -> None:
+def test_names_of_known_hands_need_a_file() -> None:
     for name in NAMES:
         with pytest.raises(SettingError, match=f"{name} is a hand with joints, known without"):
             read_hand(name)
-        assert content_of(name)["source"]
-    path = three_fingers(tmp_path)
-    with pytest.raises(
-        SettingError, match="it is no allegro as that is known: it has no base_link"
-    ):
-        read_hand(path, preset="allegro")
-    with pytest.raises(SettingError, match=r"'alegro' \(did you mean allegro"):
-        read_hand(path, preset="alegro")

@@ -82,7 +82,6 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
         sensors={},
         torques=locked(np.zeros(0)),
         couplings=couplings,
-        tendons=_pulled(whole, known, assumed),
         masses=_masses(whole, known),
         preshapes={},
         closing=locked(np.zeros(0)),
@@ -155,15 +154,6 @@ def _masses(tree: LinkTree, known: Mapping[str, Any]) -> Mapping[str, LinkMass]:
     of_file = {name: one for name, one in tree.masses.items() if name in tree.links}
     masses: Mapping[str, LinkMass] = known.get("masses", of_file)
     return masses
-
-
-def _pulled(tree: LinkTree, known: Mapping[str, Any], assumed: list[str]) -> tuple[str, ...]:
-    """Tendons and springs: stated, or those of the file on joints of the hand."""
-    moving = {joint.name for joint in tree.joints.values() if joint.kind != "fixed"}
-    found = tuple(name for name, joints in tree.pulls.items() if moving.issuperset(joints))
-    if found and "tendons" not in known:
-        assumed.append(f"it takes no load, for tendons and springs of the file: {', '.join(found)}")
-    return tuple(known.get("tendons", found))
 
 
 class _Proposal:
@@ -399,14 +389,19 @@ class _Proposal:
         if "torques" in self.known:
             return self._by_name(self.known["torques"], unknown, "torques")
         found, odd = unknown.copy(), dict[float, list[str]]()
+        pulled = [name for name in self.names if name in self.tree.pulled]
         for number, name in enumerate(self.names):
             effort = joints[name].effort
-            if effort is None:
+            if name in pulled:
+                found[number] = 0.0
+            if name in pulled or effort is None:
                 continue
             if 0.0 < effort < largest_torque(self.bare, name):
                 found[number] = effort
             else:
                 odd.setdefault(effort, []).append(name)
+        if pulled:
+            self.assumed.append(f"joints that only tendons pull have no motor: {', '.join(pulled)}")
         for effort, names in odd.items():
             self.assumed.append(
                 f"an effort of {effort:g} is not that of such a motor: the torque is not stated "
