@@ -109,16 +109,20 @@ def measured_gripper(
     across = [name for name in AXES if name[-1] != closing[-1]]
     approach = max(across, key=lambda name: float(UNIT[name] @ middle))
     numbers = _sizes(tree, parts, body, (closing, approach), tcp)
-    where = "the TCP is in the middle of their flat parts, " if tcp is None else ""
+    assumed = [
+        "the inner sides are flat, and nothing else of a finger touches",
+        "the TCP is in the middle of their flat parts",
+        "the palm is as wide as the stroke at least",
+        "compliance and clearance are the defaults, the force is not known",
+    ]
+    if tcp is not None:
+        del assumed[1]
+    where = f"boxes around {fingers[0]}, {fingers[1]} and the palm of {Path(tree.source).name}"
     return ParallelGripper(
         name=carrier,
         base_axes=(closing, approach),
         **numbers,
-        source=(
-            f"boxes around {fingers[0]}, {fingers[1]} and the palm of {Path(tree.source).name}; "
-            f"assumed: the inner sides are flat, {where}and nothing else of a finger touches; the palm is as wide as the stroke "
-            "at least; compliance and clearance are the defaults, the force is not known"
-        ),
+        source=f"{where}; assumed: {'; '.join(assumed)}",
     )
 
 

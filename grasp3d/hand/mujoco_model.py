@@ -24,6 +24,7 @@ from trimesh import creation, transformations
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
+from grasp3d.hand.link_meshes import mesh_triangles
 from grasp3d.hand.link_tree import (
     Joint,
     JointKind,
@@ -33,7 +34,7 @@ from grasp3d.hand.link_tree import (
     ShapeKind,
     mesh_shape,
 )
-from grasp3d.hand.urdf import COMPILER, Urdf, mesh_triangles, read_urdf
+from grasp3d.hand.urdf import COMPILER, Urdf, read_urdf
 from grasp3d.system.names import printable
 
 WEIGHTLESS = 2.0 * float(COMPILER["boundmass"])

@@ -17,7 +17,7 @@ from grasp3d.hand.jaws import AXES
 from grasp3d.hand.link_tree import Joint, LinkTree, mesh_shape
 from grasp3d.hand.measured_gripper import measured_gripper
 from grasp3d.hand.mujoco_model import read_links
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper
 
 FINGERS = ("left", "right")
 
@@ -419,3 +419,20 @@ def test_meshes_of_collada_have_their_unit(tmp_path: Path) -> None:
     (tmp_path / "f.dae").write_bytes(b"<COLLADA/>")
     with pytest.raises(SettingError, match=r"mesh of link right: .*cannot be read as COLLADA"):
         read_hand(urdf(tmp_path, right='<mesh filename="f.dae"/>'), fingers=FINGERS)
+
+
+def test_the_fingers_of_franka_give_its_pads_and_tcp() -> None:
+    """Of the faces of its preset the flat ones are the pad, the inclined ones are not."""
+    franka = PRESETS["franka"]
+    near = np.array([corner for face in franka.inner_faces for corner in face])
+    near[:, 2] += franka.base_to_tcp
+    near[:, 0] = -near[:, 0]
+    back = near * [0.0, 1.0, 1.0] + [0.0144, 0.0, 0.0]
+    finger = trimesh.convex.convex_hull(np.concatenate([near, back])).triangles
+    palm = trimesh.creation.box(bounds=[[-0.1, -0.03, 0.0], [0.1, 0.03, 0.066]]).triangles
+    found = measured({"palm": palm, "left": finger * [-1.0, 1.0, 1.0], "right": finger})
+    assert found.base_to_tcp == pytest.approx(franka.base_to_tcp, abs=1e-4)
+    assert found.pad_width == pytest.approx(franka.pad_width, abs=1e-6)
+    assert found.pad_height == pytest.approx(franka.pad_height, abs=2e-4)
+    assert found.finger_length == pytest.approx(franka.finger_length, abs=2e-4)
+    assert found.inner_faces == ()
