@@ -14,7 +14,7 @@ from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
 from grasp3d.system.names import printable
 
-FARTHEST = 1e4
+FARTHEST = 1e3
 """Distance of geometry from its frame that no hand has [m]."""
 
 MAX_LISTED = 40
@@ -165,8 +165,8 @@ class LinkTree:
 
     @cached_property
     def by_name(self) -> dict[str, Joint]:
-        """Joints by their own names."""
-        return {joint.name: joint for joint in self.joints.values()}
+        """Joints that move, by their own names."""
+        return {one.name: one for one in self.joints.values() if one.kind != "fixed"}
 
     def chain(self, link: str) -> list[str]:
         """A link and all above it, to the root."""
@@ -181,13 +181,13 @@ class LinkTree:
         Raises:
             SettingError: It follows a joint that there is not, or itself.
         """
-        known = self.by_name
-        name, factor, offset, seen = joint.name, 1.0, 0.0, {joint.name}
-        while (follows := known[name].follows) is not None:
+        name, factor, offset, seen, follows = joint.name, 1.0, 0.0, {joint.name}, joint.follows
+        while follows is not None:
             name, more, start = follows
-            if name in seen or name not in known:
+            if name in seen or name not in self.by_name:
                 raise self.error(f"joint {joint.name} follows {name}, which it cannot")
             seen.add(name)
+            follows = self.by_name[name].follows
             factor, offset = factor * more, offset + factor * start
         return name, factor, offset
 

@@ -143,7 +143,7 @@ class _Reader:
         parent = self.links[model.body_parentid[body]]
         first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
         if count == 0:
-            yield name, Joint(name, "fixed", parent, pose, np.array([1.0, 0.0, 0.0]))
+            yield name, Joint(f"{name} (fixed)", "fixed", parent, pose, np.array([1.0, 0.0, 0.0]))
         for number in range(first, first + count):
             joint = self._joint(number, parent, pose)
             link = name if number == first + count - 1 else f"{name} ({joint.name})"

@@ -139,7 +139,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
             "torques": {"bend1": 1},
             "preshapes": {"open": {"bend0": 0, "bend1": 0}},
         },
-        "bend1 follows bend0, .*: take it out of closing and torques and the preshape open",
+        "bend1 follows bend0, and has no value of its own: take it out",
     ),
     "degrees": (
         {"preshapes": {"open": {"bend0": -20}}},

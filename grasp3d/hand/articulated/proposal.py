@@ -17,7 +17,6 @@ What is not stated follows from the geometry, and is said:
 * Torques are the efforts that the file states, where these are plausible.
 """
 
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -30,7 +29,7 @@ from scipy.optimize import least_squares
 from grasp3d.arrays import Bools, Floats, locked, unit_rows
 from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand, Coupling
 from grasp3d.hand.articulated.plausible_numbers import largest_torque
-from grasp3d.hand.link_tree import LinkMass, LinkTree
+from grasp3d.hand.link_tree import LinkTree
 
 FARTHEST_APPROACH = 65.0
 """Largest angle between the approach direction and the way to where fingertips meet [degrees]."""
@@ -73,6 +72,8 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
     # Read at once: a missing mesh is then refused here, and another process gets all of it.
     shapes = {link: whole.shapes(link) for link in whole.links}
     whole = replace(whole, shapes=shapes.__getitem__)
+    whole.check_links(known.get("masses", {}))
+    of_file = {name: one for name, one in whole.masses.items() if name in whole.links}
     hand = ArticulatedHand(
         name=known.get("name") or Path(tree.source).stem,
         tree=whole,
@@ -82,7 +83,7 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
         sensors={},
         torques=locked(np.zeros(0)),
         couplings=couplings,
-        masses=_masses(whole, known),
+        masses=known.get("masses", of_file),
         preshapes={},
         closing=locked(np.zeros(0)),
         source=known.get("source", ""),
@@ -102,7 +103,7 @@ def _base(tree: LinkTree) -> str:
     if len(roots) == 1 and ((len(below) < 2 and not flies) or roots[0] != "world"):
         return roots[0]
     candidates = roots if len(roots) > 1 else below
-    base = max(candidates, key=lambda link: len(_moving(tree.branch(link))))
+    base = max(candidates, key=lambda link: len(tree.branch(link).by_name))
     while not tree.shapes(base) and len(below := tree.children(base)) == 1:
         if tree.joints[below[0]].kind == "fixed":
             break
@@ -110,13 +111,9 @@ def _base(tree: LinkTree) -> str:
     return base
 
 
-def _moving(tree: LinkTree) -> list[str]:
-    return [name for name, joint in tree.joints.items() if joint.kind != "fixed"]
-
-
 def _coupled(tree: LinkTree, couplings: Iterable[Coupling]) -> LinkTree:
     """A tree whose joints follow others as couplings say. Raises SettingError."""
-    links = {joint.name: link for link, joint in tree.joints.items()}
+    links = {joint.name: link for link, joint in tree.joints.items() if joint.kind != "fixed"}
     joints = dict(tree.joints)
     for coupling in couplings:
         for name in coupling.joints:
@@ -131,29 +128,15 @@ def _coupled(tree: LinkTree, couplings: Iterable[Coupling]) -> LinkTree:
 
 def _check(tree: LinkTree) -> None:
     """Refuse what has no posture. Raises SettingError."""
-    kinds = {joint.name: joint.kind for joint in tree.joints.values()}
-    if len(kinds) < len(tree.joints):
-        twice = Counter(joint.name for joint in tree.joints.values()).most_common(1)[0][0]
-        raise tree.error(f"several joints are called {twice}")
     for joint in tree.joints.values():
         if joint.kind == "free":
             raise tree.error(
                 f"joint {joint.name} neither slides nor turns about an axis, and has no value of "
                 "a posture; name a base of the hand below it"
             )
-        source = tree.source_of(joint)[0]
-        if joint.kind != "fixed" and kinds[source] == "fixed":
-            raise tree.error(f"joint {joint.name} follows {source}, which does not move")
+        tree.source_of(joint)
     if tree.closures:
         raise tree.error(f"{tree.closures[0]} closes a loop of links; only trees of links are read")
-
-
-def _masses(tree: LinkTree, known: Mapping[str, Any]) -> Mapping[str, LinkMass]:
-    """What links weigh: stated, or that of the file. Raises SettingError."""
-    tree.check_links(known.get("masses", {}))
-    of_file = {name: one for name, one in tree.masses.items() if name in tree.links}
-    masses: Mapping[str, LinkMass] = known.get("masses", of_file)
-    return masses
 
 
 class _Proposal:
@@ -420,17 +403,10 @@ class _Proposal:
                 if joint is not None and joint.follows is not None:
                     raise self.tree.error(
                         f"{what}: {name} follows {joint.follows[0]}, and has no value of its own: "
-                        f"take it out of {' and '.join(self._stating(name))}"
+                        "take it out"
                     )
                 raise self.tree.error(
                     f"{what}: {name!r} is no joint of a posture; known: {', '.join(self.names)}"
                 )
             found[self.names.index(name)] = value
         return found
-
-    def _stating(self, joint: str) -> list[str]:
-        """What of the description has a value of a joint."""
-        preshapes = self.known.get("preshapes", {})
-        stated = {key: self.known.get(key, {}) for key in ("closing", "torques")}
-        stated |= {f"the preshape {name}": values for name, values in preshapes.items()}
-        return [key for key, values in stated.items() if joint in values]
