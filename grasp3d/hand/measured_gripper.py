@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from grasp3d.arrays import Floats
-from grasp3d.hand.jaws import AXES, Corners
+from grasp3d.hand.jaws import AXES
 from grasp3d.hand.link_tree import Joint, LinkTree
 from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper
 
@@ -38,6 +38,8 @@ DIGITS = 9
 
 ALIKE = 0.05
 """Difference of the travels of joints, as a fraction, up to which they are those of a preset."""
+
+NAME_PALM, DESCRIBE = "name the link of the palm (--palm)", "describe the gripper in a JSON file"
 
 UNIT = {name: np.array(axis) for name, axis in AXES.items()}
 
@@ -102,7 +104,7 @@ def measured_gripper(
     body = tree.triangles({link: around[link] for link in tree.below(palm or carrier)})
     if not len(body):
         what = palm or f"{carrier}, which carries the fingers,"
-        raise tree.error(f"{what} has no collision geometry; name the palm's link (--palm)")
+        raise tree.error(f"{what} has no collision geometry; {NAME_PALM}")
     parts = [_finger(tree, *one, around) for one in zip(fingers, movers, strict=True)]
     closing = _closing_axis(tree, carrier, *parts)
     middle = np.mean([_centre(part.triangles) for part in parts], axis=0) - _centre(body)
@@ -133,7 +135,7 @@ def _mover(tree: LinkTree, link: str) -> str:
         if joint.kind in {"turns", "free"}:
             raise tree.error(
                 f"joint {joint.name} turns {link}; only fingers that slide can be measured: take a "
-                f"preset ({', '.join(PRESETS)}), or state eight lengths in a JSON file"
+                f"preset, or {DESCRIBE}"
             )
         if joint.kind == "slides":
             return name
@@ -178,7 +180,7 @@ def _closing_axis(tree: LinkTree, carrier: str, one: _Finger, two: _Finger) -> s
             return name
     raise tree.error(
         f"the fingers must move along an axis of the frame of {carrier}, the link that carries "
-        "them; turn that frame, or describe the gripper in a JSON file"
+        f"them; turn that frame, or {DESCRIBE}"
     )
 
 
@@ -198,9 +200,7 @@ def _sizes(
     ends[rates < 0.0] = ends[rates < 0.0, ::-1]
     fingers = [one[one[..., 2].max(axis=1) > front] for one in whole]
     if not all(map(len, fingers)):
-        raise tree.error(
-            "the fingers end behind the front of the palm; name the link of the palm (--palm)"
-        )
+        raise tree.error(f"the fingers end behind the front of the palm; {NAME_PALM}")
     inner = np.array([one[..., 0].min() for one in fingers])
     closed, opened = (inner + rates * ends[:, k] for k in (0, 1))
     narrow, wide = float(closed.sum()), float(opened.sum())
@@ -219,8 +219,7 @@ def _sizes(
     if (away := math.hypot(0.5 * (opened[1] - opened[0]), middle)) > OFF_AXIS:
         raise tree.error(
             f"the fingers must be symmetric about the axis {axes[1]} of the link that carries them;"
-            f" their middle is {1e3 * away:.3g} mm beside it: move that frame, or describe the "
-            "gripper in a JSON file"
+            f" their middle is {1e3 * away:.3g} mm beside it: move that frame, or {DESCRIBE}"
         )
     pads = [_pad(tree, one, front) for one in fingers]
     centre = max(float(pad[:, 1].mean()) for pad in pads) if tcp is None else tcp
@@ -230,17 +229,14 @@ def _sizes(
             f"the TCP must be in the outer half of the fingers, from {0.5 * (front + end):.4g} to "
             f"{end:.4g} m along {axes[1]}; {what} {centre:.4g} (--tcp)"
         )
-    shifts = np.zeros((2, 3))
-    shifts[:, 0] = rates * ends[:, 1]
-    beside = [
-        one[one[..., 2].min(axis=1) < front].reshape(-1, 3) + shift
-        for one, shift in zip(whole, shifts, strict=True)
-    ]
+    moved = [whole[k] + [rates[k] * ends[k, 1], 0.0, 0.0] for k in (0, 1)]
+    beside = [one[one[..., 2].min(axis=1) < front].reshape(-1, 3) for one in moved]
     around = np.abs(np.concatenate([palm, *beside]) - [0.0, middle, 0.0])
     scales = (ends[:, 1] - ends[:, 0]) / (wide - narrow)
     half, top = 0.5 * min(float(np.ptp(pad[:, 0])) for pad in pads), end - centre
     low = max(float(pad[0, 1]) for pad in pads) - centre
-    longer = low < -top - OVERLAP
+    low, high = round(low, DIGITS), round(top, DIGITS)
+    face = (0.0, -half, low), (0.0, half, low), (0.0, half, high), (0.0, -half, high)
     lengths = {
         "min_opening": narrow,
         "max_opening": wide,
@@ -256,16 +252,11 @@ def _sizes(
     }
     return {
         **{name: round(length, DIGITS) for name, length in lengths.items()},
-        "inner_faces": _rectangle(half, round(low, DIGITS), round(top, DIGITS)) if longer else (),
+        "inner_faces": (face,) if low < -top - OVERLAP else (),
         "joint_names": tuple(names),
         "joint_scale": tuple(scales.round(DIGITS).tolist()),
         "joint_closed": tuple((ends[:, 0] - scales * narrow).round(DIGITS).tolist()),
     }
-
-
-def _rectangle(half: float, low: float, top: float) -> tuple[Corners, ...]:
-    """The flat inner side of a finger that is longer than its pad."""
-    return (((0.0, -half, low), (0.0, half, low), (0.0, half, top), (0.0, -half, top)),)
 
 
 def _pad(tree: LinkTree, finger: Floats, front: float) -> Floats:
@@ -273,8 +264,7 @@ def _pad(tree: LinkTree, finger: Floats, front: float) -> Floats:
     flat = finger[(finger[..., 0] <= finger[..., 0].min() + FLATNESS).all(axis=1)]
     if not (len(flat) and np.ptp(flat[..., 1]) > 0.0):
         raise tree.error(
-            "the fingers have no flat inner sides beyond the palm; name the link of the palm "
-            "(--palm), or describe the gripper in a JSON file"
+            f"the fingers have no flat inner sides beyond the palm; {NAME_PALM}, or {DESCRIBE}"
         )
     points = flat.reshape(-1, 3)[:, 1:]
     return np.stack([np.maximum(points.min(axis=0), [-np.inf, front]), points.max(axis=0)])

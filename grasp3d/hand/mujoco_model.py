@@ -34,11 +34,11 @@ from grasp3d.hand.link_tree import (
     ShapeKind,
     mesh_shape,
 )
-from grasp3d.hand.urdf import COMPILER, Urdf, read_urdf
+from grasp3d.hand.urdf import Urdf, read_urdf
 from grasp3d.system.names import printable
 
-WEIGHTLESS = 2.0 * float(COMPILER["boundmass"])
-"""Mass below which a body has none: MuJoCo gives it one [kg]."""
+LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
+"""Given to moving links that state none, which MuJoCo would refuse [kg, kg m^2]."""
 
 JOINTS: dict[int, JointKind] = {
     int(mjtJoint.mjJNT_SLIDE): "slides",
@@ -75,8 +75,7 @@ def _compiled(path: Path, urdf: Urdf | None) -> MjModel:
     set_mju_user_warning(lambda _: None)  # otherwise it writes a log into the working folder
     try:
         spec = MjSpec.from_file(str(path)) if urdf is None else MjSpec.from_string(urdf.text)
-        spec.compiler.boundmass = float(COMPILER["boundmass"])
-        spec.compiler.boundinertia = float(COMPILER["boundinertia"])
+        spec.compiler.boundmass, spec.compiler.boundinertia = LEAST_MASS, LEAST_INERTIA
         spec.compiler.balanceinertia = True
         return spec.compile()
     except (ValueError, RuntimeError, FatalError, UnexpectedError) as error:
@@ -108,7 +107,7 @@ class _Reader:
         masses = {
             name: LinkMass(weight, tuple(model.body_ipos[number].tolist()))
             for number, (name, weight) in enumerate(zip(self.links, weights, strict=True))
-            if weight > WEIGHTLESS
+            if weight > 2.0 * LEAST_MASS
         }
         links = [root, *joints]
         if urdf is not None and not urdf.has_world:  # MuJoCo adds one

@@ -4,6 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from grasp3d.errors import SettingError
 from grasp3d.system.documents import problem_of_file
 from grasp3d.system.limited_reading import read_file
@@ -38,4 +40,5 @@ def made_of(path: Path, make: Callable[..., T], *arguments: Any) -> T:
 def _make(path: Path, make: Callable[..., T], *arguments: Any) -> T:
     from grasp3d.hand.mujoco_model import read_links  # slow to import
 
-    return make(read_links(path), *arguments)
+    with np.errstate(over="ignore", invalid="ignore"):  # of lengths that are refused
+        return make(read_links(path), *arguments)

@@ -14,12 +14,6 @@ from grasp3d.hand.link_tree import LinkMass
 from grasp3d.system.documents import file_bytes, number_of, numbers_of
 from grasp3d.system.names import printable
 
-COMPILER = {
-    "boundmass": "1e-9", "boundinertia": "1e-12", "balanceinertia": "true", "strippath": "false",
-    "discardvisual": "false", "fusestatic": "false",
-}  # fmt: skip
-"""MuJoCo's settings: links without mass may move, and those that are fixed stay links."""
-
 NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3}, "axis": {"xyz": 3}, "limit": {"lower": 1, "upper": 1},
     "mimic": {"multiplier": 1, "offset": 1},
@@ -75,10 +69,8 @@ def _prepared(root: Element) -> Urdf:
     if root.tag != "robot":
         raise ValueError(f"is no URDF: its first element is {root.tag[:40]}, and must be robot")
     found, robot = Urdf(), Element("robot", name="robot")
-    SubElement(SubElement(robot, "mujoco"), "compiler", COMPILER)
+    SubElement(SubElement(robot, "mujoco"), "compiler", fusestatic="false")  # links stay links
     links, joints = (_by_name(root, kind) for kind in ("link", "joint"))
-    if not links:
-        raise ValueError("it has no links")
     _check_tree(links, joints)
     for name, joint in joints.items():
         _check(joint, f"joint {name}")
