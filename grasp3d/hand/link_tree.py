@@ -17,6 +17,9 @@ from grasp3d.system.names import printable
 FARTHEST = 1e3
 """Distance of geometry from its frame that no hand has [m]."""
 
+FLAT = 1e-9
+"""Width of a mesh, relative to its length, up to which it has no volume."""
+
 MAX_LISTED = 40
 """Most links that an error message lists."""
 
@@ -40,6 +43,14 @@ class LinkShape:
     engines collide hulls too."""
     surface: Floats = field(default_factory=lambda: locked(np.zeros((0, 3, 3))))
     """Mesh: corners of its own triangles in the shape's frame, shape (t, 3, 3); else none."""
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether it is a mesh without volume."""
+        if self.kind != "mesh":
+            return False
+        widths = np.linalg.svd(self.vertices - self.vertices.mean(axis=0), compute_uv=False)
+        return len(widths) < 3 or bool(widths[2] <= FLAT * widths[0])
 
     def triangles(self, *, hull: bool = True) -> Floats:
         """Corners of triangles in the link's frame, shape (t, 3, 3).

@@ -11,6 +11,7 @@ What is assumed is in the gripper's `source`.
 """
 
 import math
+from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -55,12 +56,14 @@ class _Finger(NamedTuple):
 
 
 def sliding_fingers(tree: LinkTree) -> tuple[str, str] | None:
-    """The two links of a description that slide on one other; None: there are not two of them."""
-    sliding = [link for link, joint in tree.joints.items() if joint.kind == "slides"]
-    if len(sliding) != 2:
-        return None
-    one, two = sliding
-    return (one, two) if tree.joints[two].parent in tree.rigid(tree.joints[one].parent) else None
+    """The only two links of a description that slide on one other; None: there are not two."""
+    sliding = [(link, one.parent) for link, one in tree.joints.items() if one.kind == "slides"]
+    pairs = [
+        (one, two)
+        for (one, carrier), (two, other) in combinations(sliding, 2)
+        if other in tree.rigid(carrier)
+    ]
+    return pairs[0] if len(pairs) == 1 else None
 
 
 def turning_preset(tree: LinkTree) -> ParallelGripper | None:

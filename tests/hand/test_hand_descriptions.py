@@ -223,11 +223,22 @@ def test_meshes_in_millimetres_are_named(tmp_path: Path) -> None:
     assert said == "the mesh of inner0 is 4 m long: is it in mm (scale 0.001)?"
 
 
+def test_flat_meshes_are_refused(tmp_path: Path) -> None:
+    corners = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.1, 0.1, 0.0]]
+    trimesh.Trimesh(corners, [[0, 1, 2], [1, 3, 2]]).export(tmp_path / "f.stl")
+    with pytest.raises(SettingError, match="a collision mesh of inner0 is flat"):
+        read(three_fingers(tmp_path, shape='<mesh filename="f.stl"/>'))
+
+
 def test_links_that_are_only_seen_are_named(tmp_path: Path) -> None:
     ball = '<visual><geometry><sphere radius="0.01"/></geometry></visual>'
     path = three_fingers(tmp_path, more=f'<link name="tip">{ball}</link>' + FIXED)
     said = "\n".join(read(path).assumed)
     assert "are only seen, without collision geometry, touch nothing: tip" in said
+    text = path.read_text(encoding="utf-8").replace("collision", "visual")
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(SettingError, match=r"ends with a link .*; only seen are palm, inner0,"):
+        read(path)
 
 
 FIXED = '<joint name="end" type="fixed"><parent link="outer0"/><child link="tip"/></joint>'
@@ -283,7 +294,7 @@ def test_parallel_fingers_that_turn_are_those_of_a_preset(
         f"{PRESETS[name].source}; it is {name}, whose joint turning.urdf has"
     )
     assert replace(found, source=PRESETS[name].source) == PRESETS[name]
-    with pytest.raises(SettingError, match="no link that moves has collision geometry"):
+    with pytest.raises(SettingError, match="no finger ends with a link that has collision"):
         read_hand(turning_fingers(tmp_path, 1.3))
 
 

@@ -71,6 +71,9 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
     _check(whole)
     # Read at once: a missing mesh is then refused here, and another process gets all of it.
     shapes = {link: whole.shapes(link) for link in whole.links}
+    for link, some in shapes.items():
+        if any(shape.is_flat for shape in some):
+            raise tree.error(f"a collision mesh of {link} is flat, and has no hull")
     whole = replace(whole, shapes=shapes.__getitem__)
     whole.check_links(known.get("masses", {}))
     of_file = {name: one for name, one in whole.masses.items() if name in whole.links}
@@ -195,7 +198,8 @@ class _Proposal:
         inner = {above for name in found for above in self.tree.chain(name)[1:]}
         found = tuple(name for name in found if name not in inner)
         if not found:
-            raise self.tree.error("no link that moves has collision geometry")
+            seen = f"; only seen are {', '.join(self.tree.unseen)}" if self.tree.unseen else ""
+            raise self.tree.error(f"no finger ends with a link that has collision geometry{seen}")
         self.assumed.append(f"fingertips are the last links with geometry: {', '.join(found)}")
         return found
 
