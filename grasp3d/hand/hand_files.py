@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.presets import FORMAT as ARTICULATED
 from grasp3d.hand.articulated.presets import NAMES
-from grasp3d.hand.gripper_json import FORMAT, KEYS, VERSION, read_json
+from grasp3d.hand.gripper_json import FORMAT, KEYS, read_json
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, gripper_of
 from grasp3d.hand.parallel_gripper import preset as known_gripper
@@ -183,6 +183,8 @@ def hand_of(content: object) -> Hand:
         SettingError: It is none, or of no known format.
     """
     stated = content.get("format") if isinstance(content, dict) else None
+    if stated is None and isinstance(content, dict) and "max_opening" in content:
+        stated = FORMAT
     if str(stated) not in READERS:
         raise SettingError(
             f'is no gripper or hand: expected an object with "format": "{FORMAT}", of two jaws, '
@@ -202,9 +204,6 @@ def hand_line(hand: Hand) -> str:
 def hand_of_line(line: str) -> Hand:
     """The hand of which `hand_line` is that line. Raises SettingError."""
     try:
-        content = parse_json(line)
+        return hand_of(parse_json(line))
     except ValueError as error:
         raise SettingError(f"its gripper {error}") from error
-    if isinstance(content, dict) and "format" not in content:
-        content = {"format": FORMAT, "version": VERSION, "unit": "m", **content}
-    return hand_of(content)
