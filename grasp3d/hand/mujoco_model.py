@@ -94,8 +94,7 @@ class _Reader:
         self.links = [model.body(one).name or f"body {one}" for one in bodies]
         self.names = [model.joint(one).name or f"joint {one}" for one in joints]
         self.paired = {*model.pair_geom1.tolist(), *model.pair_geom2.tolist()}
-        active = zip(model.eq_type, model.eq_active0, strict=True)
-        self.equations = [one for one, (_, is_active) in enumerate(active) if is_active]
+        self.equations = np.flatnonzero(model.eq_active0).tolist()
         self.efforts, self.pulled = self._motors()
 
     def tree(self) -> LinkTree:
@@ -103,34 +102,30 @@ class _Reader:
         model, urdf, joints = self.model, self.urdf, dict[str, Joint]()
         for body in range(1, model.nbody):
             joints.update(self._joints_of(body))
-        root, weights = self.links[0], model.body_mass.tolist()
-        masses = {
-            name: LinkMass(weight, tuple(model.body_ipos[number].tolist()))
-            for number, (name, weight) in enumerate(zip(self.links, weights, strict=True))
-            if weight > 2.0 * LEAST_MASS
-        }
-        links = [root, *joints]
-        if urdf is not None and not urdf.has_world:  # MuJoCo adds one
-            links = links[1:]
-            joints = {link: joint for link, joint in joints.items() if joint.parent != root}
-        if urdf is not None:  # postures have the order of the file
+        root, links = self.links[0], (self.links[0], *joints)
+        if urdf is None:
+            with_geometry = sorted({*model.geom_bodyid.tolist()} - {0})
+            unseen = [self.links[one] for one in with_geometry if not self._numbers(one)]
+            masses = {
+                name: LinkMass(weight, tuple(center))
+                for name, weight, center in zip(
+                    self.links, model.body_mass.tolist(), model.body_ipos.tolist(), strict=True
+                )
+                if weight > 2.0 * LEAST_MASS
+            }
+        else:
+            unseen, masses = urdf.unseen, urdf.masses
+            if not urdf.has_world:  # MuJoCo adds one
+                links = links[1:]
+                joints = {link: joint for link, joint in joints.items() if joint.parent != root}
+            # Postures have the order of the file.
             order = {name: number for number, name in enumerate(urdf.limits)}
             ordered = sorted(joints.items(), key=lambda one: order.get(one[1].name, -1))
             joints = dict(ordered)
-        shown = set() if urdf is None else {*urdf.unseen}
-        if urdf is None:
-            geoms = {self.links[body] for body in model.geom_bodyid.tolist() if body}
-            shown = {link for link in geoms if not self._numbers(link)}
         return LinkTree(
-            str(self.path),
-            tuple(links),
-            joints,
-            self.shapes,
-            self.pulled,
-            masses if urdf is None else urdf.masses,
-            self._closures(),
-            tuple(link for link in links if link in shown),
-        )
+            str(self.path), links, joints, self.shapes, self.pulled, masses, self._closures(),
+            tuple(unseen),
+        )  # fmt: skip
 
     def _joints_of(self, body: int) -> Iterator[tuple[str, Joint]]:
         """The joints that move a body, each with the link that it moves.
@@ -244,9 +239,9 @@ class _Reader:
             low, high = np.clip(sorted(ends), low, high).tolist()
         return low, high
 
-    def _numbers(self, link: str) -> list[int]:
-        """Pieces of geometry of a link that collide."""
-        model, body = self.model, self.links.index(link)
+    def _numbers(self, body: int) -> list[int]:
+        """Pieces of geometry of a body that collide."""
+        model = self.model
         first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
         collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
         return [one for one in range(first, first + count) if collides[one] or one in self.paired]
@@ -255,7 +250,7 @@ class _Reader:
         """Collision geometry of a link, by its name."""
         if link not in self.links:  # between joints of one body
             return ()
-        found = enumerate(self._numbers(link))
+        found = enumerate(self._numbers(self.links.index(link)))
         return tuple(self._shape(geom, link, number) for number, geom in found)
 
     def _shape(self, geom: int, link: str, number: int) -> LinkShape:

@@ -44,7 +44,7 @@ class Urdf:
     """Of joints [N m or N]."""
     masses: dict[str, LinkMass] = field(default_factory=dict)
     """Of links, where they are stated and possible."""
-    unseen: tuple[str, ...] = ()
+    unseen: list[str] = field(default_factory=list)
     """Links that are seen, but have no collision geometry."""
     has_world: bool = False
     """Whether it has a link of that name, which is MuJoCo's own."""
@@ -86,7 +86,7 @@ def _prepared(root: Element) -> Urdf:
         if (mass := _mass(link)) is not None:
             found.masses[name] = mass
         if link.find("visual") is not None and not collisions:
-            found.unseen += (name,)
+            found.unseen.append(name)
     found.text, found.has_world = tostring(robot, "unicode"), "world" in links
     return found
 
