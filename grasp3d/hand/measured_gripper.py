@@ -88,8 +88,8 @@ def measured_gripper(
         tree: Links and joints.
         fingers: Names of the fingers' links.
         palm: Name of the palm's link; None: the link that carries the fingers.
-        tcp: From the origin of the hand's frame to the TCP, along the approach axis [m]; None: the
-            middle of the flat pads.
+        tcp: From the origin of the hand's frame to the TCP, along the approach axis [m]; None: that
+            of a link whose name ends with tcp, or else the middle of the flat pads.
 
     Raises:
         SettingError: There are no such links; fingers do not slide, do not open, or end behind the
@@ -113,10 +113,14 @@ def measured_gripper(
     middle = np.mean([_centre(part.triangles) for part in parts], axis=0) - _centre(body)
     across = [name for name in AXES if name[-1] != closing[-1]]
     approach = max(across, key=lambda name: float(UNIT[name] @ middle))
-    numbers = _sizes(tree, parts, body, (closing, approach), tcp)
+    links = [name for name in around if tcp is None and name.lower().endswith("tcp")]
+    named = [float(around[link][:3, 3] @ UNIT[approach]) for link in links]
+    numbers = _sizes(tree, parts, body, (closing, approach), tcp, named)
+    found = numbers["base_to_tcp"]
+    at = [link for link, one in zip(links, named, strict=True) if round(one, DIGITS) == found]
     assumed = [
         "the inner sides are flat, and nothing else of a finger touches",
-        "the TCP is in the middle of their flat parts",
+        f"the TCP is {f'the link {at[0]}' if at else 'in the middle of their flat parts'}",
         "the palm is as wide as the stroke at least",
         "compliance and clearance are the defaults, the force is not known",
     ]
@@ -188,7 +192,12 @@ def _closing_axis(tree: LinkTree, carrier: str, one: _Finger, two: _Finger) -> s
 
 
 def _sizes(
-    tree: LinkTree, parts: list[_Finger], body: Floats, axes: tuple[str, str], tcp: float | None
+    tree: LinkTree,
+    parts: list[_Finger],
+    body: Floats,
+    axes: tuple[str, str],
+    tcp: float | None,
+    named: list[float],
 ) -> dict[str, Any]:
     """Lengths of a gripper [m], and what its joints do. Raises SettingError."""
     x, z = UNIT[axes[0]], UNIT[axes[1]]
@@ -208,13 +217,11 @@ def _sizes(
     closed, opened = (inner + rates * ends[:, k] for k in (0, 1))
     narrow, wide = float(closed.sum()), float(opened.sum())
     names, where = [part.joint.name for part in parts], " and ".join(part.link for part in parts)
-    if narrow < -OVERLAP:
+    if narrow < -OVERLAP or wide <= max(narrow, 0.0):
         raise tree.error(
-            f"{where} overlap by {-1e3 * narrow:.3g} mm when they are closed; do {names[0]} and "
-            f"{names[1]} move in opposite directions, with the right limits?"
+            f"{where} are {1e3 * narrow:.3g} mm apart when they are closed, {1e3 * wide:.3g} mm "
+            f"when open; do {' and '.join(names)} move apart, within the right limits?"
         )
-    if not wide > max(narrow, 0.0):
-        raise tree.error(f"{where} do not open; check the limits of {names[0]} and {names[1]}")
     # Geometry that overlaps a little is thicker than the finger: it touches when it is closed.
     narrow, wide = max(narrow, 0.0), wide - min(narrow, 0.0)
     points = np.concatenate(fingers).reshape(-1, 3)
@@ -225,11 +232,13 @@ def _sizes(
             f" their middle is {1e3 * away:.3g} mm beside it: move that frame, or {DESCRIBE}"
         )
     pads = [_pad(tree, one, front) for one in fingers]
+    least = 0.5 * (front + end)
     centre = max(float(pad[:, 1].mean()) for pad in pads) if tcp is None else tcp
-    if not 0.5 * (front + end) <= centre < end:
+    centre = next((one for one in named if least <= one < end), centre)
+    if not least <= centre < end:
         what = "the pads' middle is at" if tcp is None else "got"
         raise tree.error(
-            f"the TCP must be in the outer half of the fingers, from {0.5 * (front + end):.4g} to "
+            f"the TCP must be in the outer half of the fingers, from {least:.4g} to "
             f"{end:.4g} m along {axes[1]}; {what} {centre:.4g} (--tcp)"
         )
     moved = [whole[k] + [rates[k] * ends[k, 1], 0.0, 0.0] for k in (0, 1)]

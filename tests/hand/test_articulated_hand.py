@@ -45,6 +45,7 @@ def hand_of(name: str) -> ArticulatedHand:
 
 def model_of(name: str, folder: Path) -> Any:
     """MuJoCo's own reading of the file."""
+    mujoco.set_mju_user_warning(lambda _: None)  # otherwise it writes a log into the working folder
     path = file_of(name)
     if name in MODELS:
         return mujoco.MjModel.from_xml_path(str(path))

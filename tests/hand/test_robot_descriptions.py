@@ -133,6 +133,24 @@ def test_the_palm_and_the_tcp_can_be_named(tmp_path: Path) -> None:
     assert camera.palm_thickness == camera.max_opening  # at least the stroke
 
 
+def test_a_link_of_that_name_is_the_tcp(tmp_path: Path) -> None:
+    path = urdf(tmp_path)
+    more = (
+        '<link name="hand_tcp"/><joint name="mark" type="fixed"><parent link="hand"/>'
+        '<child link="hand_tcp"/><origin xyz="0 0 {}"/></joint></robot>'
+    )
+    text = path.read_text(encoding="utf-8")
+    for height, found, words in (
+        ("0.09", 0.09, "the TCP is the link hand_tcp"),
+        ("0.2", 0.08, "the TCP is in the middle of their flat parts"),  # beyond the fingers
+    ):
+        path.write_text(text.replace("</robot>", more.format(height)), encoding="utf-8")
+        gripper = read_hand(path)
+        assert gripper.base_to_tcp == pytest.approx(found)
+        assert words in gripper.source
+    assert read_hand(path, tcp=0.085).base_to_tcp == 0.085
+
+
 def test_meshes_are_read_from_packages_and_beside_the_file(tmp_path: Path) -> None:
     folder = tmp_path / "my_hand" / "urdf"
     (tmp_path / "my_hand" / "meshes").mkdir(parents=True)
@@ -152,7 +170,7 @@ def test_meshes_are_read_from_packages_and_beside_the_file(tmp_path: Path) -> No
     [
         ({}, ("left", "rihgt"), "no link is called 'rihgt'; known: arm, hand"),
         ({"kind": "revolute"}, FINGERS, "joint slide_left turns left; only fingers that slide"),
-        ({"axis": "0 -1 0"}, FINGERS, "overlap by 28 mm when they are closed"),
+        ({"axis": "0 -1 0"}, FINGERS, "are -28 mm apart when they are closed"),
         ({"limit": ""}, FINGERS, "joint slide_right has no limits"),
         (
             {"limit": f'{LIMIT}<mimic joint="slide_left" multiplier="-1"/>'},
@@ -305,7 +323,7 @@ def test_joints_give_the_opening_in_any_frame(
 def test_fingers_that_overlap_slightly_touch_when_they_are_closed() -> None:
     gripper = measured(shapes_along("x", "z", -0.001))
     assert (gripper.min_opening, gripper.max_opening) == (0.0, pytest.approx(0.04))
-    with pytest.raises(SettingError, match="overlap by 3 mm"):
+    with pytest.raises(SettingError, match="are -3 mm apart"):
         measured(shapes_along("x", "z", -0.003))
 
 
