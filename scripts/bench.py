@@ -216,7 +216,7 @@ def collisions(mesh: grasp3d.ObjectMesh) -> Row:
 
 def hands(shared: Path) -> Iterator[Row]:
     """Random poses of a hand around a ball, with a load and without."""
-    hand: Any = grasp3d.read_hand(shared / "hands/allegro/allegro.urdf", preset="allegro")
+    hand: Any = grasp3d.read_hand(shared / "hands/allegro/allegro.urdf")
     mesh = grasp3d.load_mesh(trimesh.creation.icosphere(4, radius=0.035), unit="m")
     random, count = np.random.default_rng(0), 300
     half = hand.preshapes["open"] + 0.9 * np.sign(hand.closing)

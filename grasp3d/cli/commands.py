@@ -436,8 +436,8 @@ class Hand(Quiet, Overwriting):
         grasp3d hand franka --picture franka.png
         # Draw the frames in which programs give its pose
         grasp3d hand franka --frames frames.png
-        # Describe the hand of a URDF by the links of its fingers
-        grasp3d hand hand.urdf --fingers left_finger right_finger -o gripper.json
+        # Measure the gripper of a URDF, and draw it with its lengths
+        grasp3d hand gripper.urdf -o gripper.json --picture gripper.png
         # Propose the description of a hand with joints, and draw it
         grasp3d hand allegro.urdf -o allegro.json --picture allegro.png
     """
@@ -447,8 +447,8 @@ class Hand(Quiet, Overwriting):
     (.xml, .mjcf)."""
 
     fingers: Annotated[tuple[str, ...], Parser("LINK")] = ()
-    """URDF and MuJoCo: names of the links, or bodies, of the two fingers that slide (default: it is
-    a hand with joints)."""
+    """URDF and MuJoCo: names of the links, or bodies, of the two fingers that slide (default: the
+    only two that do)."""
 
     palm: str | None = None
     """URDF and MuJoCo: name of the link that is the palm (default: the one that carries the

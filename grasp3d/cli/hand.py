@@ -100,7 +100,9 @@ def _fields(gripper: ParallelGripper) -> Iterator[tuple[str, str]]:
     alpha = gripper.resolution
     yield "sensor resolution", NOT_STATED if alpha is None else f"{math.degrees(alpha):.4g}°"
     yield "frame", FRAME
-    yield "source", gripper.source or NOT_STATED
+    source, _, assumed = gripper.source.partition("; assumed: ")
+    yield "source", source or NOT_STATED
+    yield from (("assumed", sentence) for sentence in assumed.split("; ") if sentence)
 
 
 def _joints(hand: ArticulatedHand) -> Iterator[list[str]]:
@@ -128,8 +130,6 @@ def _rows(hand: ArticulatedHand) -> Iterator[tuple[str, str]]:
     for coupling in hand.couplings:
         pairs = zip(coupling.joints, coupling.ratios, strict=True)
         yield "coupling", ", ".join(f"{name} : {ratio:g}" for name, ratio in pairs)
-    if hand.tendons:
-        yield "tendons", f"{', '.join(hand.tendons)}: it takes no load"
     yield "of", hand.tree.source
     yield "source", hand.source or NOT_STATED
     for sentence in hand.assumed:

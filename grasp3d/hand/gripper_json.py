@@ -16,7 +16,7 @@ FORMAT, VERSION = "grasp3d gripper", 1
 """What the keys `format` and `version` of a file contain."""
 
 KEYS = ("format", "version", "unit")
-"""Keys that every description has besides the fields of a gripper."""
+"""Keys that files have besides the fields of a gripper; people may leave them out."""
 
 NOTES = "notes"
 """Key of what only people read, such as where lengths come from; any JSON."""
@@ -44,8 +44,9 @@ def fields_in_json(content: Mapping[str, Any], kind: type) -> dict[str, Any]:
         SettingError: It is not the description of a gripper.
     """
     for key, value in (("version", VERSION), ("unit", "m")):
-        if content.get(key) != value or isinstance(content.get(key), bool):
-            got = json.dumps(content.get(key))[:40]
+        stated = content.get(key, value)
+        if stated != value or isinstance(stated, bool):
+            got = json.dumps(stated)[:40]
             raise SettingError(f"{key} must be {json.dumps(value)}; got {got}")
     known = {field.name: field for field in fields(kind)}
     for key in (one for one in content if one not in {*KEYS, NOTES, *known}):

@@ -3,13 +3,14 @@
 import json
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.presets import FORMAT as ARTICULATED
 from grasp3d.hand.articulated.presets import NAMES
-from grasp3d.hand.gripper_json import FORMAT, KEYS, VERSION, read_json
+from grasp3d.hand.gripper_json import FORMAT, KEYS, read_json
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, gripper_of
 from grasp3d.hand.parallel_gripper import preset as known_gripper
@@ -63,26 +64,23 @@ def read_hand(
     fingers: tuple[str, str] | None = None,
     palm: str | None = None,
     tcp: float | None = None,
-    preset: str | None = None,
 ) -> Hand:
     """Read a hand: a preset by name, a JSON file, or a URDF or MuJoCo model.
 
-    URDF and MuJoCo models of grippers need the names of the two finger links. What is read from
-    them, and what is assumed, is in `grasp3d.hand.hand_geometry`; of hands with joints, for which
-    no fingers are named, in `grasp3d.hand.articulated.proposal`.
+    A URDF or MuJoCo model whose links slide two by two is that of a parallel gripper, measured as
+    `grasp3d.hand.measured_gripper` says; one whose joint and travel are those of a preset with
+    fingers that turn is that preset; others are hands with joints, of which what is not stated is
+    proposed as `grasp3d.hand.articulated.proposal` says.
 
     Args:
         source: Name of a preset; or a file that `write_hand` wrote (.json), a URDF (.urdf) or a
             MuJoCo model (.xml, .mjcf).
         fingers: URDF and MuJoCo: names of the links, or bodies, of the two fingers that slide;
-            None: it is a hand with joints.
+            None: the only two links that slide, if there are.
         palm: URDF and MuJoCo: name of the link whose geometry is the palm; None: the link
             that carries the fingers, with what is fixed to it.
         tcp: URDF and MuJoCo: from the origin of the link that carries the fingers to the TCP, along
             the approach axis [m]; None: the middle of the flat pads.
-        preset: URDF and MuJoCo models of a hand with joints: whose numbers it has, a name of
-            `grasp3d.hand.articulated.presets`; None: that one whose joints have the same names, if
-            there is one.
 
     Raises:
         SettingError: It is no preset and no such file, or describes no gripper of two sliding
@@ -95,7 +93,7 @@ def read_hand(
         >>> grasp3d.read_hand("gripper.json") == grasp3d.read_hand("wsg50")
         True
     """
-    options = {"fingers": fingers, "palm": palm, "tcp": tcp, "preset": preset}
+    options = {"fingers": fingers, "palm": palm, "tcp": tcp}
     given = ", ".join(name for name, value in options.items() if value is not None)
     path, suffix = Path(source), Path(source).suffix.lower()
     is_file_name = suffix in SUFFIXES or len(path.parts) > 1 or is_file(path) or is_folder(path)
@@ -113,7 +111,7 @@ def read_hand(
     if problem := problem_of_file(path):
         raise SettingError(printable(f"{path}: {problem}"))
     if suffix != ".json":
-        return _of_model(path, fingers, palm, tcp, preset)
+        return made_of(path, _of_links, fingers, palm, tcp)
     if given:
         raise SettingError(printable(f"{path}: {given}: for URDF and MuJoCo files only"))
     content = read_json(path)
@@ -125,33 +123,26 @@ def read_hand(
         raise SettingError(printable(f"{path}: {error}")) from error
 
 
-def _of_model(
-    path: Path,
+def _of_links(
+    tree: "LinkTree",
     fingers: tuple[str, str] | None,
     palm: str | None,
     tcp: float | None,
-    preset: str | None,
 ) -> Hand:
     """The hand of a URDF or MuJoCo model. Raises SettingError."""
-    if fingers is None:
-        from grasp3d.hand.articulated.hand_json import proposed_hand
+    from grasp3d.hand.articulated.hand_json import proposed_hand
+    from grasp3d.hand.measured_gripper import measured_gripper, sliding_fingers, turning_preset
 
-        if tcp is not None:
-            raise SettingError(printable(f"{path}: tcp is for grippers of two fingers: name them"))
-        return proposed_hand(path, preset, palm)
-    if preset is not None:
-        raise SettingError(printable(f"{path}: preset is for hands with joints, without fingers"))
-    if len(fingers) != 2 or fingers[0] == fingers[1]:
-        raise SettingError(printable(f"{path}: a gripper needs two different finger links"))
-    return made_of(path, _gripper_of_links, fingers, palm, tcp)
-
-
-def _gripper_of_links(
-    tree: "LinkTree", fingers: tuple[str, str], palm: str | None, tcp: float | None
-) -> Hand:
-    from grasp3d.hand.hand_geometry import gripper_of_hand
-
-    return gripper_of_hand(tree.sliding_hand(fingers, palm), tcp=tcp)
+    if fingers is not None and (len(fingers) != 2 or fingers[0] == fingers[1]):
+        raise tree.error("a gripper needs two different finger links")
+    if (found := fingers or sliding_fingers(tree)) is not None:
+        return measured_gripper(tree, found, palm, tcp)
+    if tcp is not None:
+        raise tree.error("tcp is for grippers of two fingers that slide: name them")
+    if (known := turning_preset(tree)) is not None:
+        source = f"{known.source}; it is {known.name}, whose joint {Path(tree.source).name} has"
+        return replace(known, source=source)
+    return proposed_hand(tree, palm)
 
 
 def write_hand(path: str | Path, hand: Hand) -> None:
@@ -192,6 +183,8 @@ def hand_of(content: object) -> Hand:
         SettingError: It is none, or of no known format.
     """
     stated = content.get("format") if isinstance(content, dict) else None
+    if stated is None and isinstance(content, dict) and "max_opening" in content:
+        stated = FORMAT
     if str(stated) not in READERS:
         raise SettingError(
             f'is no gripper or hand: expected an object with "format": "{FORMAT}", of two jaws, '
@@ -211,9 +204,6 @@ def hand_line(hand: Hand) -> str:
 def hand_of_line(line: str) -> Hand:
     """The hand of which `hand_line` is that line. Raises SettingError."""
     try:
-        content = parse_json(line)
+        return hand_of(parse_json(line))
     except ValueError as error:
         raise SettingError(f"its gripper {error}") from error
-    if isinstance(content, dict) and "format" not in content:
-        content = {"format": FORMAT, "version": VERSION, "unit": "m", **content}
-    return hand_of(content)

@@ -1,7 +1,9 @@
 """Lengths and abilities of a parallel gripper: two fingers that move along one axis, a palm."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import TYPE_CHECKING, Self
 
 from grasp3d.contact.sensor import Sensor
@@ -27,6 +29,22 @@ LARGEST_COORDINATE = 1.0
 
 LARGEST = 10.0
 """Largest length of a gripper [m]: more is a length in millimetres."""
+
+POSITIVE = (
+    "max_opening", "finger_thickness", "finger_width", "finger_length", "palm_thickness",
+    "palm_width", "palm_length",
+)  # fmt: skip
+LENGTHS = (
+    "min_opening", "pad_width", "pad_height", "tip_radius", "compliance", "clearance",
+    "base_to_tcp",
+)  # fmt: skip
+"""Lengths of a gripper: those that are above 0, and the others."""
+
+AT_MOST = (
+    ("min_opening", "max_opening"), ("pad_width", "finger_width"),
+    ("pad_height", "finger_length"), ("max_opening", "palm_thickness"),
+)  # fmt: skip
+"""Lengths that are at most as large as others."""
 
 UNIFORM_PRESSURE = 2.0 / 3.0
 """Torsional moment of an evenly pressed disc, per friction, normal force and radius."""
@@ -78,101 +96,64 @@ class Jaws:
         return replace(self, max_opening=opening, palm_thickness=palm)
 
     def __post_init__(self) -> None:
-        for text in (self.name, self.source, *self.joint_names):
-            try:
-                check_text(text)
-            except ValueError as error:
-                raise SettingError(f"gripper {self.name!a} {error}") from error
-        for name in (
-            "max_opening", "finger_thickness", "finger_width", "finger_length", "palm_thickness",
-            "palm_width", "palm_length",
-        ):  # fmt: skip
-            check_metres(self.name, name, getattr(self, name), positive=True)
-        for name in (
-            "min_opening", "pad_width", "pad_height", "tip_radius", "compliance", "clearance",
-        ):  # fmt: skip
-            check_metres(self.name, name, getattr(self, name))
-        self._check_sizes()
-        self._check_tips()
-        self._check_frame()
-
-    def _check_sizes(self) -> None:
-        """Refuse sizes that contradict each other."""
-        for small, large in (
-            ("min_opening", "max_opening"), ("pad_width", "finger_width"),
-            ("pad_height", "finger_length"), ("max_opening", "palm_thickness"),
-        ):  # fmt: skip
-            if getattr(self, small) > getattr(self, large):
-                raise SettingError(
-                    f"gripper {self.name!r}: {small} ({getattr(self, small):g}) must be at most "
-                    f"{large} ({getattr(self, large):g})"
-                )
-        if not self.min_opening + 2.0 * self.clearance < self.max_opening:
-            raise SettingError(
-                f"gripper {self.name!r}: the stroke of {self.max_opening - self.min_opening:g} m "
-                f"must be larger than the clearance on both sides, 2 x {self.clearance:g} m"
-            )
-        if self.tip_thickness is not None and not 0 < self.tip_thickness <= self.finger_thickness:
-            raise SettingError(
-                f"gripper {self.name!r}: tip_thickness must be above 0 and at most "
-                f"finger_thickness ({self.finger_thickness:g} m); got {self.tip_thickness:g}"
-            )
-        self._check_inner_faces()
-        flat = self.tip_radius == 0.0
-        if flat != (self.pad_width > 0.0 and self.pad_height > 0.0):
-            raise SettingError(
-                f"gripper {self.name!r}: it needs either flat pads (pad_width and pad_height) or "
-                "round tips (tip_radius)"
-            )
-        if not flat and self.finger_thickness > 2.0 * self.tip_radius:
-            raise SettingError(
-                f"gripper {self.name!r}: finger_thickness ({self.finger_thickness:g}) must be at "
-                f"most the diameter of the round tips, {2.0 * self.tip_radius:g}"
-            )
-
-    def _check_inner_faces(self) -> None:
-        """Refuse faces that are not those of a finger with flat pads."""
-        if self.inner_faces and self.tip_radius:
-            raise SettingError(
-                f"gripper {self.name!r}: inner_faces are those of flat pads; round tips have none"
-            )
-        for number, face in enumerate(self.inner_faces, start=1):
-            problem = problem_of_face(face)
-            if problem:
-                raise SettingError(f"gripper {self.name!r}: face {number} of inner_faces {problem}")
-
-    def _check_tips(self) -> None:
-        """Refuse forces and resolutions of the fingertips that are impossible."""
-        if self.max_force is not None and not 0.0 < self.max_force < math.inf:
-            raise SettingError(
-                f"gripper {self.name!r}: max_force must be a finite force above 0 [N]; "
-                f"got {self.max_force:g}"
-            )
+        for problem in chain(self._wrong_sizes(), self._wrong_tips(), self._wrong_frame()):
+            raise SettingError(f"gripper {self.name!r}: {problem}")
         if self.receptive_field is not None:
-            if self.sensor_resolution is not None or self.tip_radius == 0.0:
-                raise SettingError(
-                    f"gripper {self.name!r}: a receptive_field needs round tips (tip_radius), and "
-                    "replaces sensor_resolution"
-                )
             Sensor(self.receptive_field, self.tip_radius)
         if self.sensor_resolution is not None:
             GraspModel(sensor_resolution=self.sensor_resolution)
 
-    def _check_frame(self) -> None:
-        """Refuse axes of the hand's own frame that are none, and joints without their numbers."""
-        check_metres(self.name, "base_to_tcp", self.base_to_tcp)
+    def _wrong_sizes(self) -> Iterator[str]:
+        """Sizes that cannot be, or contradict each other, one sentence each."""
+        for name in (*POSITIVE, *LENGTHS):
+            yield from problems_of_length(name, getattr(self, name), positive=name in POSITIVE)
+        for small, large in AT_MOST:
+            few, most = getattr(self, small), getattr(self, large)
+            if few > most:
+                yield f"{small} ({few:g}) must be at most {large} ({most:g})"
+        stroke = self.max_opening - self.min_opening
+        if not 2.0 * self.clearance < stroke:
+            yield (
+                f"the stroke of {stroke:g} m must be larger than the clearance on both sides, "
+                f"2 x {self.clearance:g} m"
+            )
+        most = self.finger_thickness
+        if self.tip_thickness is not None and not 0 < self.tip_thickness <= most:
+            yield f"tip_thickness must be above 0 and at most finger_thickness ({most:g} m)"
+
+    def _wrong_tips(self) -> Iterator[str]:
+        """What fingertips cannot be, one sentence each."""
+        flat, thick, diameter = not self.round_tips, self.finger_thickness, 2.0 * self.tip_radius
+        if flat != (self.pad_width > 0.0 and self.pad_height > 0.0):
+            yield "it needs either flat pads (pad_width and pad_height) or round tips (tip_radius)"
+        if not flat and thick > diameter:
+            most = f"the diameter of the round tips, {diameter:g}"
+            yield f"finger_thickness ({thick:g}) must be at most {most}"
+        if not flat and self.inner_faces:
+            yield "inner_faces are those of flat pads; round tips have none"
+        for number, face in enumerate(self.inner_faces, start=1):
+            if problem := problem_of_face(face):
+                yield f"face {number} of inner_faces {problem}"
+        if self.max_force is not None and not 0.0 < self.max_force < math.inf:
+            yield f"max_force must be a finite force above 0 [N]; got {self.max_force:g}"
+        if self.receptive_field is not None and (flat or self.sensor_resolution is not None):
+            yield "a receptive_field needs round tips (tip_radius), and replaces sensor_resolution"
+
+    def _wrong_frame(self) -> Iterator[str]:
+        """Texts that are none, axes that are no frame, joints without numbers."""
+        for text in (self.name, self.source, *self.joint_names):
+            try:
+                check_text(text)
+            except ValueError as error:
+                yield str(error)
         one, two = self.base_axes if len(self.base_axes) == 2 else ("", "")
         if not {one, two} <= AXES.keys() or one[-1] == two[-1]:
-            raise SettingError(
-                f"gripper {self.name!r}: base_axes must be two axes at right angles of "
-                f"{', '.join(AXES)}; got {list(self.base_axes)}"
-            )
-        joints = len(self.joint_names)
-        if not len(self.joint_scale) == len(self.joint_closed) == joints:
-            raise SettingError(
-                f"gripper {self.name!r}: joint_scale and joint_closed must have a number for each "
-                f"of the {joints} joint_names"
-            )
+            names, got = ", ".join(AXES), [*self.base_axes]
+            yield f"base_axes must be two axes at right angles of {names}; got {got}"
+        count = len(self.joint_names)
+        if not len(self.joint_scale) == len(self.joint_closed) == count:
+            what = f"a number for each of the {count} joint_names"
+            yield f"joint_scale and joint_closed must have {what}"
 
     @property
     def round_tips(self) -> bool:
@@ -241,30 +222,16 @@ class Jaws:
         return UNIFORM_PRESSURE * friction * radius
 
 
-def check_metres(gripper: str, name: str, value: object, *, positive: bool = False) -> None:
-    """Refuse what is no length of a gripper.
-
-    Args:
-        gripper: Name of the gripper.
-        name: Name of the length.
-        value: The length [m].
-        positive: Whether 0 is refused, too.
-
-    Raises:
-        SettingError: It is no length in metres.
-    """
+def problems_of_length(name: str, value: object, *, positive: bool) -> Iterator[str]:
+    """Why a value is no length of a gripper, in metres; positive: nor may it be 0."""
     metres = math.nan if isinstance(value, str) else number_of(value)
     if not 0.0 <= metres < math.inf:
-        raise SettingError(
-            f"gripper {gripper!r}: {name} must be a length in metres of at least 0; "
-            f"got {described(value)}"
-        )
+        yield f"{name} must be a length in metres of at least 0; got {described(value)}"
     if positive and metres == 0.0:
-        raise SettingError(f"gripper {gripper!r}: {name} must be above 0")
+        yield f"{name} must be above 0"
     if metres > LARGEST:
-        raise SettingError(
-            f"gripper {gripper!r}: {name} must be in metres, at most {LARGEST:g}; "
-            f"got {metres:g}: is it in millimetres?"
+        yield (
+            f"{name} must be in metres, at most {LARGEST:g}; got {metres:g}: is it in millimetres?"
         )
 
 
@@ -287,12 +254,9 @@ def problem_of_face(face: Corners) -> str | None:
         return f"must have 3 to {MOST_CORNERS} corners; got {len(face)}"
     if any(len(corner) != 3 for corner in face):
         return "must have corners of three numbers, x, y and z"
-    if not all(
-        math.isfinite(value) and abs(value) <= LARGEST_COORDINATE for c in face for value in c
-    ):
+    if not all(abs(value) <= LARGEST_COORDINATE for corner in face for value in corner):
         return f"must have coordinates in metres, at most {LARGEST_COORDINATE:g}"
-    behind = max(corner[0] for corner in face)
-    if behind > 0.0:
+    if (behind := max(corner[0] for corner in face)) > 0.0:
         return (
             f"has a corner with x = {behind:g}; it must be at most 0, behind the plane of the pad"
         )
@@ -305,10 +269,9 @@ def _problem_of_outline(face: Corners) -> str | None:
     if not (min(turns) > 0.0 or max(turns) < 0.0):
         return "must be convex, with its corners in order and none on a side"
     (x0, y0, z0), (x1, y1, z1), (x2, y2, z2) = face[:3]
-    area = _turn(face, 1)
     for x, y, z in face[3:]:
-        a = ((y - y0) * (z2 - z0) - (z - z0) * (y2 - y0)) / area
-        b = ((y1 - y0) * (z - z0) - (z1 - z0) * (y - y0)) / area
+        a = ((y - y0) * (z2 - z0) - (z - z0) * (y2 - y0)) / turns[1]
+        b = ((y1 - y0) * (z - z0) - (z1 - z0) * (y - y0)) / turns[1]
         off = x - x0 - a * (x1 - x0) - b * (x2 - x0)
         if abs(off) > FLATNESS:
             return f"must be flat; a corner is {1e3 * abs(off):.3g} mm off the plane of the others"

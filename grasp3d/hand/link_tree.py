@@ -1,4 +1,4 @@
-"""Links and joints of a robot description, and the hand among them."""
+"""Links and joints of a robot description."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -12,11 +12,13 @@ from scipy.spatial import QhullError
 
 from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.hand.hand_geometry import SlidingFinger, SlidingHand
 from grasp3d.system.names import printable
 
-FARTHEST = 1e4
+FARTHEST = 1e3
 """Distance of geometry from its frame that no hand has [m]."""
+
+FLAT = 1e-9
+"""Width of a mesh, relative to its length, up to which it has no volume."""
 
 MAX_LISTED = 40
 """Most links that an error message lists."""
@@ -41,6 +43,14 @@ class LinkShape:
     engines collide hulls too."""
     surface: Floats = field(default_factory=lambda: locked(np.zeros((0, 3, 3))))
     """Mesh: corners of its own triangles in the shape's frame, shape (t, 3, 3); else none."""
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether it is a mesh without volume."""
+        if self.kind != "mesh":
+            return False
+        widths = np.linalg.svd(self.vertices - self.vertices.mean(axis=0), compute_uv=False)
+        return len(widths) < 3 or bool(widths[2] <= FLAT * widths[0])
 
     def triangles(self, *, hull: bool = True) -> Floats:
         """Corners of triangles in the link's frame, shape (t, 3, 3).
@@ -114,8 +124,8 @@ class Joint:
     axis: Floats
     """Direction in which it slides, or about which it turns, in the frame of the moved link, shape
     (3,)."""
-    limits: tuple[float, float] | None
-    """Smallest and largest value [m or rad], infinite: unlimited; None: the file states none."""
+    limits: tuple[float, float] = (-math.inf, math.inf)
+    """Smallest and largest value [m or rad]; infinite: unlimited."""
     follows: tuple[str, float, float] | None = None
     """Its value is that of another joint, of this name, times a factor, plus an offset."""
     position: Floats = field(default_factory=lambda: locked(np.zeros(3)))
@@ -135,22 +145,15 @@ class LinkTree:
     """The joint that moves each link, by the name of the link; the root has none."""
     shapes: Callable[[str], tuple[LinkShape, ...]]
     """Collision geometry of a link, by its name."""
-    pulls: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Names of tendons, motors that turn a joint one way, and springs, with their joints."""
+    pulled: frozenset[str] = frozenset()
+    """Joints that tendons, or motors that turn them one way, pull, and no motor turns."""
     masses: Mapping[str, LinkMass] = field(default_factory=dict)
     """By links, where the file states them."""
     closures: tuple[str, ...] = ()
     """What ties links together beside the joints: closed loops, and equations that are no
     straight lines."""
-
-    def __post_init__(self) -> None:
-        reached = {name for name in self.links if name not in self.joints}
-        for name in self.links:  # in an order in which parents come first, if there is one
-            if name in self.joints and self.joints[name].parent in reached:
-                reached.add(name)
-        for name in self.links:
-            if name not in reached:
-                raise self.error(f"joint {self.joints[name].name} is part of a loop of joints")
+    unseen: tuple[str, ...] = ()
+    """Links that have a shape to be seen, but none that touches."""
 
     def geometry(self, link: str) -> Floats:
         """Corners of the collision geometry of a link in its frame, shape (n, 3, 3)."""
@@ -173,8 +176,8 @@ class LinkTree:
 
     @cached_property
     def by_name(self) -> dict[str, Joint]:
-        """Joints by their own names."""
-        return {joint.name: joint for joint in self.joints.values()}
+        """Joints that move, by their own names."""
+        return {one.name: one for one in self.joints.values() if one.kind != "fixed"}
 
     def chain(self, link: str) -> list[str]:
         """A link and all above it, to the root."""
@@ -189,13 +192,13 @@ class LinkTree:
         Raises:
             SettingError: It follows a joint that there is not, or itself.
         """
-        known = self.by_name
-        name, factor, offset, seen = joint.name, 1.0, 0.0, {joint.name}
-        while (follows := known[name].follows) is not None:
+        name, factor, offset, seen, follows = joint.name, 1.0, 0.0, {joint.name}, joint.follows
+        while follows is not None:
             name, more, start = follows
-            if name in seen or name not in known:
+            if name in seen or name not in self.by_name:
                 raise self.error(f"joint {joint.name} follows {name}, which it cannot")
             seen.add(name)
+            follows = self.by_name[name].follows
             factor, offset = factor * more, offset + factor * start
         return name, factor, offset
 
@@ -211,78 +214,11 @@ class LinkTree:
         """The links whose joints a link carries, in their order."""
         return tuple(name for name, joint in self.joints.items() if joint.parent == link)
 
-    def sliding_hand(self, fingers: tuple[str, str], palm: str | None) -> SlidingHand:
-        """The part of it that is a hand with two sliding fingers.
-
-        Args:
-            fingers: Names of the fingers' links.
-            palm: Name of the palm's link; None: the link that carries the fingers.
-
-        Raises:
-            SettingError: There are no such links, no geometry, or fingers that do not slide.
-        """
-        self.check_links([*fingers, *([] if palm is None else [palm])])
-        movers = [self._mover(link) for link in fingers]
-        carrier = self.joints[movers[0]].parent
-        if movers[0] == movers[1]:
-            raise self.error(f"{fingers[0]} and {fingers[1]} are moved by one joint, together")
-        around = self.rigid(carrier)
-        parts = [
-            self._finger(name, mover, around) for name, mover in zip(fingers, movers, strict=True)
-        ]
-        # Without `palm` only links below the carrier count: above it the robot's arm may be.
-        links = self._below(carrier if palm is None else palm)
-        if palm is not None and palm not in around:
-            raise self.error(f"{palm} is not fixed to {carrier}, which carries the fingers")
-        points = self.triangles({link: around[link] for link in links}).reshape(-1, 3)
-        if not len(points):
-            what = palm or f"{carrier}, which carries the fingers,"
-            raise self.error(f"{what} has no collision geometry; name the palm's link (--palm)")
-        one, two = (self.joints[mover] for mover in movers)
-        return SlidingHand(self.source, carrier, (parts[0], parts[1]), points, _coupling(one, two))
-
     def error(self, problem: str) -> SettingError:
         """What is wrong with the file, with its name."""
         return SettingError(printable(f"{self.source}: {problem}"))
 
-    def _mover(self, link: str) -> str:
-        """The link, of a finger or above it, that the finger's joint moves."""
-        for name in self.chain(link)[:-1]:
-            joint = self.joints[name]
-            if joint.kind in {"turns", "free"}:
-                raise self.error(
-                    f"joint {joint.name} turns {link}; only fingers that slide can be read: "
-                    "describe this gripper in a JSON file"
-                )
-            if joint.kind == "slides":
-                return name
-        raise self.error(f"no joint moves {link}; name the links of the fingers")
-
-    def _finger(self, name: str, mover: str, around: Mapping[str, Floats]) -> SlidingFinger:
-        joint = self.joints[mover]
-        if joint.parent not in around:
-            raise self.error(f"the fingers' joints must be on one link; that of {name} is not")
-        pose = around[joint.parent] @ joint.origin
-        poses = {link: pose @ relative for link, relative in self._below(mover).items()}
-        triangles = self.triangles(poses)
-        if not len(triangles):
-            raise self.error(f"{name} has no collision geometry")
-        axis = pose[:3, :3] @ joint.axis
-        return SlidingFinger(name, joint.name, axis, self._limits(joint), triangles)
-
-    def _limits(self, joint: Joint) -> tuple[float, float]:
-        limits = joint.limits
-        if joint.follows is not None:
-            name, factor, offset = joint.follows
-            source = self.by_name.get(name)
-            if source is not None and source.limits is not None:
-                low, high = sorted(factor * limit + offset for limit in source.limits)
-                limits = low, high
-        if limits is None or not 0.0 < limits[1] - limits[0] < math.inf:
-            raise self.error(f"joint {joint.name} has no limits, from which the stroke follows")
-        return limits
-
-    def _below(self, link: str) -> dict[str, Floats]:
+    def below(self, link: str) -> dict[str, Floats]:
         """Poses of a link and all that is fixed below it, in its frame."""
         poses = {link: np.eye(4)}
         for name in self.links:  # parents come before children
@@ -298,7 +234,7 @@ class LinkTree:
             pose = self.joints[root].origin @ pose
             root = self.joints[root].parent
         to_link = np.linalg.inv(pose)
-        return {name: to_link @ relative for name, relative in self._below(root).items()}
+        return {name: to_link @ relative for name, relative in self.below(root).items()}
 
     def triangles(self, poses: Mapping[str, Floats]) -> Floats:
         """Corners of the collision geometry of links at poses, shape (n, 3, 3).
@@ -311,14 +247,3 @@ class LinkTree:
         if not np.abs(triangles).max(initial=0.0) < FARTHEST:
             raise self.error(f"collision geometry is {FARTHEST:g} m away, or has infinite numbers")
         return triangles
-
-
-def _coupling(one: Joint, two: Joint) -> float | None:
-    """Change of joint two per change of joint one; None: they are not coupled."""
-    if two.follows is not None and two.follows[0] == one.name:
-        return two.follows[1]
-    if one.follows is not None and one.follows[0] == two.name and one.follows[1]:
-        return 1.0 / one.follows[1]
-    if one.follows is not None and two.follows is not None and one.follows[0] == two.follows[0]:
-        return two.follows[1] / one.follows[1] if one.follows[1] else None
-    return None

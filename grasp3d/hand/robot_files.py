@@ -7,7 +7,6 @@ from typing import Any, TypeVar
 import numpy as np
 
 from grasp3d.errors import SettingError
-from grasp3d.hand.link_tree import LinkTree
 from grasp3d.system.documents import problem_of_file
 from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import printable
@@ -15,17 +14,6 @@ from grasp3d.system.names import printable
 SUFFIXES = (".urdf", ".xml", ".mjcf")
 
 T = TypeVar("T")
-
-
-def read_links(path: Path) -> LinkTree:
-    """All links and joints of a URDF (.urdf) or a MuJoCo model. Raises SettingError."""
-    if path.suffix.lower() == ".urdf":
-        from grasp3d.hand.urdf import read_urdf
-
-        return read_urdf(path)
-    from grasp3d.hand.mjcf import read_mjcf
-
-    return read_mjcf(path)
 
 
 def made_of(path: Path, make: Callable[..., T], *arguments: Any) -> T:
@@ -50,5 +38,7 @@ def made_of(path: Path, make: Callable[..., T], *arguments: Any) -> T:
 
 
 def _make(path: Path, make: Callable[..., T], *arguments: Any) -> T:
+    from grasp3d.hand.mujoco_model import read_links  # slow to import
+
     with np.errstate(over="ignore", invalid="ignore"):  # of lengths that are refused
         return make(read_links(path), *arguments)

@@ -1,175 +1,104 @@
-"""Links and joints of a robot in a URDF file."""
+"""The XML of a URDF: faults that MuJoCo passes over, what it drops, and meshes that it cannot read.
+
+What is left for MuJoCo are links, joints and shapes; meshes are balls there, with numbers.
+"""
 
 import math
-from collections.abc import Iterable
-from graphlib import CycleError, TopologicalSorter
+import re
+from dataclasses import dataclass, field
 from pathlib import Path
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, ParseError, SubElement, fromstring, tostring
 
-import numpy as np
-from trimesh import transformations
-
-from grasp3d.arrays import Floats
-from grasp3d.errors import MeshError, SettingError
-from grasp3d.hand.description_xml import mesh_file, xml_tree
-from grasp3d.hand.link_tree import Joint, JointKind, LinkMass, LinkShape, LinkTree, mesh_shape
-from grasp3d.mesh.reading.mesh_files import read_mesh
-from grasp3d.system.documents import number_of, numbers_of
+from grasp3d.errors import SettingError
+from grasp3d.hand.link_tree import LinkMass
+from grasp3d.system.documents import file_bytes, number_of, numbers_of
 from grasp3d.system.names import printable
 
-_KINDS: dict[str, JointKind] = {
-    "fixed": "fixed", "prismatic": "slides", "revolute": "turns", "continuous": "turns",
+NUMBERS = {
+    "origin": {"xyz": 3, "rpy": 3}, "axis": {"xyz": 3}, "limit": {"lower": 1, "upper": 1},
+    "mimic": {"multiplier": 1, "offset": 1},
 }  # fmt: skip
-"""Kinds of joints; all others move in other ways."""
+"""Numbers that elements may state, and how many."""
 
-FAR = 1e4
-"""Largest distance of a link or a shape from what it is fixed to [m]."""
+SIZES = {
+    "box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1}, "mesh": {},
+}  # fmt: skip
+"""Lengths that shapes must state."""
 
-
-def read_urdf(path: Path) -> LinkTree:
-    """Read the links and joints of a URDF.
-
-    Args:
-        path: The file. Its collision meshes are read as well; `package://NAME/...` is looked for in
-            a folder NAME that contains the file, or is beside such a folder.
-
-    Raises:
-        SettingError: It is no URDF. A mesh that is missing or damaged is refused when the geometry
-            of its link is asked for.
-    """
-    root = xml_tree(path)
-    try:
-        links = _links(root)
-        joints = _joints(root, links)
-    except ValueError as error:
-        raise SettingError(printable(f"{path}: is no URDF: {error}")) from error
-
-    def shapes(name: str) -> tuple[LinkShape, ...]:
-        try:
-            return tuple(_shape(part, name, path) for part in links[name].findall("collision"))
-        except ValueError as error:
-            raise SettingError(printable(f"{path}: link {name}: {error}")) from error
-
-    masses = {name: mass for name, link in links.items() if (mass := _mass(link)) is not None}
-    return LinkTree(str(path), _from_root(links, joints), joints, shapes, masses=masses)
+FAR = 1e3
+"""Largest length and distance [m]."""
 
 
-def _links(root: Element) -> dict[str, Element]:
-    """Links by name. Raises ValueError."""
+@dataclass
+class Urdf:
+    """A URDF, ready for MuJoCo, with what that does not keep."""
+
+    text: str = ""
+    """What MuJoCo reads."""
+    meshes: dict[tuple[str, int], Element] = field(default_factory=dict)
+    """The element of each mesh, by link and number among its shapes."""
+    limits: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Smallest and largest value of joints [m or rad]; infinite: none."""
+    efforts: dict[str, float] = field(default_factory=dict)
+    """Of joints [N m or N]."""
+    masses: dict[str, LinkMass] = field(default_factory=dict)
+    """Of links, where they are stated and possible."""
+    unseen: list[str] = field(default_factory=list)
+    """Links that are seen, but have no collision geometry."""
+    has_world: bool = False
+    """Whether it has a link of that name, which is MuJoCo's own."""
+
+
+def read_urdf(path: Path) -> Urdf:
+    """Check and prepare a URDF for MuJoCo. Raises SettingError with the fault."""
+    try:  # prefixes of other programs are often declared nowhere
+        data = re.sub(rb"(</?[\w-]+):(?=[\w-])", rb"\1.", file_bytes(path))
+        return _prepared(fromstring(data))  # noqa: S314, in a process with limits
+    except OSError as error:
+        reason = f"cannot be read ({error.strerror or error})"
+    except (ParseError, LookupError) as error:
+        reason = f"is no XML: {error}"
+    except (ValueError, RecursionError) as error:
+        reason = str(error)
+    raise SettingError(printable(f"{path}: {reason}"))
+
+
+def _prepared(root: Element) -> Urdf:
+    """What is in a URDF. Raises ValueError."""
     if root.tag != "robot":
-        raise ValueError(f"its first element is {root.tag[:40]}, and must be robot")
-    links: dict[str, Element] = {}
-    for link in root.findall("link"):
-        name = _text(link, "name")
-        if name in links:
-            raise ValueError(f"two links are called {name}")
-        links[name] = link
-    return links
+        raise ValueError(f"is no URDF: its first element is {root.tag[:40]}, and must be robot")
+    found, robot = Urdf(), Element("robot", name="robot")
+    SubElement(SubElement(robot, "mujoco"), "compiler", fusestatic="false")  # links stay links
+    links, joints = (_by_name(root, kind) for kind in ("link", "joint"))
+    _check_tree(links, joints)
+    for name, joint in joints.items():
+        _check(joint, f"joint {name}")
+        _read_joint(joint, name, joints, found)
+        kept = SubElement(robot, "joint", joint.attrib)
+        kept.extend(part for part in joint if part.tag in {"parent", "child", *NUMBERS})
+    for name, link in links.items():
+        kept, collisions = SubElement(robot, "link", name=name), link.findall("collision")
+        for number, collision in enumerate(collisions):
+            if (mesh := _mesh(collision, f"link {name}")) is not None:
+                found.meshes[name, number] = mesh
+            kept.append(collision)
+        if (mass := _mass(link)) is not None:
+            found.masses[name] = mass
+        if link.find("visual") is not None and not collisions:
+            found.unseen.append(name)
+    found.text, found.has_world = tostring(robot, "unicode"), "world" in links
+    return found
 
 
-def _mass(link: Element) -> LinkMass | None:
-    """What a link weighs; None: it is not stated, or impossible."""
-    inertial = link.find("inertial")
-    if inertial is None:
-        return None
-    try:
-        mass = _number(_part(inertial, "mass"), "value")
-        x, y, z = _pose(inertial)[:3, 3].tolist()
-    except ValueError:
-        return None
-    return LinkMass(mass, (x, y, z)) if 0.0 < mass < math.inf else None
-
-
-def _joints(root: Element, links: dict[str, Element]) -> dict[str, Joint]:
-    """Joints by the links that they move. Raises ValueError."""
-    joints: dict[str, Joint] = {}
-    for element in root.findall("joint"):
-        parent, child = (_text(_part(element, end), "link") for end in ("parent", "child"))
+def _by_name(root: Element, kind: str) -> dict[str, Element]:
+    found: dict[str, Element] = {}
+    for element in root.findall(kind):
         name = _text(element, "name")
-        if child in joints or parent not in links or child not in links:
-            raise ValueError(f"joint {name} joins no two links of its own")
-        try:
-            joints[child] = _joint(element, name, parent)
-        except ValueError as error:
-            raise ValueError(f"joint {name}: {error}") from error
-    return joints
-
-
-def _from_root(links: Iterable[str], joints: dict[str, Joint]) -> tuple[str, ...]:
-    """Links in an order in which parents come before their children, where there is one."""
-    above = {name: [joints[name].parent] if name in joints else [] for name in links}
-    try:
-        return tuple(TopologicalSorter(above).static_order())
-    except CycleError:
-        return tuple(links)
-
-
-def _joint(element: Element, name: str, parent: str) -> Joint:
-    axis, limit, mimic = (element.find(part) for part in ("axis", "limit", "mimic"))
-    direction = np.array([1.0, 0.0, 0.0] if axis is None else _numbers(axis, "xyz", 3))
-    length = float(np.linalg.norm(direction))
-    limits = follows = effort = None
-    kind = element.get("type", "")
-    if kind == "continuous":
-        limits = -math.inf, math.inf
-    elif limit is not None and {"lower", "upper"} <= {*limit.keys()}:
-        limits = _number(limit, "lower"), _number(limit, "upper")
-    if limit is not None and math.isfinite(stated := number_of(limit.get("effort", "nan"))):
-        effort = stated
-    if mimic is not None:
-        factor, offset = _number(mimic, "multiplier", "1"), _number(mimic, "offset", "0")
-        follows = _text(mimic, "joint"), factor, offset
-    return Joint(
-        name,
-        _KINDS.get(kind, "free"),
-        parent,
-        _pose(element),
-        direction / length if length > 0.0 else np.array([1.0, 0.0, 0.0]),
-        limits,
-        follows,
-        effort=effort,
-    )
-
-
-def _shape(collision: Element, link: str, path: Path) -> LinkShape:
-    """One piece of collision geometry. Raises SettingError, ValueError."""
-    geometry, pose = _part(collision, "geometry"), _pose(collision)
-    shape = next(iter(geometry), geometry)
-    if shape.tag == "box":
-        x, y, z = (0.5 * length for length in _lengths(shape, "size", 3))
-        return LinkShape("box", pose, (x, y, z))
-    if shape.tag in {"cylinder", "capsule"}:
-        (radius,), (length,) = _lengths(shape, "radius", 1), _lengths(shape, "length", 1)
-        size = radius, 0.5 * length
-        return LinkShape("cylinder" if shape.tag == "cylinder" else "capsule", pose, size)
-    if shape.tag == "sphere":
-        return LinkShape("sphere", pose, (*_lengths(shape, "radius", 1),))
-    if shape.tag == "mesh":
-        raw = read_collision_mesh(_text(shape, "filename"), link, path)
-        scale = shape.get("scale", "1")
-        faces = raw * numbers_of(scale, 1 if len(scale.split()) == 1 else 3)
-        return mesh_shape(faces, pose)
-    raise SettingError(printable(f"{path}: collision geometry of {link} is of no known kind"))
-
-
-def _pose(element: Element) -> Floats:
-    """The origin that an element states, shape (4, 4); without one the identity."""
-    origin = element.find("origin")
-    if origin is None:
-        return np.eye(4)
-    angles = _numbers(origin, "rpy", 3, "0 0 0")
-    pose = np.array(transformations.euler_matrix(*angles), dtype=np.float64)
-    pose[:3, 3] = _numbers(origin, "xyz", 3, "0 0 0")
-    if np.abs(pose[:3, 3]).max() > FAR:
-        raise ValueError(f"xyz of origin is more than {FAR:,.0f} m away")
-    return pose
-
-
-def _part(element: Element, name: str) -> Element:
-    part = element.find(name)
-    if part is None:
-        raise ValueError(f"{element.tag} has no {name}")
-    return part
+        if name in found:
+            raise ValueError(f"two {kind}s are called {name}")
+        found[name] = element
+    return found
 
 
 def _text(element: Element, name: str) -> str:
@@ -179,43 +108,91 @@ def _text(element: Element, name: str) -> str:
     return text
 
 
-def _number(element: Element, name: str, default: str | None = None) -> float:
-    return _numbers(element, name, 1, default)[0]
+def _check(owner: Element, of: str) -> None:
+    """Refuse numbers that are none, or that no hand has."""
+    for element in owner.iter():
+        sizes = SIZES.get(element.tag, {})
+        for name, count in (NUMBERS.get(element.tag, {}) | sizes).items():
+            if name not in element.attrib and name not in sizes:
+                continue
+            what = f"{of}: {name} of {element.tag}"
+            try:
+                numbers = numbers_of(_text(element, name), count)
+            except ValueError as error:
+                text = f"{what} {error}" if name in element.attrib else f"{of}: {error}"
+                raise ValueError(text) from error
+            if sizes and min(numbers) <= 0.0:
+                raise ValueError(f"{what} must be above 0; got {element.get(name)}")
+            if (sizes or name == "xyz") and max(map(abs, numbers)) > FAR:
+                raise ValueError(f"{what} is more than {FAR:,.0f} m; is it in mm?")
 
 
-def _numbers(element: Element, name: str, count: int, default: str | None = None) -> list[float]:
-    """Numbers of an attribute. Raises ValueError."""
-    text = _text(element, name) if default is None else element.get(name, default)
+def _mesh(collision: Element, of: str) -> Element | None:
+    """Check a piece of collision geometry, and return its mesh, which becomes a ball there."""
+    geometry = collision.find("geometry")
+    shape = None if geometry is None else next(iter(geometry), None)
+    if geometry is None or shape is None or shape.tag not in SIZES:
+        raise ValueError(f"collision geometry of {of} is of no known kind")
+    _check(collision, of)
+    if shape.tag != "mesh":
+        return None
+    scale = numbers_of(words := shape.get("scale", "1"), 1 if len(words.split()) == 1 else 3)
+    if not all(scale):
+        raise ValueError(f"{of}: scale of mesh must not be 0")
+    geometry.remove(shape)
+    SubElement(geometry, "sphere", radius="1")
+    return shape
+
+
+def _mass(link: Element) -> LinkMass | None:
+    """What a link weighs; None: it is not stated, or impossible."""
+    mass, origin = link.find("inertial/mass"), link.find("inertial/origin")
+    weight = math.nan if mass is None else number_of(mass.get("value"))
     try:
-        return numbers_of(text, count)
-    except ValueError as error:
-        raise ValueError(f"{name} of {element.tag} {error}") from error
+        x, y, z = numbers_of("0 0 0" if origin is None else origin.get("xyz", "0 0 0"), 3)
+    except ValueError:
+        return None
+    return LinkMass(weight, (x, y, z)) if 0.0 < weight < math.inf else None
 
 
-def _lengths(element: Element, name: str, count: int) -> list[float]:
-    """Lengths of an attribute, which are above 0. Raises ValueError."""
-    lengths = _numbers(element, name, count)
-    if min(lengths) <= 0.0:
-        raise ValueError(f"{name} of {element.tag} must be above 0; got {element.get(name)}")
-    return lengths
+def _read_joint(joint: Element, name: str, joints: dict[str, Element], found: Urdf) -> None:
+    """Keep limits and effort of a joint. Raises ValueError."""
+    limit, axis, mimic = (joint.find(part) for part in ("limit", "axis", "mimic"))
+    moves, ends = joint.get("type") != "fixed", (-math.inf, math.inf)
+    if axis is not None and moves and not any(numbers_of(_text(axis, "xyz"), 3)):
+        raise ValueError(f"joint {name} has the axis 0 0 0")
+    if mimic is not None:
+        source = joints.get(_text(mimic, "joint"))
+        if source is None or source.get("type") == "fixed" or source is joint:
+            raise ValueError(f"joint {name} follows {mimic.get('joint')}, which it cannot")
+    if limit is not None and math.isfinite(effort := number_of(limit.attrib.pop("effort", "nan"))):
+        found.efforts[name] = effort
+    if joint.get("type") in {"revolute", "prismatic"}:
+        if limit is not None and {"lower", "upper"} <= {*limit.keys()}:
+            ends = float(_text(limit, "lower")), float(_text(limit, "upper"))
+        stated = "no limits" if limit is None else f"limits from {ends[0]:g} to {ends[1]:g}"
+        if not ends[0] <= ends[1] or (math.isinf(ends[0]) and mimic is None):
+            raise ValueError(
+                f"joint {name} has {stated}; state its smallest and its largest value, or that it "
+                "has none (continuous)"
+            )
+    found.limits[name] = ends
 
 
-def read_collision_mesh(name: str, link: str, path: Path) -> Floats:
-    """Read a mesh that a URDF names, as the corners of its triangles, shape (n, 3, 3).
-
-    Raises:
-        SettingError: There is no such file, or it is no mesh.
-    """
-    file = mesh_file(name, path)
-    if file is None:
-        scheme, _, rest = name.rpartition("://")
-        package = rest.partition("/")[0]
-        where = "put it where the file says"
-        if scheme in {"package", "model"}:
-            where = f"put the folder {package}, which the file takes for a ROS package, beside it"
-        raise SettingError(printable(f"{path}: there is no mesh {name} of link {link}; {where}"))
-    try:
-        raw = read_mesh(file)
-    except MeshError as error:
-        raise SettingError(printable(f"{path}: mesh of link {link}: {error}")) from error
-    return raw.vertices[raw.faces]
+def _check_tree(links: dict[str, Element], joints: dict[str, Element]) -> None:
+    """Refuse links that joints join in other ways than a tree. Raises ValueError."""
+    above: dict[str, tuple[str, str]] = {}
+    for name, joint in joints.items():
+        ends = [joint.find(end) for end in ("parent", "child")]
+        parent, child = ("" if end is None else end.get("link", "") for end in ends)
+        if child in above or not {parent, child} <= {*links} or child == "world":
+            raise ValueError(f"joint {name} joins no two links of its own")
+        above[child] = name, parent
+    roots = {name: name for name in links if name not in above}
+    for start in links:
+        path, name = dict[str, None](), start
+        while name not in roots:
+            if name in path:
+                raise ValueError(f"joint {above[name][0]} is part of a loop of joints")
+            path[name], name = None, above[name][1]
+        roots |= dict.fromkeys(path, name)

@@ -101,9 +101,8 @@ def test_a_direction_is_printed_without_what_rounding_left(
 
 
 def test_joints_that_slide_are_printed_in_their_units(tmp_path: Path) -> None:
-    path = slider_hand.write(tmp_path, tendons=["pull"], sensors={"finger_1": 0.3})
+    path = slider_hand.write(tmp_path, sensors={"finger_1": 0.3})
     text = printed("hand", path, cwd=tmp_path, columns=200)
     lines = [" ".join(line.split()) for line in text.splitlines()]
-    assert "tendons pull: it takes no load" in lines
     assert "sensor finger_1 resolves 17.19°" in lines
     assert "sliding in mm and N\n" in text

@@ -53,6 +53,10 @@ def test_robots_are_read_by_their_finger_links(
     gripper = read_hand(tmp_path / "g.json")
     assert gripper == read_hand(path, fingers=("left", "right"), tcp=0.09)
     assert gripper.base_to_tcp == 0.09
-    assert gripper.source == f"boxes around left, right and the palm of {path.name}"
-    assert "name the links" in refusal(f"hand {path}", tmp_path)
+    assert gripper.source.startswith(f"boxes around left, right and the palm of {path.name}; ")
+    assert (
+        "assumed: the inner sides are flat, and nothing else of a finger touches" in gripper.source
+    )
+    printed("hand", path, "-o", "found.json", cwd=tmp_path)  # the only two links that slide
+    assert read_hand(tmp_path / "found.json") == read_hand(path, fingers=("left", "right"))
     assert "known: " in refusal(f"hand {path} --fingers left rihgt", tmp_path)

@@ -115,13 +115,7 @@ def test_torques_that_are_not_stated_are_asked_for(tmp_path: Path) -> None:
     assert found.motors is None
 
 
-def test_a_hand_with_tendons_has_letters_and_takes_no_load(tmp_path: Path) -> None:
-    motors, pulled = (evaluated(tmp_path, None, tendons=names) for names in ([], ["flexor"]))
-    assert pulled.label.tolist() == motors.label.tolist() == [Label.S, Label.U]
-    np.testing.assert_array_equal(pulled.margin, motors.margin)
-    for load in (grasp3d.Load(task=DOWN), grasp3d.Load(mass=0.1, torque_limits=10.0)):
-        with pytest.raises(SettingError, match=r"takes no load: what .* not computed .flexor."):
-            evaluated(tmp_path, load, tendons=["flexor"])
+def test_without_a_motor_no_limit_of_torques_is_taken(tmp_path: Path) -> None:
     idle = dict.fromkeys([f"slide_{k}" for k in range(4)], 0.0)
     with pytest.raises(SettingError, match="no motor that torque_limits could limit"):
         evaluated(tmp_path, grasp3d.Load(torque_limits=10.0), torques=idle)

@@ -1,16 +1,13 @@
 """Descriptions of robots that ask for more than any hand needs, or for ever."""
 
 import sys
-from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from grasp3d.errors import FileUnreadError, SettingError
-from grasp3d.hand import robot_files
 from grasp3d.hand.hand_files import read_hand
-from grasp3d.hand.link_tree import Joint, LinkTree
+from grasp3d.hand.mujoco_model import read_links
 from grasp3d.system import limited_reading
 from tests.hand.test_robot_descriptions import FINGERS, URDF, mjcf
 
@@ -58,7 +55,7 @@ def test_no_log_of_mujoco_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     path = model(tmp_path, '<worldbody><body pos="nan 0 0"/></worldbody>')
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SettingError, match="MuJoCo cannot read it"):
-        robot_files.read_links(path)
+        read_links(path)
     assert [one.name for one in tmp_path.iterdir()] == [path.name]
 
 
@@ -80,15 +77,4 @@ def test_loops_of_joints_are_refused(tmp_path: Path, loop: str) -> None:
     path = tmp_path / "hand.urdf"
     path.write_text(text[: text.index("<joint")] + joints + "</robot>")
     with pytest.raises(SettingError, match=r"joint j\d is part of a loop of joints"):
-        robot_files.read_links(path)
-
-
-def test_long_chains_of_joints_take_no_longer_for_each() -> None:
-    names = tuple(map(str, range(20_000)))
-    joints = {
-        name: Joint(name, "fixed", above, np.eye(4), np.array([1.0, 0.0, 0.0]), None)
-        for above, name in pairwise(names)
-    }
-    tree = LinkTree("chain", names, joints, lambda _: ())
-    with pytest.raises(SettingError, match="no joint moves 19999"):
-        tree.sliding_hand(("19999", "3"), None)
+        read_links(path)

@@ -1,4 +1,4 @@
-"""Couplings of joints, and tendons and springs of models, with which a hand takes no load."""
+"""Couplings of joints, and what moves joints in models: motors, tendons and springs."""
 
 import json
 import math
@@ -11,6 +11,7 @@ from scipy.optimize import linprog
 
 import grasp3d
 from grasp3d.arrays import Floats
+from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.actuation import actuation_of, torques_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.quality import Actuation
@@ -93,46 +94,40 @@ MODEL = """<mujoco model="finger"><compiler angle="radian"/><worldbody>
 </mujoco>"""
 
 
-def test_tendons_and_springs_of_models_are_named(tmp_path: Path) -> None:
-    pytest.importorskip("mujoco")
+def test_joints_that_tendons_pull_have_no_motor_and_those_with_springs_no_stated_one(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "finger.xml"
     path.write_text(MODEL, encoding="utf-8")
     hand = grasp3d.read_hand(path)
     assert isinstance(hand, ArticulatedHand)
-    assert hand.tendons == ("flexor", "extensor", "along sites", "the spring of knuckle")
-    assert hand.couplings == ()
-    np.testing.assert_array_equal(hand.torques, [0.3, np.nan])
-    assert "it takes no load, for tendons and springs of the file: flexor," in hand.assumed[0]
-    for stated, names in (({}, hand.tendons), ({"tendons": ["cable"]}, ("cable",))):
-        content = {**HEAD, "description": "finger.xml", **stated}
-        (tmp_path / "finger.json").write_text(json.dumps(content), encoding="utf-8")
-        again = grasp3d.read_hand(tmp_path / "finger.json")
-        assert isinstance(again, ArticulatedHand)
-        assert again.tendons == names
-        assert again.description()["tendons"] == list(names)
+    np.testing.assert_array_equal(hand.torques, [np.nan, 0.0])
+    assert "joints that only tendons pull have no motor: bend" in hand.assumed
+    with pytest.raises(SettingError, match="no torque of the motor of knuckle: state it"):
+        torques_of(hand)
+    np.testing.assert_array_equal(torques_of(hand, 0.2), [0.2, np.nan])
 
 
 def test_models_whose_limits_are_wider_than_one_way_have_no_motors_there(tmp_path: Path) -> None:
     """A joint's limit of what acts on it is no motor, and a range of forces allows no control."""
-    pytest.importorskip("mujoco")
     path = tmp_path / "finger.xml"
 
     def read(old: str, new: str) -> ArticulatedHand:
-        assert MODEL.count(old) == 1
-        path.write_text(MODEL.replace(old, new), encoding="utf-8")
+        text = MODEL.replace('stiffness="0.2"', "")
+        assert text.count(old) == 1
+        path.write_text(text.replace(old, new), encoding="utf-8")
         hand = grasp3d.read_hand(path)
         assert isinstance(hand, ArticulatedHand)
         return hand
 
     limit = 'actuatorfrcrange="-0.4 0.4" actuatorfrclimited="true" name='
-    np.testing.assert_array_equal(read('name="bend"', limit + '"bend"').torques, [0.3, np.nan])
+    np.testing.assert_array_equal(read('name="bend"', limit + '"bend"').torques, [0.3, 0.0])
     found = read('name="knuckle"', limit + '"knuckle"').torques
-    np.testing.assert_array_equal(found, [0.4, np.nan])
+    np.testing.assert_array_equal(found, [0.4, 0.0])
     pulled = 'ctrlrange="-15 0" ctrllimited="true"'
     for forces in (-30, -10):
         hand = read(pulled, f'{pulled} forcerange="{forces} 30" forcelimited="true"')
-        assert hand.couplings == ()
-        assert hand.tendons[0] == "flexor"
+        np.testing.assert_array_equal(hand.torques, [0.3, 0.0])
     both = 'joint="knuckle" forcerange="-0.3 0.3"'
     small = read(both, both + ' ctrlrange="-0.2 0.1" ctrllimited="true"')
-    np.testing.assert_array_equal(small.torques, [0.2, np.nan])
+    np.testing.assert_array_equal(small.torques, [0.2, 0.0])

@@ -74,6 +74,17 @@ def test_fields_with_defaults_may_be_missing(tmp_path: Path) -> None:
     assert gripper == expected
 
 
+def test_a_person_writes_lengths_and_a_name(tmp_path: Path) -> None:
+    lengths = {
+        "max_opening": 0.08, "finger_thickness": 0.026, "finger_width": 0.021,
+        "finger_length": 0.0462, "pad_width": 0.0174, "pad_height": 0.0176,
+        "palm_thickness": 0.208, "palm_width": 0.0633, "palm_length": 0.092,
+    }  # fmt: skip
+    path = tmp_path / "mine.json"
+    path.write_text(json.dumps({"name": "mine", **lengths}), encoding="utf-8")
+    assert read_hand(path) == ParallelGripper(name="mine", **lengths)
+
+
 def changed(folder: Path, **values: Any) -> Path:
     """A file of the Franka hand with other values; those that are None are left out."""
     path = folder / "g.json"

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -70,7 +71,6 @@ def test_torques_that_hold_links_are_changes_of_their_energy(tmp_path: Path) -> 
 
 
 def test_torques_that_hold_links_of_models_are_those_of_mujoco(tmp_path: Path) -> None:
-    mujoco = pytest.importorskip("mujoco")
     path = tmp_path / "arm.xml"
     path.write_text(
         """<mujoco><compiler angle="radian"/><option gravity="1 -2 -9"/><worldbody>

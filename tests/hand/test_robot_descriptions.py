@@ -1,7 +1,6 @@
 """Grippers from URDF and MuJoCo models of a hand whose sizes are known."""
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +10,14 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
+from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand_files import read_hand
-from grasp3d.hand.hand_geometry import SlidingFinger, SlidingHand, gripper_of_hand
 from grasp3d.hand.jaws import AXES
-from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.robot_files import read_links
+from grasp3d.hand.link_tree import Joint, LinkTree, mesh_shape
+from grasp3d.hand.measured_gripper import measured_gripper
+from grasp3d.hand.mujoco_model import read_links
+from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper
 
 FINGERS = ("left", "right")
 
@@ -75,7 +76,6 @@ def urdf(folder: Path, **changed: str) -> Path:
 
 
 def mjcf(folder: Path, y: float = -0.001, ref: float = 0.0, more: str = "") -> Path:
-    pytest.importorskip("mujoco")
     path = folder / "hand.xml"
     path.write_text(MJCF.format(y=y, ref=ref, more=more), encoding="utf-8")
     return path
@@ -133,12 +133,34 @@ def test_the_palm_and_the_tcp_can_be_named(tmp_path: Path) -> None:
     assert camera.palm_thickness == camera.max_opening  # at least the stroke
 
 
+def test_a_link_of_that_name_is_the_tcp(tmp_path: Path) -> None:
+    path = urdf(tmp_path)
+    more = (
+        '<link name="hand_tcp"/><joint name="mark" type="fixed"><parent link="hand"/>'
+        '<child link="hand_tcp"/><origin xyz="0 0 {}"/></joint></robot>'
+    )
+    text = path.read_text(encoding="utf-8")
+    for height, found, words in (
+        ("0.09", 0.09, "the TCP is the link hand_tcp"),
+        ("0.2", 0.08, "the TCP is in the middle of their flat parts"),  # beyond the fingers
+    ):
+        path.write_text(text.replace("</robot>", more.format(height)), encoding="utf-8")
+        gripper = read_hand(path)
+        assert gripper.base_to_tcp == pytest.approx(found)
+        assert words in gripper.source
+    assert read_hand(path, tcp=0.085).base_to_tcp == 0.085
+
+
 def test_meshes_are_read_from_packages_and_beside_the_file(tmp_path: Path) -> None:
     folder = tmp_path / "my_hand" / "urdf"
     (tmp_path / "my_hand" / "meshes").mkdir(parents=True)
     folder.mkdir()
     trimesh.creation.box([20.0, 10.0, 40.0]).export(tmp_path / "my_hand/meshes/f.stl")
-    for name in ("package://my_hand/meshes/f.stl", "../meshes/f.stl"):
+    for name in (
+        "package://my_hand/meshes/f.stl",
+        "package://my_hand//meshes/f.stl",
+        "../meshes/f.stl",
+    ):
         mesh = f'<mesh filename="{name}" scale="0.001 0.001 0.001"/>'
         check_hand(read_hand(urdf(folder, right=mesh), fingers=FINGERS))
 
@@ -148,7 +170,7 @@ def test_meshes_are_read_from_packages_and_beside_the_file(tmp_path: Path) -> No
     [
         ({}, ("left", "rihgt"), "no link is called 'rihgt'; known: arm, hand"),
         ({"kind": "revolute"}, FINGERS, "joint slide_left turns left; only fingers that slide"),
-        ({"axis": "0 -1 0"}, FINGERS, "overlap by 28 mm when they are closed"),
+        ({"axis": "0 -1 0"}, FINGERS, "are -28 mm apart when they are closed"),
         ({"limit": ""}, FINGERS, "joint slide_right has no limits"),
         (
             {"limit": f'{LIMIT}<mimic joint="slide_left" multiplier="-1"/>'},
@@ -217,7 +239,7 @@ def test_all_shapes_have_their_size(
     tmp_path: Path, file: Any, shape: str, sizes: tuple[float, float, float]
 ) -> None:
     path = with_palm(file(tmp_path), CAMERA[file], shape)
-    points = read_links(path).sliding_hand(FINGERS, "camera").palm
+    points = read_links(path).geometry("camera").reshape(-1, 3)
     assert 1e3 * np.ptp(points, axis=0) == pytest.approx(sizes, rel=0.01)
 
 
@@ -241,22 +263,36 @@ def test_endless_shapes_are_refused(tmp_path: Path) -> None:
     with pytest.raises(SettingError, match="of camera is of no finite shape"):
         read_hand(path, fingers=FINGERS)
     path = with_palm(urdf(tmp_path), "0 0 0.5", "0 0 1e308")
-    with pytest.raises(SettingError, match="wrist: xyz of origin is more than 10,000 m away"):
+    with pytest.raises(
+        SettingError, match="wrist: xyz of origin is more than 1,000 m; is it in mm"
+    ):
         read_hand(path, fingers=FINGERS)
 
 
-def hand_along(closing: str, approach: str, gap: float, shift: float = 0.0) -> SlidingHand:
-    """A hand whose fingers are boxes of 20 x 8 x 50 mm in front of a palm, in any directions."""
+Shapes = dict[str, Floats]
+
+
+def shapes_along(closing: str, approach: str, gap: float) -> Shapes:
+    """Fingers of 20 x 8 x 50 mm in front of a palm, in any directions: triangles by links."""
     x, z = np.array(AXES[closing]), np.array(AXES[approach])
     frame = np.stack([x, np.cross(z, x), z])
-    fingers = []
+    boxes = {"palm": [[-0.08, -0.02, 0.0], [0.08, 0.02, 0.1]]}
     for name, side in zip(FINGERS, (-1.0, 1.0), strict=True):
         ends = sorted((side * 0.5 * gap, side * (0.5 * gap + 0.02)))
-        box = trimesh.creation.box(bounds=[[ends[0], -0.004, 0.1], [ends[1], 0.004, 0.15]])
-        triangles = (box.triangles + [shift, 0.0, 0.0]) @ frame
-        fingers.append(SlidingFinger(name, name, side * x, (0.0, 0.02), triangles))
-    palm = trimesh.creation.box(bounds=[[-0.08, -0.02, 0.0], [0.08, 0.02, 0.1]]).vertices @ frame
-    return SlidingHand("hand", "palm", (fingers[0], fingers[1]), palm)
+        boxes[name] = [[ends[0], -0.004, 0.1], [ends[1], 0.004, 0.15]]
+    return {name: trimesh.creation.box(bounds=box).triangles @ frame for name, box in boxes.items()}
+
+
+def measured(shapes: Shapes, closing: str = "x") -> ParallelGripper:
+    """The gripper whose fingers slide by 20 mm each."""
+    joints = {
+        name: Joint(name, "slides", "palm", np.eye(4), side * np.array(AXES[closing]), (0.0, 0.02))
+        for name, side in zip(FINGERS, (-1.0, 1.0), strict=True)
+    }
+    tree = LinkTree(
+        "hand", ("palm", *FINGERS), joints, lambda link: (mesh_shape(shapes[link], np.eye(4)),)
+    )
+    return measured_gripper(tree, FINGERS)
 
 
 @pytest.mark.slow
@@ -269,43 +305,42 @@ def test_joints_give_the_opening_in_any_frame(
     axes: tuple[str, str], gap: float, fraction: float
 ) -> None:
     """At the joints' values for an opening the inner sides are that far apart."""
-    hand = hand_along(*axes, gap)
-    gripper = gripper_of_hand(hand)
+    shapes = shapes_along(*axes, gap)
+    gripper = measured(shapes, axes[0])
     assert gripper.base_axes == axes
     opening = gripper.min_opening + fraction * (gripper.max_opening - gripper.min_opening)
     x = np.array(AXES[axes[0]])
     sides = []
-    for number, finger in enumerate(hand.fingers):
+    for number, (name, side) in enumerate(zip(FINGERS, (-1.0, 1.0), strict=True)):
         value = gripper.joint_closed[number] + gripper.joint_scale[number] * opening
         assert -1e-8 <= value <= 0.02 + 1e-8
-        sides.append((finger.triangles + value * finger.axis) @ x)
+        sides.append((shapes[name] + value * side * x) @ x)
     assert sides[1].min() - sides[0].max() == pytest.approx(opening, abs=1e-7)
-    in_frame = hand.palm @ gripper.base_pose[:3, :3].T + gripper.base_pose[:3, 3]
-    assert in_frame[:, 2].max() == pytest.approx(gripper.end - gripper.finger_length)
+    in_frame = shapes["palm"] @ gripper.base_pose[:3, :3].T + gripper.base_pose[:3, 3]
+    assert in_frame[..., 2].max() == pytest.approx(gripper.end - gripper.finger_length)
 
 
 def test_fingers_that_overlap_slightly_touch_when_they_are_closed() -> None:
-    gripper = gripper_of_hand(hand_along("x", "z", -0.001))
+    gripper = measured(shapes_along("x", "z", -0.001))
     assert (gripper.min_opening, gripper.max_opening) == (0.0, pytest.approx(0.04))
-    with pytest.raises(SettingError, match="overlap by 3 mm"):
-        gripper_of_hand(hand_along("x", "z", -0.003))
+    with pytest.raises(SettingError, match="are -3 mm apart"):
+        measured(shapes_along("x", "z", -0.003))
 
 
 def test_parts_of_the_fingers_beside_the_palm_belong_to_it() -> None:
-    hand = hand_along("x", "z", 0.01)
-    narrow = replace(hand, palm=hand.palm * [0.1, 0.1, 1.1])  # its front is within the fingers
-    gripper = gripper_of_hand(narrow)
+    shapes = shapes_along("x", "z", 0.01)
+    shapes["palm"] = shapes["palm"] * [0.1, 0.1, 1.1]  # its front is within the fingers
+    gripper = measured(shapes)
     assert gripper.palm_thickness == pytest.approx(0.01 + 2 * 0.02 + 2 * 0.02)
     assert gripper.palm_width == pytest.approx(0.008)
     assert gripper.finger_length == pytest.approx(0.04)
 
 
 def test_a_finger_without_a_flat_side_is_refused() -> None:
-    hand = hand_along("x", "z", 0.01)
-    edge = np.array([[[0.005, 0.0, 0.1], [0.02, -0.01, 0.15], [0.02, 0.01, 0.15]]])
-    finger = replace(hand.fingers[1], triangles=edge)
+    shapes = shapes_along("x", "z", 0.01)
+    shapes["right"] = np.array([[[0.005, 0.0, 0.1], [0.02, -0.01, 0.15], [0.02, 0.01, 0.15]]])
     with pytest.raises(SettingError, match="no flat inner sides"):
-        gripper_of_hand(replace(hand, fingers=(hand.fingers[0], finger)))
+        measured(shapes)
 
 
 BRANCHING = """<robot name="three"><link name="palm"/>{}</robot>"""
@@ -351,3 +386,71 @@ def test_a_tree_of_bodies_keeps_turning_joints(tmp_path: Path) -> None:
     assert (one.kind, one.axis.tolist()) == ("turns", [0.0, 1.0, 0.0])
     assert one.limits == pytest.approx((math.radians(-10.0), math.radians(90.0)))
     assert two.follows == ("ja", 2.0, 0.0)
+
+
+CAMERA_BOX = '<box size="0.04 0.02 0.02"/>'
+ENDS = '<limit lower="0" upper="0.03"/></joint>\n <joint'
+AXIS = '<axis xyz="0 1 0"/>'
+FAULTS: dict[str, tuple[str, str, str]] = {
+    "a link twice": ('<link name="arm">', '<link name="left"/><link name="arm">', "two links are"),
+    "a joint twice": ('name="mount"', 'name="wrist"', "two joints are called wrist"),
+    "no axis": (AXIS, '<axis xyz="0 0 0"/>', "joint slide_left has the axis 0 0 0"),
+    "no limits": (ENDS, "</joint>\n <joint", "joint slide_left has no limits; state"),
+    "limits in the wrong order": (ENDS, ENDS.replace("0.03", "-3"), "has limits from 0 to -3"),
+    "a size of 0": (CAMERA_BOX, '<sphere radius="0"/>', "link camera: radius of sphere must be a"),
+    "a size below 0": (CAMERA_BOX, '<box size="1 -1 1"/>', "size of box must be above 0; got 1 -1"),
+    "a scale of 0": (CAMERA_BOX, '<mesh filename="f" scale="0 1 1"/>', "scale of mesh must not be"),
+    "another shape": (CAMERA_BOX, "<torus/>", "geometry of link camera is of no known kind"),
+    "nothing to follow": (AXIS, AXIS + '<mimic joint="lift"/>', "slide_left follows lift, which"),
+    "what does not move": (AXIS, AXIS + '<mimic joint="mount"/>', "slide_left follows mount, whi"),
+}
+"""What is replaced, by what, and what is said."""
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_faults_of_a_urdf_are_said_in_one_sentence(tmp_path: Path, fault: str) -> None:
+    path, (old, new, words) = urdf(tmp_path), FAULTS[fault]
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(SettingError) as refused:
+        read_links(path)
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_prefixes_that_are_declared_nowhere_are_passed_over(tmp_path: Path) -> None:
+    path = urdf(tmp_path)
+    text = path.read_text(encoding="utf-8")
+    more = '<xacro:property name="a" value="1"/></robot>'
+    path.write_text(text.replace("</robot>", more), encoding="utf-8")
+    check_hand(read_hand(path, fingers=FINGERS))
+
+
+def test_meshes_of_collada_have_their_unit(tmp_path: Path) -> None:
+    mesh = trimesh.creation.box([20.0, 10.0, 40.0])
+    data = trimesh.exchange.dae.export_collada(mesh)
+    unit = b'<unit name="millimeter" meter="0.001"/>'
+    data = data.replace(b"<up_axis>", unit + b"<up_axis>")
+    (tmp_path / "f.dae").write_bytes(data)
+    check_hand(read_hand(urdf(tmp_path, right='<mesh filename="f.dae"/>'), fingers=FINGERS))
+    (tmp_path / "f.dae").write_bytes(b"<COLLADA/>")
+    with pytest.raises(SettingError, match=r"mesh of link right: .*cannot be read as COLLADA"):
+        read_hand(urdf(tmp_path, right='<mesh filename="f.dae"/>'), fingers=FINGERS)
+
+
+def test_the_fingers_of_franka_give_its_pads_and_tcp() -> None:
+    """Of the faces of its preset the flat ones are the pad, the inclined ones are not."""
+    franka = PRESETS["franka"]
+    near = np.array([corner for face in franka.inner_faces for corner in face])
+    near[:, 2] += franka.base_to_tcp
+    near[:, 0] = -near[:, 0]
+    back = near * [0.0, 1.0, 1.0] + [0.0144, 0.0, 0.0]
+    finger = trimesh.convex.convex_hull(np.concatenate([near, back])).triangles
+    palm = trimesh.creation.box(bounds=[[-0.1, -0.03, 0.0], [0.1, 0.03, 0.066]]).triangles
+    found = measured({"palm": palm, "left": finger * [-1.0, 1.0, 1.0], "right": finger})
+    assert found.base_to_tcp == pytest.approx(franka.base_to_tcp, abs=1e-4)
+    assert found.pad_width == pytest.approx(franka.pad_width, abs=1e-6)
+    assert found.pad_height == pytest.approx(franka.pad_height, abs=2e-4)
+    assert found.finger_length == pytest.approx(franka.finger_length, abs=2e-4)
+    assert found.inner_faces == ()

@@ -275,10 +275,10 @@ JOINT = f"""{BOX}</geometry></collision></link><link name="x"/><joint name="j" t
         (AT.format('xyz="0 0"'), "xyz of origin must be 3 finite numbers; got '0 0'"),
         (AT.format('xyz="0 0 0 1"'), "xyz of origin must be 3 finite numbers"),
         (AT.format('rpy="0"'), "rpy of origin must be 3 finite numbers"),
-        (JOINT.format('axis xyz="0 1"'), "is no URDF: joint j: xyz of axis must be 3 finite"),
+        (JOINT.format('axis xyz="0 1"'), "joint j: xyz of axis must be 3 finite"),
         (JOINT.format('limit lower="0" upper="x"'), "joint j: upper of limit must be a finite"),
         (JOINT.format('mimic joint="a" offset="1 2"'), "joint j: offset of mimic must be a finite"),
-        ('<box size="1e300 1 1"/>', "collision geometry is 10000 m away"),
+        ('<box size="1e300 1 1"/>', "size of box is more than 1,000 m; is it in mm?"),
     ],
 )
 def test_numbers_of_a_urdf_are_as_many_as_it_needs(tmp_path: Path, shape: str, words: str) -> None:

@@ -21,13 +21,8 @@ def torques_of(hand: ArticulatedHand, torque_limits: float | None = None) -> Flo
         torque_limits: That of every motor, instead of the stated ones.
 
     Raises:
-        SettingError: What presses is not computed, or a torque is not stated.
+        SettingError: A torque is not stated.
     """
-    if hand.tendons:
-        raise SettingError(
-            f"{hand.name} takes no load: what its tendons and springs press is not computed "
-            f"({', '.join(hand.tendons)})"
-        )
     missing = np.array(hand.joint_names)[np.isnan(hand.torques)].tolist()
     if torque_limits is None and missing:
         raise SettingError(

@@ -79,9 +79,6 @@ class ArticulatedHand:
     """Greatest torque, or force, of the motor of each joint [N m or N], shape (p,); nan: not
     stated; 0: it has none, and turns freely."""
     couplings: tuple[Coupling, ...] = ()
-    tendons: tuple[str, ...] = ()
-    """Names of tendons and springs: what they press is not computed, so that a hand with any takes
-    no load."""
     masses: Mapping[str, LinkMass] = field(default_factory=dict)
     """What links weigh."""
     preshapes: Mapping[str, Floats]
@@ -111,10 +108,8 @@ class ArticulatedHand:
         found = []
         for joint in sorted(joints, key=lambda one: one.follows is not None):
             name, factor, offset = self.tree.source_of(joint)
-            low, high = joint.limits or (-np.inf, np.inf)
-            limits = (low, high) if low <= high else (-np.inf, np.inf)
             column = self.joint_names.index(name)
-            found.append(JointRange(joint.name, column, factor, offset, limits))
+            found.append(JointRange(joint.name, column, factor, offset, joint.limits))
         return tuple(found)
 
     def excess(self, postures: Floats) -> Floats:
@@ -359,7 +354,6 @@ class ArticulatedHand:
             "sensors": dict(self.sensors),
             "torques": by_name(self.torques),
             "couplings": [asdict(one) for one in self.couplings],
-            "tendons": list(self.tendons),
             "masses": {name: one._asdict() for name, one in self.masses.items()},
             "preshapes": {name: by_name(posture) for name, posture in self.preshapes.items()},
             "closing": by_name(np.where(self.closing == 0.0, np.nan, self.closing)),

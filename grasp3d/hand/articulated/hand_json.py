@@ -15,7 +15,7 @@ from typing import Any
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
-from grasp3d.hand.articulated.presets import VERSION, fitting, numbers_of
+from grasp3d.hand.articulated.presets import VERSION, known_numbers
 from grasp3d.hand.articulated.proposal import articulated_hand_of
 from grasp3d.hand.link_tree import LinkMass, LinkTree
 from grasp3d.hand.robot_files import made_of
@@ -100,7 +100,6 @@ KEYS: dict[str, tuple[Read, str]] = {
         _each(lambda one: _coupling(**one)),
         'a list of objects of "joints" and the "ratios" of their values',
     ),
-    "tendons": (_each(_text), "a list of names"),
     "masses": (
         _by_name(lambda one: _mass(**one)),
         'an object by links of "mass" [kg] above 0 and its "center" [m], three numbers',
@@ -151,39 +150,21 @@ def articulated_hand(content: Mapping[str, Any]) -> ArticulatedHand:
     return made_of(Path(stated["description"]), articulated_hand_of, stated)
 
 
-def proposed_hand(path: Path, preset: str | None, palm: str | None) -> ArticulatedHand:
-    """A hand from a URDF or MuJoCo model alone.
+def proposed_hand(tree: LinkTree, palm: str | None) -> ArticulatedHand:
+    """A hand from its links and joints alone; with the numbers of one whose joints it has.
 
     Args:
-        path: The file.
-        preset: Whose numbers it has; None: those of the hand whose joints have the same names.
+        tree: Links and joints.
         palm: Name of the palm's link; None: it is found.
 
     Raises:
-        SettingError: The file cannot be read, is of no hand with joints, or of another one.
+        SettingError: They are of no hand with joints.
     """
-    return made_of(path, _proposed, preset, palm)
-
-
-def _proposed(tree: LinkTree, preset: str | None, palm: str | None) -> ArticulatedHand:
-    stated: dict[str, Any] = {}
-    name = preset or fitting(tree)
-    if name is not None:
-        stated = stated_of(numbers_of(name, tree))
-        if preset is None:
-            stated["assumed"] = [f"it is the hand {name}, whose joints have the same names"]
+    content = known_numbers(tree)
+    stated = {} if content is None else stated_of(content)
+    if content is not None:
+        name = content["name"]
+        stated["assumed"] = [f"it is the hand {name}, whose joints have the same names"]
     if palm is not None:
         stated["palm"] = palm
-    hand = articulated_hand_of(tree, stated)
-    if all(_slides(hand, tip) for tip in hand.fingertips):
-        raise tree.error(
-            f"its fingers slide: name the links of its two fingers: grasp3d hand {tree.source} "
-            "--fingers LINK LINK -o NAME.json makes a description of it, for all commands"
-        )
-    return hand
-
-
-def _slides(hand: ArticulatedHand, link: str) -> bool:
-    """Whether the last joint that moves a link slides."""
-    kinds = (hand.tree.joints[one].kind for one in hand.tree.chain(link)[:-1])
-    return next(kind for kind in kinds if kind != "fixed") == "slides"
+    return articulated_hand_of(tree, stated)

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Iterator, Mapping
 
+import numpy as np
+
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 
 TORQUE_OF_FINGER, TORQUE_ELSEWHERE = 5.0, 100.0
@@ -11,6 +13,15 @@ believed up to 100 times that."""
 
 COARSEST = 1.0
 """Sensor resolution from which on it is not believed [rad]."""
+
+LARGEST_MESH = 2.0
+"""Size of a link's mesh from which on it is not believed [m]."""
+
+TURN = 2.0 * math.pi + 0.01
+"""Limit of a joint that turns beyond which it is not believed [rad]."""
+
+NO_TRAVEL = 1e-6
+"""Travel of a joint that is none [rad or m]."""
 
 LISTED = 4
 """Most joints that a sentence names."""
@@ -25,6 +36,12 @@ def largest_torque(hand: ArticulatedHand, joint: str) -> float:
 
 def implausible(hand: ArticulatedHand) -> Iterator[str]:
     """What is known of a hand, but hardly true, one sentence each."""
+    yield from _contradictions(hand)
+    for name, shapes in zip(hand.link_names, hand.shapes, strict=True):
+        size = max((float(np.ptp(one.vertices, axis=0).max(initial=0.0)) for one in shapes
+                    if one.kind == "mesh"), default=0.0)  # fmt: skip
+        if size > LARGEST_MESH:
+            yield f"the mesh of {name} is {size:.3g} m long: is it in mm (scale 0.001)?"
     yield from too_strong(hand, "torques", dict(zip(hand.joint_names, hand.torques, strict=True)))
     for shape, posture in hand.preshapes.items():
         for name, value in zip(hand.joint_names, posture.tolist(), strict=True):
@@ -39,6 +56,34 @@ def implausible(hand: ArticulatedHand) -> Iterator[str]:
                 f"sensors: the resolution of {name} is {math.degrees(alpha):.0f}°: it is stated in "
                 f"radians, and {alpha:g}° are {math.radians(alpha):.3g}"
             )
+
+
+def _contradictions(hand: ArticulatedHand) -> Iterator[str]:
+    """Limits of joints that are hardly true."""
+    beyond: dict[tuple[float, float], list[str]] = {}
+    for one in hand.ranges:
+        low, high = one.limits
+        if one.name not in hand.slides and TURN < max(-low, high) < math.inf:
+            beyond.setdefault(one.limits, []).append(one.name)
+        driver = hand.ranges[one.column]
+        if one is not driver and one.factor:
+            ends = sorted((end - one.offset) / one.factor for end in one.limits)
+            left = min(ends[1], driver.limits[1]) - max(ends[0], driver.limits[0])
+            if left <= NO_TRAVEL < driver.limits[1] - driver.limits[0]:
+                yield (
+                    f"{one.name} follows {driver.name} times {one.factor:g}, and its limits, from "
+                    f"{low:g} to {high:g}, leave {driver.name} no "
+                    f"{'value' if left < 0.0 else 'travel'}: has the multiplier the wrong sign?"
+                )
+    for (low, high), names in beyond.items():
+        yield (
+            f"limits from {low:g} to {high:g} rad of {_listed(names)} are more than a turn: are "
+            f"they in degrees? {high:g}° are {math.radians(high):.3g} rad"
+        )
+
+
+def _listed(names: list[str]) -> str:
+    return f"{', '.join(names[:LISTED])}{' ...' if len(names) > LISTED else ''}"
 
 
 def too_strong(hand: ArticulatedHand, what: str, torques: Mapping[str, float]) -> Iterator[str]:
@@ -56,9 +101,8 @@ def too_strong(hand: ArticulatedHand, what: str, torques: Mapping[str, float]) -
             joints.setdefault((float(torque), most, name in hand.slides), []).append(name)
     for (torque, most, slides), names in joints.items():
         unit, small = ("N", "mN") if slides else ("N m", "N mm")
-        more = " ..." if len(names) > LISTED else ""
         yield (
-            f"{what}: {torque:g} {unit} at {', '.join(names[:LISTED])}{more} is more than is "
+            f"{what}: {torque:g} {unit} at {_listed(names)} is more than is "
             f"believed there, from {most:g} {unit} on: is it in {small}, and {torque / 1e3:g} "
             f"{unit} meant?"
         )

@@ -17,7 +17,6 @@ What is not stated follows from the geometry, and is said:
 * Torques are the efforts that the file states, where these are plausible.
 """
 
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -30,7 +29,7 @@ from scipy.optimize import least_squares
 from grasp3d.arrays import Bools, Floats, locked, unit_rows
 from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand, Coupling
 from grasp3d.hand.articulated.plausible_numbers import largest_torque
-from grasp3d.hand.link_tree import LinkMass, LinkTree
+from grasp3d.hand.link_tree import LinkTree
 
 FARTHEST_APPROACH = 65.0
 """Largest angle between the approach direction and the way to where fingertips meet [degrees]."""
@@ -72,7 +71,12 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
     _check(whole)
     # Read at once: a missing mesh is then refused here, and another process gets all of it.
     shapes = {link: whole.shapes(link) for link in whole.links}
+    for link, some in shapes.items():
+        if any(shape.is_flat for shape in some):
+            raise tree.error(f"a collision mesh of {link} is flat, and has no hull")
     whole = replace(whole, shapes=shapes.__getitem__)
+    whole.check_links(known.get("masses", {}))
+    of_file = {name: one for name, one in whole.masses.items() if name in whole.links}
     hand = ArticulatedHand(
         name=known.get("name") or Path(tree.source).stem,
         tree=whole,
@@ -82,8 +86,7 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
         sensors={},
         torques=locked(np.zeros(0)),
         couplings=couplings,
-        tendons=_pulled(whole, known, assumed),
-        masses=_masses(whole, known),
+        masses=known.get("masses", of_file),
         preshapes={},
         closing=locked(np.zeros(0)),
         source=known.get("source", ""),
@@ -103,7 +106,7 @@ def _base(tree: LinkTree) -> str:
     if len(roots) == 1 and ((len(below) < 2 and not flies) or roots[0] != "world"):
         return roots[0]
     candidates = roots if len(roots) > 1 else below
-    base = max(candidates, key=lambda link: len(_moving(tree.branch(link))))
+    base = max(candidates, key=lambda link: len(tree.branch(link).by_name))
     while not tree.shapes(base) and len(below := tree.children(base)) == 1:
         if tree.joints[below[0]].kind == "fixed":
             break
@@ -111,13 +114,9 @@ def _base(tree: LinkTree) -> str:
     return base
 
 
-def _moving(tree: LinkTree) -> list[str]:
-    return [name for name, joint in tree.joints.items() if joint.kind != "fixed"]
-
-
 def _coupled(tree: LinkTree, couplings: Iterable[Coupling]) -> LinkTree:
     """A tree whose joints follow others as couplings say. Raises SettingError."""
-    links = {joint.name: link for link, joint in tree.joints.items()}
+    links = {joint.name: link for link, joint in tree.joints.items() if joint.kind != "fixed"}
     joints = dict(tree.joints)
     for coupling in couplings:
         for name in coupling.joints:
@@ -132,45 +131,15 @@ def _coupled(tree: LinkTree, couplings: Iterable[Coupling]) -> LinkTree:
 
 def _check(tree: LinkTree) -> None:
     """Refuse what has no posture. Raises SettingError."""
-    kinds = {joint.name: joint.kind for joint in tree.joints.values()}
-    if len(kinds) < len(tree.joints):
-        twice = Counter(joint.name for joint in tree.joints.values()).most_common(1)[0][0]
-        raise tree.error(f"several joints are called {twice}")
     for joint in tree.joints.values():
         if joint.kind == "free":
             raise tree.error(
                 f"joint {joint.name} neither slides nor turns about an axis, and has no value of "
                 "a posture; name a base of the hand below it"
             )
-        low, high = joint.limits or (1.0, 0.0)
-        if joint.kind != "fixed" and joint.follows is None and not low <= high:
-            stated = "no limits" if joint.limits is None else f"limits from {low:g} to {high:g}"
-            raise tree.error(
-                f"joint {joint.name} has {stated}; state its smallest and its largest value, or "
-                "that it has none (continuous)"
-            )
-        source = tree.source_of(joint)[0]
-        if joint.kind != "fixed" and kinds[source] == "fixed":
-            raise tree.error(f"joint {joint.name} follows {source}, which does not move")
+        tree.source_of(joint)
     if tree.closures:
         raise tree.error(f"{tree.closures[0]} closes a loop of links; only trees of links are read")
-
-
-def _masses(tree: LinkTree, known: Mapping[str, Any]) -> Mapping[str, LinkMass]:
-    """What links weigh: stated, or that of the file. Raises SettingError."""
-    tree.check_links(known.get("masses", {}))
-    of_file = {name: one for name, one in tree.masses.items() if name in tree.links}
-    masses: Mapping[str, LinkMass] = known.get("masses", of_file)
-    return masses
-
-
-def _pulled(tree: LinkTree, known: Mapping[str, Any], assumed: list[str]) -> tuple[str, ...]:
-    """Tendons and springs: stated, or those of the file on joints of the hand."""
-    moving = {joint.name for joint in tree.joints.values() if joint.kind != "fixed"}
-    found = tuple(name for name, joints in tree.pulls.items() if moving.issuperset(joints))
-    if found and "tendons" not in known:
-        assumed.append(f"it takes no load, for tendons and springs of the file: {', '.join(found)}")
-    return tuple(known.get("tendons", found))
 
 
 class _Proposal:
@@ -193,6 +162,11 @@ class _Proposal:
         closing = self._closing()
         preshapes = self._preshapes(closing)
         approach = self._approach(preshapes["open"])
+        if unseen := [link for link in tree.unseen if link in tree.links]:
+            self.assumed.append(
+                f"links that are only seen, without collision geometry, touch nothing: "
+                f"{', '.join(unseen)}"
+            )
         if endless := [
             n for n, ends in zip(self.names, self.limits, strict=True) if np.isinf(ends).any()
         ]:
@@ -224,7 +198,8 @@ class _Proposal:
         inner = {above for name in found for above in self.tree.chain(name)[1:]}
         found = tuple(name for name in found if name not in inner)
         if not found:
-            raise self.tree.error("no link that moves has collision geometry")
+            seen = f"; only seen are {', '.join(self.tree.unseen)}" if self.tree.unseen else ""
+            raise self.tree.error(f"no finger ends with a link that has collision geometry{seen}")
         self.assumed.append(f"fingertips are the last links with geometry: {', '.join(found)}")
         return found
 
@@ -401,14 +376,19 @@ class _Proposal:
         if "torques" in self.known:
             return self._by_name(self.known["torques"], unknown, "torques")
         found, odd = unknown.copy(), dict[float, list[str]]()
+        pulled = [name for name in self.names if name in self.tree.pulled]
         for number, name in enumerate(self.names):
             effort = joints[name].effort
-            if effort is None:
+            if name in pulled:
+                found[number] = 0.0
+            if name in pulled or effort is None:
                 continue
             if 0.0 < effort < largest_torque(self.bare, name):
                 found[number] = effort
             else:
                 odd.setdefault(effort, []).append(name)
+        if pulled:
+            self.assumed.append(f"joints that only tendons pull have no motor: {', '.join(pulled)}")
         for effort, names in odd.items():
             self.assumed.append(
                 f"an effort of {effort:g} is not that of such a motor: the torque is not stated "
@@ -427,17 +407,10 @@ class _Proposal:
                 if joint is not None and joint.follows is not None:
                     raise self.tree.error(
                         f"{what}: {name} follows {joint.follows[0]}, and has no value of its own: "
-                        f"take it out of {' and '.join(self._stating(name))}"
+                        "take it out"
                     )
                 raise self.tree.error(
                     f"{what}: {name!r} is no joint of a posture; known: {', '.join(self.names)}"
                 )
             found[self.names.index(name)] = value
         return found
-
-    def _stating(self, joint: str) -> list[str]:
-        """What of the description has a value of a joint."""
-        preshapes = self.known.get("preshapes", {})
-        stated = {key: self.known.get(key, {}) for key in ("closing", "torques")}
-        stated |= {f"the preshape {name}": values for name, values in preshapes.items()}
-        return [key for key, values in stated.items() if joint in values]
