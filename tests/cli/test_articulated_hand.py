@@ -72,21 +72,12 @@ def test_joints_that_turn_without_end_are_said(tmp_path: Path) -> None:
     assert "joints without limits: knuckle0" in printed("hand", path, cwd=tmp_path, columns=200)
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        "label {mesh} -o out.ply --hand {hand}",
-        "validate tried.csv --mesh {mesh} --hand {hand}",
-    ],
-)
-def test_what_needs_jaws_refuses_hands_with_joints(tmp_path: Path, command: str) -> None:
+def test_labels_of_a_surface_refuse_hands_with_joints(tmp_path: Path) -> None:
     three_fingers(tmp_path)
     description = {"format": "grasp3d articulated hand", "version": 1, "description": "three.urdf"}
     (tmp_path / "three.json").write_text(json.dumps(description), encoding="utf-8")
-    rows = ("px,py,pz,qx,qy,qz,qw,success", "0,0,0.1,0,0,0,1,1", "0,0,0.1,0,0,0,1,0")
-    (tmp_path / "tried.csv").write_text("\n".join(rows), encoding="utf-8")
     trimesh.creation.box([0.05, 0.05, 0.05]).export(tmp_path / "box.glb")
-    said = refusal(command.format(mesh="box.glb", hand="three.json"), tmp_path)
+    said = refusal("label box.glb -o out.ply --hand three.json", tmp_path)
     assert "three is a hand with joints: poses with values of its joints are evaluated" in said
     assert not list(tmp_path.glob("out*"))
 
