@@ -7,20 +7,15 @@ from itertools import product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from grasp3d.arrays import Bools, Floats, Ints
+from grasp3d.arrays import Floats, Ints
 from grasp3d.errors import ContactError
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.postures import matched
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE
-from grasp3d.hand.articulated.hand_scene import HandScene
 from grasp3d.hand.frames import GripperFrame, frames_of
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.jaws import Jaws
-from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.table import Table
 from grasp3d.mesh import ObjectMesh
-from grasp3d.system.context import unreported
 
 FEWEST, TRIED, SCREENED, KEPT = 5, 200, 24, 8
 """Poses below which too few agree by chance, the most that are tried, those of them with which all
@@ -33,20 +28,6 @@ more, and so many more of those that are tried."""
 NAMED, RIVAL = 0.5, 0.8
 """A reading is named if at least so many of the poses fit, and of each other reading fewer than so
 many of these."""
-
-LEAST_TOUCH = 0.05
-"""Fraction of the area of a pad that both jaws touch in a pose that fits."""
-
-LEAST_LINKS, DEEPEST = 2, 0.015
-"""Links of a hand with joints that touch in a pose that fits, and how deep they may be in the
-object [m]."""
-
-THIN = 1e-3
-"""Thickness of fingers with which bad poses do not hide a wrong frame [m]."""
-
-FIT = "jaws that are thin close on the object where it is, each with a twentieth of its pad,"
-FIT_OF_LINKS = "at least two links touch the object, and none is deeper than 15 mm in it,"
-"""What is the case in poses that fit."""
 
 SPREAD = 0.1, 10.0
 """Spread of the TCPs, in object sizes, beyond which lengths may be in another unit."""
@@ -126,8 +107,7 @@ class PoseReading:
         other = f"with {words}{taken} in {self.fitting}"
         if not self.stands_out:
             other = f"in several other readings, of which none stands out, in up to {self.fitting}"
-        fit = FIT_OF_LINKS if isinstance(self.hand, ArticulatedHand) else FIT
-        stated = f"as stated ('{self.given.gripper_frame}') {fit} in {self.stated}"
+        stated = f"as stated ('{self.given.gripper_frame}') {self.hand.fitting} in {self.stated}"
         return f"{stated} of {self.given.count} poses; {other}"
 
     def of(self, poses: Floats) -> Floats:
@@ -162,11 +142,8 @@ def audit_poses(
 ) -> PoseReading | None:
     """Count how many poses fit their object as stated and in other readings of their file.
 
-    A pose fits if the gripper, wide open, gets there without meeting the object, its jaws then
-    close on it, and each touches it with a twentieth of a pad, with its own fingers or with thin
-    ones: so bad poses do not hide a wrong frame. Where nothing is found so, the gripper must not
-    meet the table either. Of a hand with joints two links touch, and none is deeper than 15 mm in
-    the object. Tried are the frames by name, and their axes with the TCP or the base as origin,
+    Whether a pose fits, `Hand.fits` says. Where nothing is found so, a gripper must not meet the
+    table either. Tried are the frames by name, and their axes with the TCP or the base as origin,
     each with quaternions in another order and with transposed rotations; and where the TCPs are far
     apart or all at one point, lengths in other units.
 
@@ -185,7 +162,7 @@ def audit_poses(
     read = read.take(_some(read.count, TRIED))
     if read.count < FEWEST:
         return None
-    tables = (None,) if isinstance(hand, ArticulatedHand) else dict.fromkeys((None, table))
+    tables = dict.fromkeys((None, table))
     return next(filter(None, (_audited(mesh, read, hand, below) for below in tables)), None)
 
 
@@ -198,7 +175,7 @@ def _audited(
     def fitting(readings: list[PoseReading], rows: Ints) -> Ints:
         in_object = np.concatenate([one.of(read.poses[rows]) for one in readings])
         posture = np.tile(read.posture[rows], (len(readings), 1))
-        fits = _fits(mesh, hand, table, in_object, posture)
+        fits = hand.fits(mesh, in_object, posture, table=table)
         return np.asarray(fits.reshape(len(readings), -1).sum(axis=1))
 
     as_stated = PoseReading(given=read, hand=hand, frame=read.gripper_frame)
@@ -261,39 +238,8 @@ def _others(stated: PoseReading, mesh: ObjectMesh) -> Iterator[PoseReading]:
 def _key(poses: Floats, hand: Hand) -> bytes:
     """What poses have in common that are the same: jaws are alike on both sides."""
     closing = poses[:, :3, :1]
-    closing = closing * closing.transpose(0, 2, 1) if isinstance(hand, Jaws) else closing
+    closing = closing * closing.transpose(0, 2, 1) if hand.fingers else closing
     return (np.round(np.concatenate([closing, poses[:, :3, 2:]], axis=2), 6) + 0.0).tobytes()
-
-
-def _fits(
-    mesh: ObjectMesh, hand: Hand, table: Table | None, poses: Floats, posture: Floats
-) -> Bools:
-    """Which of poses (k, 4, 4) of the TCP [m] fit, shape (k,)."""
-    if isinstance(hand, ArticulatedHand):
-        scene = HandScene(mesh, hand, CONTACT_DISTANCE)
-        frames = scene.frames(poses, hand.postures(posture))
-        gaps = scene.link_gaps(scene.touch(frames, contacts=False, search=CONTACT_DISTANCE))
-        touching = (gaps <= CONTACT_DISTANCE).sum(axis=1) >= LEAST_LINKS
-        return np.asarray(touching & (gaps.min(axis=1) >= -DEEPEST))
-    fits = np.zeros(len(poses), dtype=np.bool_)
-    for one in (hand, _thin(hand)):
-        rows = np.flatnonzero(~fits)
-        held = np.zeros(len(rows), dtype=np.bool_)
-        with unreported():
-            closed = one.close(mesh, poses[rows])
-        free = ~one.blocked(mesh, poses[rows], closed, held=held, table=table)
-        touched = closed.area.min(axis=1) >= LEAST_TOUCH * hand.touch_area
-        fits[rows] = closed.closed & free & touched
-    return fits
-
-
-def _thin(hand: Hand) -> Hand:
-    """A gripper with fingers so thin that they fit beside what others would touch."""
-    if not isinstance(hand, ParallelGripper) or hand.round_tips:
-        return hand
-    return replace(
-        hand, finger_thickness=THIN, finger_width=hand.pad_width, tip_thickness=None, inner_faces=()
-    )
 
 
 def _longer(poses: Floats, factor: float) -> Floats:

@@ -135,6 +135,27 @@ class Hand(Protocol):
             table: What the object stands on; None: nothing.
         """
 
+    @property
+    def fitting(self) -> str:
+        """What is the case at poses that fit, for a sentence: 'jaws ... close on the object,'."""
+
+    def fits(
+        self,
+        mesh: "ObjectMesh",
+        poses: "Floats",
+        posture: "Floats",
+        *,
+        table: "Table | None" = None,
+    ) -> "Bools":
+        """Whether poses are such as people state, which tells frames apart, shape (k,).
+
+        Args:
+            mesh: The object; its unit must be known.
+            poses: From the hand's frame to the mesh's [m], shape (k, 4, 4).
+            posture: Values of its joints there, shape (k, p).
+            table: What it must not meet; None: nothing.
+        """
+
     def opens_to(self, closed: "ClosedJaws") -> "Bools":
         """Whether the openings of closed grasps are within the limits, shape (k,)."""
 

@@ -1,6 +1,6 @@
 """Grippers of two fingers that move along one axis."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,12 +15,19 @@ if TYPE_CHECKING:
     from grasp3d.arrays import ArrayLike, Bools
     from grasp3d.hand.closed_jaws import ClosedJaws
     from grasp3d.hand.reach import Reach
+    from grasp3d.hand.table import Table
     from grasp3d.hand.triangles import Triangles
     from grasp3d.mesh import ObjectMesh
     from grasp3d.settings import GraspModel
 
 ROUNDING = 1e-9
 """Fraction of the stroke by which a limit may be exceeded through rounding."""
+
+LEAST_TOUCH = 0.05
+"""Fraction of the area of a pad that both jaws touch in a pose that fits."""
+
+THIN = 1e-3
+"""Thickness of fingers with which bad poses do not hide a wrong frame [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,6 +151,40 @@ class ParallelGripper(Jaws):
         from grasp3d.hand.jaw_reach import collides_closing
 
         return collides_closing(mesh, poses, closed, self, **options)
+
+    fitting = (
+        "jaws that are thin close on the object where it is, each with a twentieth of its pad,"
+    )
+    """What is the case at poses that fit."""
+
+    def fits(
+        self, mesh: "ObjectMesh", poses: Any, posture: Any, *, table: "Table | None" = None
+    ) -> "Bools":
+        """Whether it gets to poses wide open, and then closes on the object, shape (k,).
+
+        Each jaw must touch with a twentieth of a pad, with its own fingers or with thin ones: so
+        bad poses do not hide a wrong frame. See `Hand.fits`.
+        """
+        import numpy as np
+
+        from grasp3d.system.context import unreported
+
+        del posture
+        thin, fits = self, np.zeros(len(poses), dtype=np.bool_)
+        if not self.round_tips:
+            thin = replace(
+                self, finger_thickness=THIN, finger_width=self.pad_width, tip_thickness=None,
+                inner_faces=(),
+            )  # fmt: skip
+        for one in dict.fromkeys((self, thin)):
+            rows = np.flatnonzero(~fits)
+            with unreported():
+                closed = one.close(mesh, poses[rows])
+            held = np.zeros(len(rows), dtype=np.bool_)
+            free = ~one.blocked(mesh, poses[rows], closed, held=held, table=table)
+            touched = closed.area.min(axis=1) >= LEAST_TOUCH * self.touch_area
+            fits[rows] = closed.closed & free & touched
+        return fits
 
     def opens_to(self, closed: "ClosedJaws") -> "Bools":
         """Whether it can open to each opening, with clearance on both sides, shape (k,)."""

@@ -5,19 +5,23 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
 from grasp3d._kernels.hands import kinematics
 from grasp3d._kernels.hands.link_shapes import LinkShapes
-from grasp3d.arrays import ArrayLike, Floats, Ints, locked
+from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.link_bodies import link_bodies
 from grasp3d.hand.articulated.presets import FORMAT, VERSION
 from grasp3d.hand.link_tree import Joint, LinkMass, LinkShape, LinkTree
 from grasp3d.hand.triangles import Part, Triangles, triangles_of
 from grasp3d.system.names import printable
+
+if TYPE_CHECKING:
+    from grasp3d.hand.table import Table
+    from grasp3d.mesh import ObjectMesh
 
 _KINDS = {"fixed": kinematics.FIXED, "slides": kinematics.SLIDES, "turns": kinematics.TURNS}
 
@@ -324,6 +328,18 @@ class ArticulatedHand:
         """Not stated: 0."""
         del friction
         return 0.0
+
+    fitting = "at least two links touch the object, and none is deeper than 15 mm in it,"
+    """What is the case at poses that fit."""
+
+    def fits(
+        self, mesh: "ObjectMesh", poses: Any, posture: Any, *, table: "Table | None" = None
+    ) -> Bools:
+        """Whether two links touch at poses, and none is too deep, shape (k,); see `Hand.fits`."""
+        from grasp3d.hand.articulated.contacts import links_fit
+
+        del table
+        return links_fit(mesh, self, poses, self.postures(posture))
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
         raise SettingError(

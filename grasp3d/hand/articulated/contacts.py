@@ -130,3 +130,23 @@ def hand_contacts(
         self_depth=depth,
         table_depth=scene.table_depth(frames, table),
     )
+
+
+LEAST_LINKS, DEEPEST = 2, 0.015
+"""Links that touch at a pose that fits, and how deep they may be in the object [m]."""
+
+
+def links_fit(mesh: "ObjectMesh", hand: ArticulatedHand, poses: Floats, posture: Floats) -> Bools:
+    """Whether some links touch at poses (k, 4, 4) [m], and none is too deep, shape (k,).
+
+    Args:
+        mesh: The object; its unit must be known.
+        hand: The hand.
+        poses: Hand's frame to that of the mesh.
+        posture: Values of its joints, shape (k, p).
+    """
+    scene = HandScene(mesh, hand, CONTACT_DISTANCE)
+    frames = scene.frames(poses, posture)
+    gaps = scene.link_gaps(scene.touch(frames, contacts=False, search=CONTACT_DISTANCE))
+    touching = (gaps <= CONTACT_DISTANCE).sum(axis=1) >= LEAST_LINKS
+    return np.asarray(touching & (gaps.min(axis=1) >= -DEEPEST))
