@@ -11,10 +11,10 @@ from .export import write_glb as write_glb
 from .export import write_npz as write_npz
 from .export import write_ply as write_ply
 from .export import write_vtp as write_vtp
+from .formats.reading import read_grasps as read_grasps
+from .formats.writing import write_grasps as write_grasps
 from .grasps.best import best_grasps as best_grasps
 from .grasps.evaluation import evaluate_grasps as evaluate_grasps
-from .grasps.grasp_files import read_grasps as read_grasps
-from .grasps.grasp_files import write_grasps as write_grasps
 from .hand.hand_files import read_hand as read_hand
 from .hand.parallel_gripper import ParallelGripper as ParallelGripper
 from .hand.table import Approach as Approach

@@ -23,9 +23,8 @@ import trimesh
 
 import grasp3d
 from grasp3d.export.writers import WRITERS
-from grasp3d.grasps import read_object_pose
-from grasp3d.grasps.pose_files import read_poses, write_poses
-from grasp3d.grasps.poses import GraspPoses
+from grasp3d.formats import read_object_pose, read_poses, write_poses
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.hand.hand_files import read_hand, write_hand
 from grasp3d.mesh.reading.mesh_files import read_mesh
 from grasp3d.system.limited_reading import limited_reading

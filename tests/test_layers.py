@@ -29,6 +29,7 @@ LAYERS = [
     "stability mesh",
     "hand",
     "surface planar",
+    "formats",
     "export",
     "grasps",
     "validating",
@@ -69,8 +70,6 @@ ENGINES = {
     "aiohttp": {"viewer"},
     "mujoco": {"hand.mjcf", "physics.engine"},
     "coacd": {"physics.parts"},
-    "yaml": {"grasps.pose_files"},
-    "h5py": {"grasps.pose_files"},
     "rich": {"cli"},
 }
 

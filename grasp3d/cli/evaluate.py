@@ -20,6 +20,10 @@ from grasp3d.cli.report import (
     percent_text,
 )
 from grasp3d.errors import SettingError
+from grasp3d.formats import holds_poses
+from grasp3d.formats.contacts import SUFFIXES, contacts_in
+from grasp3d.formats.reading import read_grasps
+from grasp3d.formats.writing import write_grasps
 from grasp3d.grasps.audit import READING, READINGS, explained
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import (
@@ -29,9 +33,7 @@ from grasp3d.grasps.evaluation import (
     evaluate_grasps,
     poses_on,
 )
-from grasp3d.grasps.grasp_files import SUFFIXES, contacts_in, read_grasps, write_grasps
 from grasp3d.grasps.hand_grasps import EvaluatedHandGrasps
-from grasp3d.grasps.pose_files import holds_poses
 from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.frames import AUTO

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.errors import ContactError
-from grasp3d.grasps.poses import GraspPoses
-from grasp3d.grasps.postures import matched
+from grasp3d.formats.poses import GraspPoses
+from grasp3d.formats.postures import matched
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE
 from grasp3d.hand.articulated.hand_scene import HandScene
@@ -86,7 +86,8 @@ class PoseReading:
         >>> import numpy as np
         >>> import trimesh
         >>> import grasp3d
-        >>> from grasp3d.grasps import GraspPoses, audit_poses
+        >>> from grasp3d.formats import GraspPoses
+        >>> from grasp3d.grasps import audit_poses
         >>> franka = grasp3d.ParallelGripper.preset("franka")
         >>> block = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.5, 0.02]), unit="m")
         >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (20, 1, 1))

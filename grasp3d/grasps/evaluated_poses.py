@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.formats.poses import GAP, GraspPoses
 from grasp3d.grasps.audit import FEWEST, SUSPECTED, PoseReading, audit_poses
 from grasp3d.grasps.gripper_reasons import GripperReasons
-from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.reasons import Reasons
 from grasp3d.grasps.robustness import Robustness, robustness_of
 from grasp3d.hand.choices import ObjectMotion

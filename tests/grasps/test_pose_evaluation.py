@@ -20,11 +20,10 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.errors import ContactError, SettingError
+from grasp3d.formats import read_poses, write_grasps, write_poses
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.grasp_files import write_grasps
-from grasp3d.grasps.pose_files import read_poses, write_poses
-from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.parallel_gripper import preset
 from grasp3d.hand.table import Approach, Table

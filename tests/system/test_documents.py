@@ -15,8 +15,7 @@ import trimesh
 import grasp3d
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.export.stored import stored_settings
-from grasp3d.grasps import read_object_pose
-from grasp3d.grasps.pose_files import holds_poses, read_poses
+from grasp3d.formats import holds_poses, read_object_pose, read_poses
 from grasp3d.hand.hand_files import hand_of_line, read_hand
 from grasp3d.hand.parallel_gripper import preset
 from grasp3d.system.documents import LONGEST_NUMBER, parse_json
@@ -221,7 +220,7 @@ def test_pipes_and_devices_are_not_read(tmp_path: Path, name: str) -> None:
 
 SEEDS = """
 from pathlib import Path
-from grasp3d.grasps.pose_files import read_poses
+from grasp3d.formats import read_poses
 from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.export.parquet import codes_of
 from grasp3d.surface.vertex_fields import VERTICES

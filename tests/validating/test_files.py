@@ -9,8 +9,8 @@ import trimesh
 
 from grasp3d import Load, MeshOptions, ParallelGripper
 from grasp3d.errors import ContactError, MeshError, SettingError
-from grasp3d.grasps.pose_files import write_poses
-from grasp3d.grasps.poses import GraspPoses
+from grasp3d.formats import write_poses
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.validating.tried_grasps import (
     GIVEN,
     STATED,

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import grasp3d
 from grasp3d.errors import ContactError
-from grasp3d.grasps.poses import GraspPoses
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.hand.pose_checks import check_near, pose_warning
 from grasp3d.settings.units import METRES
 from tests.helpers import shapes

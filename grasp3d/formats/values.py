@@ -1,4 +1,4 @@
-"""Values of JSON and YAML documents, checked.
+"""Values of JSON, YAML and NumPy files, checked.
 
 Nothing here walks a document deeper than the shape that is expected: YAML may refer to one list
 many times.
@@ -7,10 +7,10 @@ many times.
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from importlib import import_module
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
-from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -18,16 +18,15 @@ import numpy.typing as npt
 
 from grasp3d.arrays import HEADER_ERRORS, Floats
 from grasp3d.errors import ContactError, OutputError
-from grasp3d.system import documents
 from grasp3d.system.documents import (
     described,
     file_bytes,
+    is_folder,
     number_of,
     problem_of_file,
 )
 from grasp3d.system.files import atomic_write
-from grasp3d.system.names import printable
-from grasp3d.system.stored_arrays import RefusedError, StoredArray, array_in
+from grasp3d.system.names import printable, reason_of
 from grasp3d.system.versions import package_version
 
 Entries = Sequence[Mapping[str, Any]]
@@ -35,9 +34,7 @@ Entries = Sequence[Mapping[str, Any]]
 
 def check_file(path: Path) -> None:
     """Raise ContactError unless there is such a file, or a folder of files."""
-    if documents.is_folder(path) and not path.suffix:
-        return
-    if problem := problem_of_file(path):
+    if (problem := problem_of_file(path)) and not (is_folder(path) and not path.suffix):
         raise ContactError(printable(f"{path}: {problem}"))
 
 
@@ -46,9 +43,16 @@ def one_line(path: Path, problem: str) -> ContactError:
     return ContactError(printable(f"{path}: {' '.join(problem.split())}"))
 
 
+def library(module: str, package: str) -> Any:
+    """A library of the extra `datasets`. Raises OutputError if it is not installed."""
+    if find_spec(module) is None:
+        raise OutputError(f"this format needs {package}: pip install 'grasp3d[datasets]'")
+    return import_module(module)
+
+
 def load_yaml(path: Path) -> Any:
     """Content of a YAML file of plain values. Raises ContactError, ValueError, OSError."""
-    yaml = yaml_module()
+    yaml = library("yaml", "PyYAML")
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     text = file_bytes(path)
     try:
@@ -68,18 +72,20 @@ def load_array(path: Path) -> npt.NDArray[Any]:
     try:
         array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
     except HEADER_ERRORS as error:
-        reason = " ".join(str(error).split())[:200]
-        raise ContactError(f"is no .npy file of numbers ({reason})") from error
+        raise ContactError(f"is no .npy file of numbers ({reason_of(error)})") from error
     return array
 
 
-def yaml_module() -> Any:
-    """PyYAML. Raises OutputError if it is not installed."""
-    if find_spec("yaml") is None:
-        raise OutputError("YAML needs PyYAML: pip install 'grasp3d[datasets]'")
-    import yaml
+def has(*paths: str) -> Any:
+    """Whether content has keys, within each other a.b; 0 is the first of a list, or all of one."""
+    return lambda content: all(_holds(content, *path.split(".")) for path in paths)
 
-    return yaml
+
+def _holds(content: Any, key: str, *further: str) -> bool:
+    if key == "0":
+        return _holds(content[0] if isinstance(content, list) and content else content, *further)
+    found = isinstance(content, dict) and key in content
+    return found and (not further or _holds(content[key], *further))
 
 
 def mapping(value: object, what: str) -> dict[str, Any]:
@@ -96,14 +102,6 @@ def grasp_list(value: object, what: str) -> list[Any]:
     if not value:
         raise ContactError("there are no grasps in it")
     return value
-
-
-def as_many(values: object, what: str, count: int) -> list[Any]:
-    """A list of as many values as there are grasps; lists of one value are that value."""
-    entries = grasp_list(values, what)
-    if len(entries) != count:
-        raise ContactError(f"{what} must have {count} values, one of each grasp")
-    return [value[0] if isinstance(value, list) and len(value) == 1 else value for value in entries]
 
 
 def entries_of(grasps: Iterable[object]) -> list[dict[str, Any]]:
@@ -138,27 +136,40 @@ def numbers(values: Sequence[Any], shape: tuple[int, ...], what: str) -> Floats:
     Raises:
         ContactError: Values that are no numbers, or lists of other lengths.
     """
-    if (plain := _plain(values, shape)) is not None:
-        return plain
-    flat: list[float] = []
-    for number, value in enumerate(values, 1):
-        try:
-            flat += _flattened(value, shape)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise ContactError(
-                f"grasp {number}: {what} must be {_expected(shape)}; got {described(value)}"
-            ) from error
-    return np.array(flat, dtype=np.float64).reshape(len(values), *shape)
-
-
-def numbers_in(value: object, what: str) -> npt.NDArray[Any]:
-    """The array of numbers that a file holds, or lists of them. Raises ContactError."""
+    flat, of_one = list(values), 1
+    for size in shape:
+        wrong = next((k for k, one in enumerate(flat) if not _is_list(one, size)), None)
+        if wrong is not None:
+            raise _no_numbers(values, wrong // of_one, shape, what)
+        flat, of_one = list(chain.from_iterable(flat)), of_one * size
     try:
-        return array_in(value)
-    except RefusedError as error:
-        stored = isinstance(value, StoredArray)
-        got = described(np.ravel(value.values).tolist() if stored else value)  # type: ignore[attr-defined]
-        raise ContactError(f"{what} must be numbers; got {got}") from error
+        if all(isinstance(one, int | float | str | None) for one in flat):
+            return np.array(flat, dtype=np.float64).reshape(len(values), *shape)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    wrong = next(k for k, one in enumerate(flat) if not _is_number(one))
+    raise _no_numbers(values, wrong // of_one, shape, what)
+
+
+def _is_list(value: object, size: int) -> bool:
+    return isinstance(value, list) and len(value) == size
+
+
+def _is_number(value: object) -> bool:
+    return value is None or isinstance(value, bool) or str(value).strip().lower() == "nan" or (
+        isinstance(value, int | float | str) and not math.isnan(number_of(value))
+    )  # fmt: skip
+
+
+def _no_numbers(values: Sequence[Any], row: int, shape: tuple[int, ...], what: str) -> ContactError:
+    words = "a number" if not shape else " x ".join(map(str, shape)) + " numbers, in lists"
+    words = f"a list of {shape[0]} numbers" if len(shape) == 1 else words
+    return ContactError(f"grasp {row + 1}: {what} must be {words}; got {described(values[row])}")
+
+
+def optional_numbers(entries: Entries, key: str) -> Floats:
+    """Numbers of a key that entries need not have, shape (k,); nan where it is missing."""
+    return numbers([entry.get(key) for entry in entries], (), key)
 
 
 def joints_of(values: Sequence[Any], what: str) -> tuple[tuple[str, ...], Floats]:
@@ -173,37 +184,23 @@ def joints_of(values: Sequence[Any], what: str) -> tuple[tuple[str, ...], Floats
     """
     first = values[0] if values else None
     if not isinstance(first, Mapping):
-        joints = len(first) if isinstance(first, list) else 0
-        return (), numbers(values, (joints,), what)
-    rows = []
-    for number, one in enumerate(values, 1):
-        named = mapping(one, f"grasp {number}: {what}")
-        if other := sorted(map(str, named.keys() ^ first.keys())):
+        return (), numbers(values, (len(first) if isinstance(first, list) else 0,), what)
+    rows = [mapping(one, f"grasp {number}: {what}") for number, one in enumerate(values, 1)]
+    for number, row in enumerate(rows, 1):
+        if other := sorted(map(str, row.keys() ^ first.keys())):
             raise ContactError(
                 f"grasp {number}: {what} must have the joints of grasp 1; {other[0]!r} is in one "
                 "of them only"
             )
-        rows.append(named)
     columns = [numbers([row[name] for row in rows], (), f"{what} {name}") for name in first]
     return tuple(map(str, first)), np.reshape(columns, (len(first), len(rows))).T.copy()
 
 
-def optional_numbers(entries: Entries, key: str) -> Floats:
-    """Numbers of a key that entries need not have, shape (k,); nan where it is missing."""
-    return numbers([entry.get(key) for entry in entries], (), key)
-
-
-def one_number(value: object, what: str) -> float:
-    """A finite number. Raises ContactError."""
-    number = number_of(value)
-    if not math.isfinite(number):
-        raise ContactError(f"{what} must be a finite number; got {described(value)}")
-    return number
-
-
 def number_or_none(value: object, what: str) -> float | None:
     """A finite number, or none. Raises ContactError."""
-    return None if value is None else one_number(value, what)
+    if value is not None and not math.isfinite(number_of(value)):
+        raise ContactError(f"{what} must be a finite number; got {described(value)}")
+    return None if value is None else number_of(value)
 
 
 def text_or_none(value: object, what: str) -> str | None:
@@ -227,21 +224,26 @@ def json_text(values: object) -> str:
     return json.dumps(values, allow_nan=False)
 
 
-def write_json(path: Path, document: object) -> None:
-    """Write a JSON file without nan."""
+def write_text(path: Path, text: str) -> None:
+    """Make or replace a file. Raises OutputError."""
     with atomic_write(path) as part:
-        part.write_text(json_text(document), encoding="utf-8")
+        part.write_text(text, encoding="utf-8")
+
+
+def write_array(path: Path, values: npt.NDArray[Any]) -> None:
+    """Make or replace an .npy file. Raises OutputError."""
+    with atomic_write(path) as part, part.open("wb") as stream:
+        np.save(stream, values)
 
 
 def write_yaml(path: Path, document: Mapping[str, Any]) -> None:
     """Write a YAML file that says which program wrote it."""
-    yaml = yaml_module()
+    yaml = library("yaml", "PyYAML")
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-    with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
-        stream.write(f"# written by grasp3d {package_version()}\n")
-        yaml.dump(
-            document, stream, dumper, sort_keys=False, default_flow_style=None, allow_unicode=True
-        )
+    text = yaml.dump(
+        document, Dumper=dumper, sort_keys=False, default_flow_style=None, allow_unicode=True
+    )
+    write_text(path, f"# written by grasp3d {package_version()}\n{text}")
 
 
 def rows_of(columns: Mapping[str, Any], count: int) -> Iterator[dict[str, Any]]:
@@ -262,42 +264,3 @@ def write_rows(path: Path, header: str, rows: Iterable[Mapping[str, Any]]) -> No
         for number, row in enumerate(rows):
             stream.write(("," if number else "") + "\n" + json_text(row))
         stream.write("\n]}\n")
-
-
-def _plain(values: Sequence[Any], shape: tuple[int, ...]) -> Floats | None:
-    """Numbers of lists of this shape; None: there is another value. Quick, where most are right."""
-    flat = values
-    for size in shape:
-        if not set(map(type, flat)) <= {list} or not set(map(len, flat)) <= {size}:
-            return None
-        flat = list(chain.from_iterable(flat))
-    if not set(map(type, flat)) <= {float, int, bool, NoneType}:
-        return None
-    try:
-        return np.array(flat, dtype=np.float64).reshape(len(values), *shape)
-    except OverflowError:
-        return None
-
-
-def _flattened(value: object, shape: tuple[int, ...]) -> list[float]:
-    if not shape:
-        return [_number(value)]
-    if not isinstance(value, list) or len(value) != shape[0]:
-        raise ValueError
-    return [number for part in value for number in _flattened(part, shape[1:])]
-
-
-def _number(value: object) -> float:
-    if value is None:
-        return math.nan
-    if not isinstance(value, int | float | str):
-        raise TypeError
-    return float(value)
-
-
-def _expected(shape: tuple[int, ...]) -> str:
-    if not shape:
-        return "a number"
-    if len(shape) == 1:
-        return f"a list of {shape[0]} numbers"
-    return " x ".join(map(str, shape)) + " numbers, in lists"

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
-from grasp3d.grasps.pose_files.documents import Entries
-from grasp3d.grasps.poses import GraspPoses
+from grasp3d.formats.poses import GraspPoses
+from grasp3d.formats.values import Entries
 from grasp3d.system.documents import described
 
 OUTCOMES = ("outcome", "success")

@@ -1,11 +1,7 @@
 """Files of postures: the same grasps through every format, and what is wrong in files by others."""
 
-import importlib.machinery
-import importlib.util
 import json
 import os
-import sys
-import types
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,15 +13,14 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d import load_mesh, read_hand
 from grasp3d.errors import ContactError, OutputError
+from grasp3d.formats import holds_poses, read_poses, write_poses
+from grasp3d.formats.dictionaries import ALL_STAGES
+from grasp3d.formats.poses import GraspPoses
+from grasp3d.formats.postures import POSTURES, matched, wrist_of
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.pose_files import holds_poses, read_poses, write_poses
-from grasp3d.grasps.pose_files.hand_files import ALL_STAGES
-from grasp3d.grasps.poses import GraspPoses
-from grasp3d.grasps.postures import POSTURES, matched, wrist_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.parallel_gripper import preset
-from grasp3d.settings import PoseFormat
-from tests.grasps.test_poses import random_poses, with_joints
+from tests.formats.test_poses import random_poses, with_joints
 from tests.hand.test_articulated_hand import hand_of, random_postures
 from tests.helpers import shapes
 from tests.helpers.hands import HANDS, hand_file
@@ -150,7 +145,7 @@ def palms(poses: GraspPoses) -> Any:
 
 @pytest.mark.parametrize("form", list(FORMATS))
 @pytest.mark.parametrize("name", HANDS)
-def test_every_format_has_the_same_grasps(tmp_path: Path, name: str, form: PoseFormat) -> None:
+def test_every_format_has_the_same_grasps(tmp_path: Path, name: str, form: str) -> None:
     poses = grasps_of(name)
     path = tmp_path / f"a{FORMATS[form]}"
     write_poses(path, poses, format=form)
@@ -303,9 +298,7 @@ def test_columns_that_are_called_as_the_joints_are_said_to_lack_their_prefix(
 
 
 @pytest.mark.parametrize("form", ["json", "csv", "parquet"])
-def test_joints_are_not_ignored_where_the_hand_is_a_gripper(
-    tmp_path: Path, form: PoseFormat
-) -> None:
+def test_joints_are_not_ignored_where_the_hand_is_a_gripper(tmp_path: Path, form: str) -> None:
     path, poses = tmp_path / f"a{FORMATS[form]}", grasps_of("allegro")
     write_poses(path, poses, format=form)
     box = load_mesh(shapes.box((9.0, 9.0, 9.0)), unit="m")
@@ -361,7 +354,7 @@ def test_a_folder_of_files_of_one_grasp_each(tmp_path: Path) -> None:
     assert back.names == tuple(f"scale008/{row}" for row in range(4))
     assert (back.object_file, back.object_scale) == ("assets/DGNObj/mug", pytest.approx(0.08))
     save(tmp_path / "mug" / "bad.npy", {"other": np.zeros(3)})
-    with pytest.raises(ContactError, match="must have the key grasp_qpos or robot_pose"):
+    with pytest.raises(ContactError, match="dictionaries with the key grasp_qpos"):
         read_poses(tmp_path / "mug", hand=poses.hand)
     save(tmp_path / "mug" / "bad.npy", bench(poses, 3, obj_path="assets/DGNObj/pot"))
     with pytest.raises(ContactError, match="pot: put the files of each"):
@@ -413,31 +406,6 @@ def test_a_pose_of_the_object_that_is_elsewhere_must_be_given(
         read_poses(path, hand=poses.hand)
     given = read_poses(path, hand=poses.hand, object_pose=random_poses(1, seed=2)[0])
     equal(given.poses[0], poses.poses[2], 1e-6)
-
-
-def test_bodex_has_all_stages_in_one_array_and_the_thumb_first(
-    tmp_path: Path,
-) -> None:
-    poses = grasps_of("shadow")
-    assert isinstance(poses.hand, ArticulatedHand)
-    names = [*poses.joint_names[19:], *poses.joint_names[2:19]]  # thumb first, without the wrist
-    at = [poses.joint_names.index(name) for name in names]
-    palm = poses.hand.link_poses(poses.posture)[:, poses.hand.link_names.index("palm")]
-    rows = np.stack([qpos(poses.poses @ palm, poses.posture[:, at])] * 3, axis=1)
-    content = {
-        "robot_pose": rows[None], "joint_names": names, "obj_scale": [0.08], "grasp_error": None,
-        "obj_pose": np.array([[0, 0, 0, 1, 0, 0, 0]], np.float32), "obj_path": ["mug"],
-        "world_cfg": [{"mesh": {"mug": {"pose": [0.0] * 7}}}],
-    }  # fmt: skip
-    back = read_poses(save(tmp_path / "mug_grasp.npy", content), hand=poses.hand)
-    equal(palms(back), palms(poses), 1e-5)
-    assert back.object_scale == 0.08
-    del content["joint_names"]
-    wrong = read_poses(save(tmp_path / "mug_grasp.npy", content), hand=poses.hand)
-    assert np.abs(palms(wrong) - palms(poses)).max() > 0.1
-    content["robot_pose"] = rows[None, :, :2]
-    with pytest.raises(ContactError, match="robot_pose must have 3 rows of each grasp"):
-        read_poses(save(tmp_path / "mug_grasp.npy", content), hand=poses.hand)
 
 
 def net(poses: GraspPoses, scales: list[float]) -> list[dict[str, Any]]:
@@ -516,7 +484,7 @@ def test_dictionaries_with_other_values_are_refused(
 
 def test_dictionaries_of_no_format_are_refused(tmp_path: Path) -> None:
     path = save(tmp_path / "a.npy", {"scale": 1.0})
-    with pytest.raises(ContactError, match=r"its dictionaries must have the key grasp_qpos"):
+    with pytest.raises(ContactError, match="dictionaries with the key grasp_qpos"):
         read_poses(path, hand=hand_of("allegro"))
     grasp = bench(grasps_of("allegro"), 0)
     save(path, [grasp, {"scale": 1.0}])
@@ -567,47 +535,3 @@ def test_hands_without_joints_and_grasps_without_postures_are_refused(tmp_path: 
     bare = GraspPoses(poses=poses.poses, unit="m", hand=poses.hand)
     with pytest.raises(OutputError, match="the poses have no values of them"):
         write_poses(path, bare, format="dexgraspnet")
-
-
-# PyTorch is not needed, and not there in tests: a stand-in has its one function.
-
-
-class Tensor:
-    def __init__(self, values: Any) -> None:
-        self.values = values
-
-    def detach(self) -> "Tensor":
-        return self
-
-    cpu = detach
-
-    def numpy(self) -> Any:
-        return self.values
-
-
-def test_files_of_pytorch_are_read_by_it_without_executing_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "a.pt").write_bytes(b"")
-    if importlib.util.find_spec("torch") is None:
-        with pytest.raises(ContactError, match="file of PyTorch, which is not installed: save it"):
-            read_poses(tmp_path / "a.pt", hand=hand_of("allegro"))
-    calls: list[dict[str, Any]] = []
-    poses = grasps_of("allegro")
-    content = {"grasp_qpos": Tensor(qpos(poses.poses, poses.posture))}
-
-    def load(path: Path, **options: Any) -> Any:
-        del path
-        calls.append(options)
-        return content
-
-    torch = types.ModuleType("torch")
-    torch.__spec__ = importlib.machinery.ModuleSpec("torch", None)
-    monkeypatch.setattr(torch, "load", load, raising=False)
-    monkeypatch.setitem(sys.modules, "torch", torch)
-    back = read_poses(tmp_path / "a.pt", hand=poses.hand)
-    equal(back.posture, poses.posture, 1e-6)
-    assert calls == [{"map_location": "cpu", "weights_only": True}]
-    monkeypatch.setattr(torch, "load", lambda *_, **__: 1 / 0)
-    with pytest.raises(ContactError, match="PyTorch does not read it without executing it"):
-        read_poses(tmp_path / "a.pt", hand=poses.hand)

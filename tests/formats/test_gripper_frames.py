@@ -11,17 +11,16 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from grasp3d.errors import ContactError, GraspError, SettingError
-from grasp3d.grasps.pose_files import read_poses, write_poses
-from grasp3d.grasps.pose_files.files import _FORMATS, suffixes_of
-from grasp3d.grasps.pose_files.frames import JOINTED
-from grasp3d.grasps.poses import GraspPoses
+from grasp3d.formats import read_poses, write_poses
+from grasp3d.formats.format import formats
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.parallel_gripper import preset
 from tests.docs.field_tables import FRAME_SOURCES
 from tests.hand.test_articulated_hand import hand_of
 
 FRANKA = preset("franka")
-WRITTEN = [name for name in _FORMATS if name not in JOINTED]
+WRITTEN = [name for name, form in formats().items() if form.hands != ("articulated",)]
 
 TCP = [[0, 1, 0, 0.1], [1, 0, 0, 0.2], [0, 0, -1, 0.3], [0, 0, 0, 1]]
 """From above onto an object, the jaws along its y: the pose that all of these files have."""
@@ -86,7 +85,7 @@ def test_a_pose_in_every_named_frame_is_the_same_pose(name: str, tmp_path: Path)
 @pytest.mark.parametrize("format_name", WRITTEN)
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_every_writer_has_every_frame(name: str, format_name: Any, tmp_path: Path) -> None:
-    path = tmp_path / f"a{suffixes_of(format_name)[0]}"
+    path = tmp_path / f"a{formats()[format_name].suffixes[0]}"
     write_poses(path, poses(scores=0.5), format=format_name, frame=name)
     found = read_poses(path, hand=FRANKA, unit="m", frame=name)
     same(found.poses[0], TCP)

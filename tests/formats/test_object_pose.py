@@ -16,15 +16,14 @@ from scipy.spatial.transform import Rotation
 
 import grasp3d
 from grasp3d.errors import ContactError
+from grasp3d.formats import read_grasps, read_poses, write_grasps, write_poses
+from grasp3d.formats.frames import read_object_pose
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.grasp_files import read_grasps, write_grasps
-from grasp3d.grasps.pose_files.files import read_poses, write_poses
-from grasp3d.grasps.pose_files.frames import read_object_pose
-from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.settings.units import METRES
 from grasp3d.surface.grasp_table import GraspTable
-from tests.grasps.test_pose_files import OWN, SUFFIX, equal, quaternions, some_poses
+from tests.formats.test_pose_files import OWN, SUFFIX, equal, quaternions, some_poses
 from tests.helpers import shapes
 
 yaml = shapes.reader("yaml")
@@ -69,21 +68,12 @@ def test_texts_of_one_pose() -> None:
 
 
 def test_files_of_one_pose(tmp_path: Path) -> None:
-    half = math.sqrt(0.5)
-    position, turned = {"x": 0.4, "y": -0.05, "z": 0.1}, {"x": 0, "y": 0, "z": half, "w": half}
-    pose = {"position": position, "orientation": turned}
-    stamped = {"header": {"frame_id": "base_link"}, "pose": pose}
-    transform = {"header": stamped["header"], "child_frame_id": "mug",
-                 "transform": {"translation": position, "rotation": turned}}  # fmt: skip
     texts = {
         "rows.txt": "\n".join(" ".join(map(repr, row)) for row in QUARTER.tolist()),
         "commas.txt": "\n".join(",".join(map(repr, row)) for row in QUARTER.tolist()) + "\n\n",
         "text.txt": f"{TEXT}\n",
         "rows.json": json.dumps(QUARTER.tolist()),
         "text.json": json.dumps(TEXT),
-        "pose.json": json.dumps(pose),
-        "stamped.yaml": yaml.safe_dump(stamped),
-        "transform.yml": yaml.safe_dump(transform),
         "rows.yaml": yaml.safe_dump(QUARTER.tolist()),
     }
     for name, text in texts.items():
@@ -92,8 +82,10 @@ def test_files_of_one_pose(tmp_path: Path) -> None:
     for path in sorted(tmp_path.iterdir()):
         found = read_object_pose(path)
         equal(found.matrix, QUARTER, 1e-15)
-        named = path.stem in {"text", "stamped", "transform"}
-        assert found.frame == ("base_link" if named else "robot"), path.name
+        assert found.frame == ("base_link" if path.stem == "text" else "robot"), path.name
+    (tmp_path / "pose.json").write_text(json.dumps({"position": [0.4, -0.05, 0.1]}))
+    with pytest.raises(ContactError, match=r"pose\.json: must be a matrix of 4 rows; got an obj"):
+        read_object_pose(tmp_path / "pose.json")
 
 
 @pytest.mark.slow

@@ -68,7 +68,7 @@ class GraspPoses:
 
     Example:
         >>> import numpy as np
-        >>> from grasp3d.grasps.poses import GraspPoses
+        >>> from grasp3d.formats.poses import GraspPoses
         >>> from_above = np.diag([1.0, -1.0, -1.0, 1.0])
         >>> poses = GraspPoses(poses=from_above, opening=0.05, unit="m")
         >>> poses.count, poses.names, poses.in_unit("mm").opening.tolist()

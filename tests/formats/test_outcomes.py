@@ -19,9 +19,9 @@ import yaml
 from grasp3d import ParallelGripper, read_grasps
 from grasp3d.arrays import unit_rows
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.grasps.pose_files import own_files, read_poses, write_poses
-from grasp3d.grasps.pose_files.outcomes import with_outcomes
-from grasp3d.grasps.poses import GraspPoses
+from grasp3d.formats import read_poses, write_poses
+from grasp3d.formats.outcomes import with_outcomes
+from grasp3d.formats.poses import GraspPoses
 
 HEAD = "px,py,pz,qx,qy,qz,qw"
 
@@ -222,16 +222,6 @@ def test_outcomes_are_for_poses(tmp_path: Path) -> None:
     path.write_text("x1,y1,z1,x2,y2,z2\n0,0,0,1,0,0\n")
     with pytest.raises(SettingError, match="outcome applies to poses, not to contacts"):
         read_grasps(path, outcome="success")
-
-
-def test_texts_that_memory_cannot_hold_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = with_values(tmp_path / "a.csv", {"note": ["x" * 100, "", None, "y", "z"]})
-    assert read_poses(path).columns["note"].tolist() == ["x" * 100, "", "", "y", "z"]
-    monkeypatch.setattr(own_files, "LARGEST_TEXTS", 4 * 100 * 5 - 1)
-    with pytest.raises(ContactError, match="note has a text of 100 characters, too long with 5 gr"):
-        read_poses(path)
 
 
 MOST_SECONDS, MOST_MEMORY = 60.0, 2e9

@@ -1,0 +1,11 @@
+from .format import Format as Format
+from .format import Given as Given
+from .format import formats as formats
+from .format import register as register
+from .frames import read_object_pose as read_object_pose
+from .poses import GraspPoses as GraspPoses
+from .reading import holds_poses as holds_poses
+from .reading import read_grasps as read_grasps
+from .reading import read_poses as read_poses
+from .writing import write_grasps as write_grasps
+from .writing import write_poses as write_poses

@@ -1,0 +1,166 @@
+"""JSON of grasp3d: everything that is known of poses.
+
+An object: `grasp3d` is about all grasps, `grasps` a list.
+
+| key of `grasp3d` | |
+|---|---|
+| `version` `content` | version of grasp3d; what poses are, in words |
+| `unit` | unit of all lengths: m, `unknown` where that of the mesh is not known; in files of others also cm, mm or in |
+| `frame` `normals` `angles` | `object`, or the name of the robot's frame in which the poses are; `outward`; `radians`. In files by others `frame` may be absent; another frame than `object` is refused unless its object's pose is given (`--object-pose`), as are other normals and angles |
+| `gripper_frame` | frame of the gripper in which the poses are: a name, or the text of the matrix that `--frame` takes, `[[1.0, 0.0, …], …]`; absent: `tcp` |
+| `gripper` | the gripper as in `gripper.json`, its name, or null |
+| `object_file` `object_scale` | mesh file, and factor from its numbers to metres, or null |
+| `object_pose` | null: the poses are in the object's frame; else they are in the frame of a robot, and this is the object's pose there, as `--object-pose` takes it: `0.4,0.0,0.1,0.0,0.0,0.0,1.0,base_link` |
+| others | the settings of the grasps |
+
+| key of a grasp | |
+|---|---|
+| `name` | text |
+| `pose` | 4×4 matrix, a list of four rows |
+| `opening` | distance of the contacts at the grasp; null: not known |
+| `posture` `pregrasp_posture` `squeeze_posture` | only of hands with joints: values of the joints [rad or m], an object by their names, or a list where they have no names; at the grasp, before it, and as commanded to press |
+| `pregrasp_pose` `squeeze_pose` | only where they differ from `pose` |
+| `pregrasp_opening` | opening with which the gripper approaches; null: not known |
+| `score` | confidence or another quality, larger is better; null: not known. Of [best grasps](#scores) their order |
+| `outcome` | 1: the grasp held, 0: it failed; null: not tried. Read also as `success`, and as [true and false](#outcomes) |
+| `contacts` | list of two: `point` `[x, y, z]` and outward `normal` |
+| others | [further columns](#further-columns) |
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import ContactError, OutputError
+from grasp3d.formats import own
+from grasp3d.formats.format import Format, Given, register
+from grasp3d.formats.poses import OWN_NAMES, STAGES, GraspPoses
+from grasp3d.formats.values import (
+    Entries,
+    each,
+    entries_of,
+    grasp_list,
+    has,
+    joints_of,
+    json_numbers,
+    json_text,
+    mapping,
+    numbers,
+    required,
+    rows_of,
+    write_rows,
+)
+from grasp3d.system.documents import described
+
+
+def write(path: Path, poses: GraspPoses) -> None:
+    """Write what applies to all grasps, then one line for each grasp."""
+    names, placed = poses.joint_names, {"pose": poses.poses.tolist()}
+    for name, values in own.stages_of(poses).items():
+        rows = json_numbers(values)
+        by_name = names and values.ndim == 2
+        placed[name] = [dict(zip(names, row, strict=True)) for row in rows] if by_name else rows
+    further = {name: one for name, one in poses.columns.items() if name not in own.VECTORS}
+    columns = {
+        name: json_numbers(values) if isinstance(values, np.ndarray) else values
+        for name, values in {**own.columns_of(poses, **placed), **further}.items()
+    }
+    if parts := {
+        key: json_numbers(own.outward(name, poses.columns[name]))
+        for key, name in (("point", "contacts"), ("normal", "normals"))
+        if name in poses.columns
+    }:
+        columns["contacts"] = [
+            [dict(zip(parts, contact, strict=True)) for contact in zip(*grasp, strict=True)]
+            for grasp in zip(*parts.values(), strict=True)
+        ]
+    try:
+        header = json_text(own.header_of(poses))
+    except (TypeError, ValueError) as error:
+        raise OutputError(f"{path}: the settings of the poses are no JSON: {error}") from error
+    write_rows(path, header, rows_of(columns, poses.count))
+
+
+def read(content: Any, given: Given) -> GraspPoses:
+    """Poses of the content of a JSON file. Raises ContactError."""
+    document = mapping(content, "the file")
+    entries = entries_of(grasp_list(required(document, "grasps"), "grasps"))
+    keys = list(dict.fromkeys(key for entry in entries for key in entry))
+    listed = {key: [entry.get(key) for entry in entries] for key in keys}
+    further = [key for key in keys if key not in OWN_NAMES | own.VECTORS.keys()]
+    return own.poses_of(
+        listed,
+        given,
+        poses=numbers(each(entries, "pose"), (4, 4), "pose"),
+        **_stages(entries),
+        names=tuple(str(one.get("name", f"grasp_{k}")) for k, one in enumerate(entries, 1)),
+        columns={
+            **{key: own.column_of(listed[key], key) for key in further},
+            **(_vectors(entries) if "contacts" in keys else {}),
+        },
+        **own.fields_of(
+            mapping(document.get("grasp3d", {}), "grasp3d") | own.stated_in(listed), given
+        ),
+    )
+
+
+def _stages(entries: Entries) -> dict[str, Any]:
+    """Postures, and poses before and after the grasp, as far as they are stated."""
+    found: dict[str, Any] = {}
+    names: tuple[str, ...] | None = None
+    for name in ("posture", *(f"{stage}_posture" for stage in STAGES)):
+        if any(name in entry for entry in entries):
+            of_stage, values = joints_of(each(entries, name), name)
+            names = of_stage if names is None else names
+            if {*of_stage} != {*names}:
+                raise ContactError(f"{name} must have the joints of the posture")
+            order = [of_stage.index(joint) for joint in names]
+            found |= {name: values[:, order] if names else values, "joint_names": names}
+    for stage in STAGES:
+        if any((key := f"{stage}_pose") in entry for entry in entries):
+            found[f"{key}s"] = numbers(each(entries, key), (4, 4), key)
+    return found
+
+
+def _vectors(entries: Entries) -> dict[str, Floats]:
+    """Contacts and normals into the object, shape (k, n, 3), as many of each grasp."""
+    first = entries[0].get("contacts")
+    count = max(2, len(first)) if isinstance(first, list) else 2
+    grasps = []
+    for number, entry in enumerate(entries, 1):
+        contacts = entry.get("contacts")
+        if not isinstance(contacts, list) or len(contacts) != count:
+            raise ContactError(
+                f"grasp {number}: contacts must be a list of {count}; got {described(contacts)}"
+            )
+        grasps.append([mapping(contact, f"grasp {number}: a contact") for contact in contacts])
+    parts = {
+        name: [[contact.get(key) for contact in contacts] for contacts in grasps]
+        for key, name in (("point", "contacts"), ("normal", "normals"))
+        if key in grasps[0][0]
+    }
+    return {
+        name: own.outward(name, numbers(values, (count, 3), f"{name} of contacts"))
+        for name, values in parts.items()
+    }
+
+
+register(
+    Format(
+        name="json",
+        title="JSON",
+        suffixes=(".json",),
+        sniff=has("grasps.0.pose"),
+        read=read,
+        write=write,
+        holds="the key grasps with poses, as write_grasps writes them",
+        states_frame=True,
+        unit="stated",
+        hands=(),
+        moves=True,
+        main=True,
+        about=__doc__ or "",
+    )
+)
