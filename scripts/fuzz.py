@@ -22,9 +22,9 @@ import numpy as np
 import trimesh
 
 import grasp3d
-from grasp3d.export.writers import WRITERS
 from grasp3d.formats import read_object_pose, read_poses, write_poses
 from grasp3d.formats.poses import GraspPoses
+from grasp3d.formats.surfaces.files import WRITERS
 from grasp3d.hand.hand_files import read_hand, write_hand
 from grasp3d.mesh.reading.mesh_files import read_mesh
 from grasp3d.system.limited_reading import limited_reading

@@ -18,9 +18,9 @@ from grasp3d.cli.report import (
     quantiles_text,
 )
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.export.writers import writer_for
 from grasp3d.formats.contacts import SUFFIXES
 from grasp3d.formats.format import format_called, format_of, suffixes
+from grasp3d.formats.surfaces.files import writer_for
 from grasp3d.formats.writing import check_frame, check_hand, write_grasps
 from grasp3d.grasps.best import best_grasps, check_external
 from grasp3d.grasps.causes import causes_text

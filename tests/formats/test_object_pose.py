@@ -150,7 +150,7 @@ def test_contacts_in_the_robots_frame_are_where_the_box_stands(tmp_path: Path, s
     if suffix == "json":
         document = json.loads(path.read_text(encoding="utf-8"))
         assert document["grasp3d"]["object_pose"].endswith(",base_link")
-        assert "frame of a robot" in document["grasp3d"]["frame"]
+        assert document["grasp3d"]["frame"] == "base_link"
         points = [[contact["point"] for contact in one["contacts"]] for one in document["grasps"]]
         normals = [[contact["normal"] for contact in one["contacts"]] for one in document["grasps"]]
     else:

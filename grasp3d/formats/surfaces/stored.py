@@ -3,24 +3,20 @@
 Their settings are read as text, and as values again.
 """
 
-import json
 import math
-import struct
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, NoReturn, get_args
 
 import numpy as np
 
-from grasp3d.arrays import ARCHIVE_ERRORS, Floats, short_repr, text_of
-from grasp3d.errors import FileUnreadError, GraspError, MeshError
-from grasp3d.export.vtp_arrays import vtp_arrays
+from grasp3d.arrays import Floats, short_repr, text_of
+from grasp3d.errors import GraspError, MeshError
 from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh.measures import Triangles
-from grasp3d.mesh.reading.sources import Source, check_finite
+from grasp3d.mesh.reading.sources import Source
 from grasp3d.quality.loads import Load, load_from
 from grasp3d.settings import (
     MAX_SEARCHED_FINGERS,
@@ -33,14 +29,11 @@ from grasp3d.settings.pose_error import PoseError
 from grasp3d.settings.units import Unit
 from grasp3d.stability.label import Mode
 from grasp3d.stability.thresholds import label_angles
-from grasp3d.surface.fields import FLOAT, MARGIN, Array, Arrays, Field
+from grasp3d.surface.fields import FLOAT, Array, Arrays, Field
 from grasp3d.surface.label_settings import GIVEN_ANGLE, SETTING
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from grasp3d.surface.vertex_grasps import Reason, SearchReport
-from grasp3d.system.documents import parse_json, problem_of_file
-from grasp3d.system.limited_reading import read_file
-from grasp3d.system.ply_files import settings_of_header
-from grasp3d.system.tables import read_settings
+from grasp3d.system.documents import parse_json
 
 NEEDED = (
     "mode", "friction", "sensor_resolution", "fingers", "method", "search_angle", "unit",
@@ -116,8 +109,7 @@ def _search(values: Mapping[str, str]) -> tuple[SearchReport, str]:
     if "search" in values:
         extent = dict(parse_json(values["search"]))
         angle = str(extent.pop(GIVEN_ANGLE))
-    known = {field.name for field in fields(SearchReport)}  # files of older versions have others
-    report = SearchReport(**{name: value for name, value in extent.items() if name in known})
+    report = SearchReport(**extent)
     if not (isinstance(report.cone, float) and 0.0 < report.cone <= math.pi):
         raise ValueError(f"its search angle is {report.cone}")
     return report, angle
@@ -148,81 +140,10 @@ def _numbers(values: Mapping[str, str], name: str, count: int) -> Floats | None:
     return numbers
 
 
-FORMAT_KEYS = frozenset({"format", "version", "unit"})
-"""Keys of a gripper in JSON that describe the format."""
-
-LONGEST_HEADER = 65_536
-"""Bytes in which a header must end."""
-
-_GLB_HEAD = struct.Struct("<4sIIII")
-
-
 def settings_in(arrays: Mapping[str, Array]) -> dict[str, str]:
     """The settings among arrays. Raises ValueError."""
     texts = {name: text for name, text in arrays.items() if name.startswith(SETTING)}
     return {name.removeprefix(SETTING): text_of(text) for name, text in texts.items()}
-
-
-def stored_settings(path: Path) -> dict[str, str] | None:
-    """Read the settings in a labelled file, or in a file of grasps.
-
-    Args:
-        path: An existing file, of any format and content.
-
-    Returns:
-        The values by name, as text; None: it was not written by grasp3d, or is damaged.
-    """
-    reader = _READERS.get(path.suffix.lower())
-    try:
-        settings = None if reader is None or problem_of_file(path) else read_file(reader, path)
-    except (*ARCHIVE_ERRORS, struct.error, FileUnreadError):
-        return None
-    return {str(name): str(value) for name, value in settings.items()} if settings else None
-
-
-def _from_ply(path: Path) -> dict[str, str]:
-    with path.open("rb") as stream:
-        header = stream.read(LONGEST_HEADER).partition(b"end_header")[0]
-    return settings_of_header(header)
-
-
-def _from_npz(path: Path) -> dict[str, str]:
-    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-        return settings_in({n: archive[n] for n in archive.files if n.startswith(SETTING)})
-
-
-def _from_glb(path: Path) -> dict[str, Any]:
-    with path.open("rb") as stream:
-        length = _GLB_HEAD.unpack(stream.read(_GLB_HEAD.size))[3]
-        tree = parse_json(stream.read(length))
-    return dict(tree["asset"]["extras"]["grasp3d"])
-
-
-def _from_json(path: Path) -> dict[str, Any]:
-    """Settings in the first line of a file of grasps."""
-    with path.open(encoding="utf-8") as stream:
-        values = dict(parse_json(stream.readline().rstrip().removesuffix(",") + "}")["grasp3d"])
-    if isinstance(values.get("gripper"), dict):  # as in other labelled files
-        gripper = {k: v for k, v in values["gripper"].items() if k not in FORMAT_KEYS}
-        values["gripper"] = json.dumps(gripper)
-    return values
-
-
-def _from_vtp(path: Path) -> dict[str, str]:
-    with path.open("rb") as stream:
-        if b"VTKFile" not in stream.read(LONGEST_HEADER):  # VTK prints its errors
-            return {}
-    return settings_in(vtp_arrays(path).get("fields", {}))
-
-
-_READERS: dict[str, Callable[[Path], dict[str, Any] | None]] = {
-    ".ply": _from_ply,
-    ".npz": _from_npz,
-    ".glb": _from_glb,
-    ".vtp": _from_vtp,
-    ".parquet": read_settings,
-    ".json": _from_json,
-}
 
 
 ADVICE = "label the mesh again, or export it without its labels"
@@ -300,105 +221,52 @@ def check_stored(stored: Stored, settings: FileSettings) -> None:
     for field in FIELDS.values():
         if present[field.when] and field.name not in OPTIONAL:
             stored.field(field.name)
-    count, fingers = len(stored.field("vertices")), settings.model.fingers
-    sizes = {
-        "F": len(stored.field("faces")), "C": len(stored.values.get("corner_normals", ())),
-    }  # fmt: skip
+    vertices, faces = stored.field("vertices"), stored.field("faces")
+    count, corners = len(vertices), len(stored.values.get("corner_normals", ()))
+    sizes = {"F": len(faces), "C": corners}
     for name, values in stored.values.items():
         field = FIELDS[name]
         shape = tuple(sizes.get(str(size), size) for size in field.shape)
-        expected = shape if field in SURFACE else (count, *field.shape_for(fingers))
-        if values.shape != expected:
-            stored.reject(f"its {name} has the shape {values.shape} instead of {expected}")
-        _check_values(stored, field, values)
-    _check_surface(stored)
-    _check_labels(stored, settings.model)
-    _check_found(stored)
-
-
-def _check_values(stored: Stored, field: Field, values: Array) -> None:
-    name = field.name
-    if values.dtype != np.dtype(field.kind):
-        stored.reject(f"its {name} is of the type {values.dtype} instead of {field.kind}")
-    if field.texts:
-        if (values >= len(field.texts)).any():
-            stored.reject(f"its {name} goes up to {values.max()}, above {len(field.texts) - 1}")
-        return
-    inside = (values >= field.allowed.low - ROUNDING) & (values <= field.allowed.high + ROUNDING)
-    if values.dtype.kind == "f":
-        inside &= np.isfinite(values)
-        if field.allowed.infinite is not None:
-            inside |= values == field.allowed.infinite
-        if field.allowed.unknown:
-            inside |= np.isnan(values)
-    if not inside.all() and name != "vertices":  # whose error says which
-        stored.reject(f"its {name} is not always {_allowed(field)}")
-
-
-def _allowed(field: Field) -> str:
-    """The values that a field may have, in words."""
-    low, high, infinite, unknown = field.allowed
-    text = (
-        f"from {_text(low)} to {_text(high)}" if math.isfinite(high) else f"at least {_text(low)}"
-    )
-    if not math.isfinite(low):
-        text = "a finite number"
-    if infinite is not None:
-        text += f", or {infinite}"
-    return f"{text}, or nan" if unknown else text
-
-
-def _text(bound: float) -> str:
-    return "pi" if bound == math.pi else f"{bound:g}"
-
-
-def _check_surface(stored: Stored) -> None:
-    vertices, faces = stored.field("vertices"), stored.field("faces")
-    check_finite(vertices, stored.source.where)
-    if not len(faces):
-        stored.reject("it contains no faces")
-    rows = {
-        **dict.fromkeys(("faces", "canonical"), len(vertices)),
-        "partner_faces": len(faces),
-        "corners": len(stored.values.get("corner_normals", ())),
-    }
-    for name, limit in rows.items():
-        if name in stored.values and (stored.values[name] >= limit).any():
+        expected = shape if field in SURFACE else (count, *field.shape_for(settings.model.fingers))
+        if values.shape != expected or values.dtype != np.dtype(field.kind):
+            stored.reject(
+                f"its {name} is {values.dtype} of the shape {values.shape} instead of {field.kind} "
+                f"of {expected}"
+            )
+        if not _may_have(field, values):
+            stored.reject(f"its {name} has values that it cannot have")
+    limits = {"faces": count, "canonical": count, "partner_faces": len(faces), "corners": corners}
+    for name, limit in limits.items():
+        if stored.field(name).max(initial=-1) >= limit:
             stored.reject(f"its {name} goes up to {stored.values[name].max()}, above {limit - 1}")
-    if not (Triangles(vertices, faces).areas != 0.0).any():
+    if not len(faces) or not (Triangles(vertices, faces).areas != 0.0).any():
         stored.reject("its faces have no area")
-    for name in ("normal", "corner_normals"):
-        with np.errstate(over="ignore"):
-            lengths = np.linalg.norm(stored.values.get(name, np.zeros((0, 3))), axis=1)
-        if not ((np.abs(lengths - 1.0) < 2.0 * ROUNDING) | (lengths == 0.0)).all():
-            stored.reject("its normals are not of length 1")
+    _check_labels(stored, settings.model)
+
+
+def _may_have(field: Field, values: Array) -> bool:
+    """Whether a field may have these values."""
+    low, high, infinite, unknown = field.allowed
+    if field.texts:
+        high = len(field.texts) - 1
+    inside = (values >= low - ROUNDING) & (values <= high + ROUNDING) & np.isfinite(values)
+    inside |= np.isnan(values) & unknown
+    return bool((inside if infinite is None else inside | (values == infinite)).all())
 
 
 def _check_labels(stored: Stored, model: GraspModel) -> None:
-    """Compare angles, margins and labels."""
+    """Compare labels, angles and reasons: grasps are found where there are angles and contacts."""
     worst, best = (stored.field(f"critical_angle{end}") for end in ("", "_best"))
-    if not (best <= worst + ROUNDING).all():
-        stored.reject("its critical_angle_best is above its critical_angle")
-    expected, label = model.sure_angle - worst, stored.field("label")
-    margin = stored.values.get(MARGIN.name, expected)
-    with np.errstate(invalid="ignore"):  # inf - inf
-        if not ((np.abs(margin - expected) < ROUNDING) | (margin == expected)).all():
-            stored.reject(f"its {MARGIN.name} does not match its angles")
-        near = np.abs(worst - model.sure_angle) < ROUNDING
-        near |= np.abs(best - model.unstable_from) < ROUNDING
-    if model.method == "exact" and ((label_angles(worst, best, model) != label) & ~near).any():
+    near = np.abs(worst - model.sure_angle) < ROUNDING
+    near |= np.abs(best - model.unstable_from) < ROUNDING
+    differ = (label_angles(worst, best, model) != stored.field("label")) & ~near
+    if (best > worst + ROUNDING).any() or (model.method == "exact" and differ.any()):
         stored.reject("its labels do not match its critical angles")
-
-
-def _check_found(stored: Stored) -> None:
-    """Compare the reasons with the angles and contacts: grasps are found where there are these."""
-    has_grasp = stored.field("reason") == Reason.FOUND
-    matches = np.isfinite(stored.field("critical_angle_best")) == has_grasp
-    matches &= np.isinf(stored.field("critical_angle")) | has_grasp
-    faces, weights = stored.field("partner_faces"), stored.field("partner_weights")
-    matches &= ((faces >= 0) == has_grasp[:, None]).all(axis=1)
-    whole = np.abs(weights.sum(axis=2) - 1.0) < ROUNDING
-    matches &= whole.all(axis=1) | ~has_grasp
-    if not matches.all():
-        row = int(np.flatnonzero(~matches)[0])
+    is_found = stored.field("reason") == Reason.FOUND
+    wrong = np.isfinite(best) != is_found
+    wrong |= ((stored.field("partner_faces") >= 0) != is_found[:, None]).any(axis=1)
+    sums = stored.field("partner_weights").sum(axis=2)
+    wrong |= is_found & (np.abs(sums - 1.0) >= ROUNDING).any(axis=1)
+    if wrong.any():
+        row = int(np.flatnonzero(wrong)[0])
         stored.reject(f"the reason of vertex {row} does not match its angles and contacts")

@@ -22,7 +22,7 @@ from grasp3d import (
     write_ply,
     write_vtp,
 )
-from grasp3d.export.writers import WRITERS
+from grasp3d.formats.surfaces.files import WRITERS
 from grasp3d.stability import COLORS
 from grasp3d.system.ply_files import settings_of_header
 from tests.helpers import shapes, viewing

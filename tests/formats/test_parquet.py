@@ -10,10 +10,10 @@ import pytest
 
 from grasp3d import GraspModel, Sampling, label_surface, load_mesh
 from grasp3d.errors import OutputError
-from grasp3d.export import write_fields
-from grasp3d.export.writers import writer_for
+from grasp3d.formats import write_fields
+from grasp3d.formats.surfaces.files import writer_for
 from grasp3d.surface.vertex_grasps import Reason
-from tests.export.test_writing import labels
+from tests.formats.test_writing import labels
 from tests.helpers import shapes
 
 NUMBERS = (

@@ -1,4 +1,4 @@
-"""Reading of labelled files: labels, and their surface as a mesh without repair."""
+"""Files of labelled surfaces by suffix, and reading of them, their mesh without repair."""
 
 import math
 from collections.abc import Callable
@@ -9,12 +9,20 @@ from typing import Any, get_args
 import numpy as np
 
 from grasp3d.arrays import Floats, locked
-from grasp3d.errors import GraspError, MeshError
-from grasp3d.export.npz import read_npz
-from grasp3d.export.parquet import read_fields
-from grasp3d.export.ply import read_ply
-from grasp3d.export.stored import FIELDS, FileSettings, Stored, check_stored, damaged, settings_from
-from grasp3d.export.vtp import read_vtp
+from grasp3d.errors import GraspError, MeshError, OutputError
+from grasp3d.formats.surfaces.glb import write_glb
+from grasp3d.formats.surfaces.npz import read_npz, write_npz
+from grasp3d.formats.surfaces.parquet import write_fields
+from grasp3d.formats.surfaces.ply import read_ply, write_ply
+from grasp3d.formats.surfaces.stored import (
+    FIELDS,
+    FileSettings,
+    Stored,
+    check_stored,
+    damaged,
+    settings_from,
+)
+from grasp3d.formats.surfaces.vtp import write_vtp
 from grasp3d.hand.reach import Reach
 from grasp3d.mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.normals import CornerNormals
@@ -33,24 +41,38 @@ from grasp3d.surface.vertex_fields import unpacked_bits
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.documents import parse_json
 from grasp3d.system.limited_reading import read_file
-from grasp3d.system.names import printable
+from grasp3d.system.names import printable, unsupported
 
-READERS: dict[str, Callable[[Source], Stored | None]] = {
-    ".ply": read_ply,
-    ".npz": read_npz,
-    ".vtp": read_vtp,
-    ".parquet": read_fields,
+WRITERS: dict[str, Callable[[Path, SurfaceLabels], None]] = {
+    ".ply": write_ply,
+    ".glb": write_glb,
+    ".npz": write_npz,
+    ".vtp": write_vtp,
+    ".parquet": write_fields,
 }
+READERS: dict[str, Callable[[Source], Stored | None]] = {".ply": read_ply, ".npz": read_npz}
 """By suffix."""
 
 
+def writer_for(path: Path) -> Callable[[Path, SurfaceLabels], None]:
+    """Choose the writer by the file's suffix.
+
+    Raises:
+        OutputError: No writer has that suffix.
+    """
+    writer = WRITERS.get(path.suffix.lower())
+    if writer is None:
+        raise OutputError(unsupported(path, WRITERS))
+    return writer
+
+
 def read_labels(path: str | Path, *, unit: Unit | None = None) -> SurfaceLabels:
-    """Read a labelled PLY, NPZ, VTP or Parquet file.
+    """Read a labelled PLY or NPZ file.
 
     They are those that were written, bit for bit, with their grasps, mesh and settings.
 
     Args:
-        path: A file that `write_ply`, `write_npz`, `write_vtp` or `write_fields` wrote.
+        path: A file that `write_ply` or `write_npz` wrote.
         unit: Unit of the mesh, for files that state none.
 
     Raises:

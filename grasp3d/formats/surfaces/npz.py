@@ -9,7 +9,7 @@ from typing import IO, Any
 import numpy as np
 
 from grasp3d.arrays import ARCHIVE_ERRORS
-from grasp3d.export.stored import FIELDS, Stored, settings_in
+from grasp3d.formats.surfaces.stored import FIELDS, Stored, settings_in
 from grasp3d.mesh.reading.sources import Source
 from grasp3d.surface.fields import Arrays, Field, present
 from grasp3d.surface.label_settings import SETTING
