@@ -16,12 +16,12 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
+from grasp3d.formats.checks import load_array
 from grasp3d.formats.format import Given
 from grasp3d.formats.frames import from_quaternions, quaternions
 from grasp3d.formats.outcomes import outcomes_of
 from grasp3d.formats.poses import STAGES, GraspPoses
 from grasp3d.formats.postures import matched, wrist_of
-from grasp3d.formats.values import load_array
 from grasp3d.hand.articulated.presets import NAMES as HANDS
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.object_pose import ObjectPose

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.errors import ContactError, FileUnreadError, GraspError, OutputError
+from grasp3d.formats import checks
 from grasp3d.formats.format import Format
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.formats.values import check_file, load_array, load_yaml
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
@@ -219,7 +219,7 @@ def _of_file(source: object, of: Callable[[Any], ResultT]) -> ResultT | None:
     path = Path(source) if isinstance(source, str | Path) else None
     if path is None or path.suffix.lower() not in _READERS:
         return None
-    check_file(path)
+    checks.check_file(path)
     try:
         content = read_file(_READERS[path.suffix.lower()], path)
         if isinstance(content, dict):
@@ -241,6 +241,6 @@ def _text_or_rows(path: Path) -> Any:
 
 
 _READERS: dict[str, Callable[[Path], Any]] = {
-    ".npy": load_array, ".txt": _text_or_rows,
-    ".json": load_json, ".yaml": load_yaml, ".yml": load_yaml,
+    ".npy": checks.load_array, ".txt": _text_or_rows,
+    ".json": load_json, ".yaml": checks.load_yaml, ".yml": checks.load_yaml,
 }  # fmt: skip

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
+from grasp3d.formats.checks import Entries
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.formats.values import Entries
 from grasp3d.system.documents import described
 
 OUTCOMES = ("outcome", "success")
@@ -43,18 +43,22 @@ def outcomes_of(
         names: Names of the values that the file has of each grasp; parts of paths are separated
             by /, and the last ones alone may name one.
         read: The values of a name, one of each grasp.
-        default: Names of the format, which complete each other.
+        default: Names of the format, of which a file has one.
 
     Raises:
-        ContactError: The file has no such values, one of them is no outcome, or values of two names
-            contradict each other.
+        ContactError: The file has no such values, one of them is no outcome, or it has values
+            of two names.
     """
     names = list(names)
     if outcome is not None:
         name = _named(outcome, names)
         return _stated(read(name), name)
-    own = {name: _stated(read(name), name) for name in default if name in names}
-    return _merged(own, count)
+    own = [name for name in default if name in names]
+    if len(own) > 1:
+        raise ContactError(
+            f"it has both {' and '.join(own)}: give the one that is meant (--outcome)"
+        )
+    return _stated(read(own[0]), own[0]) if own else np.full(count, math.nan)
 
 
 def outcomes_of_entries(outcome: str | None, entries: Entries) -> Floats:
@@ -70,21 +74,6 @@ def with_outcomes(poses: GraspPoses, outcome: str | None) -> GraspPoses:
     values = {"score": poses.scores, **poses.columns}
     found = outcomes_of(outcome, poses.count, values, values.__getitem__)
     return replace(poses, outcome=found)
-
-
-def _merged(stated: dict[str, Floats], count: int) -> Floats:
-    """Outcomes of several names. Raises ContactError if they contradict each other."""
-    merged = np.full(count, math.nan)
-    for outcomes in stated.values():
-        both = ~np.isnan(merged) & ~np.isnan(outcomes)
-        differing = np.flatnonzero(both & (merged != outcomes))
-        if len(differing):
-            raise ContactError(
-                f"grasp {differing[0] + 1}: its columns {' and '.join(stated)} contradict each "
-                "other: give the one that is meant with --outcome"
-            )
-        merged = np.where(np.isnan(merged), outcomes, merged)
-    return merged
 
 
 def _named(name: str, names: list[str]) -> str:

@@ -8,10 +8,10 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, SettingError
+from grasp3d.formats import checks
 from grasp3d.formats.format import Given
 from grasp3d.formats.outcomes import Values, outcomes_of
 from grasp3d.formats.poses import STAGES, GraspPoses
-from grasp3d.formats.values import number_or_none, numbers, text_or_none
 from grasp3d.hand.articulated.presets import FORMAT as ARTICULATED
 from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand
@@ -76,7 +76,7 @@ def fields_of(header: Mapping[str, Any], given: Given) -> dict[str, Any]:
         ContactError: Invalid values, or another unit.
     """
     at, frame, of_gripper, file = (
-        text_or_none(header.get(name), name)
+        checks.text_or_none(header.get(name), name)
         for name in ("object_pose", "frame", "gripper_frame", "object_file")
     )
     for name, value in CONVENTIONS.items():
@@ -87,7 +87,7 @@ def fields_of(header: Mapping[str, Any], given: Given) -> dict[str, Any]:
         "unit": stated_unit(header.get("unit"), given.unit),
         "hand": given.hand or _gripper(header.get("gripper")),
         "object_file": file,
-        "object_scale": number_or_none(header.get("object_scale"), "object_scale"),
+        "object_scale": checks.number_or_none(header.get("object_scale"), "object_scale"),
         "object_pose": ObjectPose.of(at) if at else None,
         "gripper_frame": GripperFrame.of(of_gripper or "tcp"),
         "assumes_frame": not of_gripper,
@@ -181,7 +181,7 @@ def numbers_of(values: Values, name: str) -> Floats:
     """Numbers of a column, shape (k,). Raises ContactError."""
     if isinstance(values, np.ndarray) and values.dtype.kind in "fiub":
         return values.astype(np.float64)
-    return numbers(list(values), (), name)
+    return checks.numbers(list(values), (), name)
 
 
 def column_of(values: Values, name: str) -> npt.NDArray[Any]:
@@ -189,7 +189,7 @@ def column_of(values: Values, name: str) -> npt.NDArray[Any]:
     if isinstance(values, np.ndarray) and values.dtype.kind in "fiub":
         return values
     if all(isinstance(value, int | float | None) for value in values):
-        return numbers(list(values), (), name)
+        return checks.numbers(list(values), (), name)
     if wrong := [value for value in values if isinstance(value, list | dict)]:
         raise ContactError(
             f"{name} must be numbers or text in all grasps; got {described(wrong[0])}"

@@ -10,22 +10,13 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, SettingError
+from grasp3d.formats import checks, frames
 from grasp3d.formats.contacts import read_contacts
 from grasp3d.formats.dictionaries import load_npy
 from grasp3d.formats.format import Format, Given, formats, suffixes
-from grasp3d.formats.frames import (
-    GivenFrame,
-    GivenPose,
-    UnknownUnitError,
-    missing_of_hand,
-    of_tcp,
-    read_frame,
-    read_object_pose,
-)
 from grasp3d.formats.own import OBJECT
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import matched, refuse_joints
-from grasp3d.formats.values import check_file, load_yaml, one_line
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
@@ -36,7 +27,7 @@ from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import unsupported
 
 _LOADERS: dict[str, Callable[[Path], Any]] = {
-    ".json": load_json, ".yaml": load_yaml, ".yml": load_yaml, ".npy": load_npy,
+    ".json": load_json, ".yaml": checks.load_yaml, ".yml": checks.load_yaml, ".npy": load_npy,
 }  # fmt: skip
 """What is loaded before the format is known; of other files it is their path."""
 
@@ -46,8 +37,8 @@ def read_grasps(
     *,
     hand: Hand | None = None,
     unit: Unit | None = None,
-    object_pose: GivenPose | None = None,
-    frame: GivenFrame | None = None,
+    object_pose: frames.GivenPose | None = None,
+    frame: frames.GivenFrame | None = None,
     outcome: str | None = None,
     object_scale: float | None = None,
 ) -> GraspPoses | Floats:
@@ -114,8 +105,8 @@ def read_poses(
     *,
     hand: Hand | None = None,
     unit: Unit | None = None,
-    object_pose: GivenPose | None = None,
-    frame: GivenFrame | None = None,
+    object_pose: frames.GivenPose | None = None,
+    frame: frames.GivenFrame | None = None,
     outcome: str | None = None,
     object_scale: float | None = None,
 ) -> GraspPoses:
@@ -132,22 +123,22 @@ def read_poses(
     path = Path(path)
     if path.suffix.lower() not in suffixes() and not is_folder(path):
         raise ContactError(unsupported(path, suffixes(), "pose"))
-    check_file(path)
-    pose = None if object_pose is None else read_object_pose(object_pose)
-    chosen = None if frame is None else read_frame(frame)
+    checks.check_file(path)
+    pose = None if object_pose is None else frames.read_object_pose(object_pose)
+    chosen = None if frame is None else frames.read_frame(frame)
     given = Given(hand=hand, unit=unit, outcome=outcome, object_scale=object_scale)
     try:
-        poses = _relative(of_tcp(read_file(_read, path, given, chosen)), pose)
+        poses = _relative(frames.of_tcp(read_file(_read, path, given, chosen)), pose)
         poses = _with_scale(poses, object_scale)
         refuse_joints(poses, hand)
         if isinstance(poses.hand, ArticulatedHand) and poses.posture.size:
             poses = matched(poses, poses.hand)
     except OSError as error:
-        raise one_line(path, f"cannot be read ({error.strerror or error})") from error
-    except UnknownUnitError as error:
-        raise UnknownUnitError(str(one_line(path, str(error)))) from error
+        raise checks.one_line(path, f"cannot be read ({error.strerror or error})") from error
+    except frames.UnknownUnitError as error:
+        raise frames.UnknownUnitError(str(checks.one_line(path, str(error)))) from error
     except (ContactError, SettingError, ValueError) as error:
-        raise one_line(path, str(error)) from error
+        raise checks.one_line(path, str(error)) from error
     return poses
 
 
@@ -233,7 +224,7 @@ def _read(path: Path, given: Given, frame: GripperFrame | None) -> GraspPoses:
             f"{form.called} files are in metres, not in {given.unit}: read them without a unit, "
             "and convert the poses with in_unit"
         )
-    missing = missing_of_hand(given.hand, form)
+    missing = frames.missing_of_hand(given.hand, form)
     if missing and not (form.alone and given.hand is None):
         raise ContactError(missing)
     with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are refused

@@ -7,19 +7,12 @@ from typing import Protocol, runtime_checkable
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError, SettingError
+from grasp3d.formats import frames
+from grasp3d.formats.checks import library
 from grasp3d.formats.contacts import write_contacts
 from grasp3d.formats.format import Format, format_called, format_of, formats, suffixes
-from grasp3d.formats.frames import (
-    GivenFrame,
-    GivenPose,
-    as_in_file,
-    missing_of_hand,
-    read_frame,
-    read_object_pose,
-)
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import matched
-from grasp3d.formats.values import library
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import FRAMES
 from grasp3d.hand.hand import Hand
@@ -43,8 +36,8 @@ def write_grasps(
     *,
     format: str | None = None,  # noqa: A002, what it is called everywhere
     metrics: Mapping[str, Floats] | None = None,
-    object_pose: GivenPose | None = None,
-    frame: GivenFrame | None = None,
+    object_pose: frames.GivenPose | None = None,
+    frame: frames.GivenFrame | None = None,
 ) -> None:
     """Write grasps with labels, critical angles and epsilon, in the format given by the suffix.
 
@@ -106,8 +99,8 @@ def write_poses(
     poses: GraspPoses,
     *,
     format: str | None = None,  # noqa: A002, what it is called everywhere
-    object_pose: GivenPose | None = None,
-    frame: GivenFrame | None = None,
+    object_pose: frames.GivenPose | None = None,
+    frame: frames.GivenFrame | None = None,
 ) -> None:
     """Write grasp poses, as `write_grasps`.
 
@@ -128,13 +121,13 @@ def write_poses(
         raise OutputError(f"{path}: there are no poses to write")
     if object_pose is not None:
         check_frame(form)
-        poses = replace(poses, object_pose=read_object_pose(object_pose))
+        poses = replace(poses, object_pose=frames.read_object_pose(object_pose))
     if poses.object_pose is not None and form.moves:
         poses = poses.moved(poses.object_pose.matrix)
-    given = FRAMES[form.frame] if frame is None else read_frame(frame)
+    given = FRAMES[form.frame] if frame is None else frames.read_frame(frame)
     poses = replace(poses, gripper_frame=given)
     try:
-        form.write(path, as_in_file(_of_format(poses, form)))
+        form.write(path, frames.as_in_file(_of_format(poses, form)))
     except OutputError as error:
         text = str(error)
         raise OutputError(text if text.startswith(str(path)) else f"{path}: {text}") from error
@@ -147,7 +140,7 @@ def _of_format(poses: GraspPoses, form: Format) -> GraspPoses:
         OutputError: There is no hand that the format has, values of its joints or outcomes are
             missing, or the unit of the poses is not known.
     """
-    if missing := missing_of_hand(poses.hand, form):
+    if missing := frames.missing_of_hand(poses.hand, form):
         raise OutputError(missing)
     if form.outcomes and len(unknown := (poses.outcome != poses.outcome).nonzero()[0]):
         raise OutputError(
@@ -182,7 +175,7 @@ def check_hand(form: Format | None, hand: Hand) -> None:
     """
     if form is not None and form.needs:
         library(*form.needs)
-    if form is not None and (missing := missing_of_hand(hand, form, joints=True)):
+    if form is not None and (missing := frames.missing_of_hand(hand, form, joints=True)):
         raise SettingError(missing)
 
 

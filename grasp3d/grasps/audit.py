@@ -251,12 +251,20 @@ def _others(stated: PoseReading, mesh: ObjectMesh) -> Iterator[PoseReading]:
 
     units = () if is_plausible(poses) else UNITS
     for factor, rotation in product((1.0, *units), ROTATIONS):
-        for frame in (stated.frame, *frames_of(stated.hand)):
+        for frame in (*_unturned(stated.frame), *frames_of(stated.hand)):
             one = replace(stated, frame=frame, rotation=rotation, factor=factor)
             key = _key(in_object := one.of(poses), stated.hand)
             if key not in seen and (factor == 1.0 or is_plausible(in_object)):
                 seen.add(key)
                 yield one
+
+
+def _unturned(frame: GripperFrame) -> Iterator[GripperFrame]:
+    """The stated frame, and with its axes turned about the approach direction: jaws look alike."""
+    yield frame
+    if not (frame.link or frame.matrix):
+        turn = frame.turn + 0.5 * np.pi
+        yield replace(frame, turn=turn, name=f"{frame} turned by 90 degrees")
 
 
 def _key(poses: Floats, hand: Hand) -> bytes:

@@ -152,23 +152,29 @@ def test_numbers_are_read_exactly(tmp_path: Path) -> None:
 
 
 BAD_TABLES: dict[str, tuple[str, str]] = {
-    "no such columns": ("a,b,c\n1,2,3\n", "expected columns x1 y1 z1 x2 y2 z2 ...; found a b c"),
+    "no such columns": ("a,b,c\n1,2,3\n", "column x1 is missing of x1 y1 z1 x2 y2 z2 ...; found a"),
     "gap": ("x1,y1,z1,x2,y2\n1,2,3,4,5\n", "column z2 is missing of x1 y1 z1 x2 y2 z2 ...; found"),
     "twice": ("x1,y1,z1,x2,y2,z2,x1\n1,2,3,4,5,6,7\n", "two columns are called 'x1'"),
-    "word": ("x1,y1,z1,x2,y2,z2\n1,2,3,4,5,6\n1,2,3,4,far,6\n", "y2 is no finite number: 'far'"),
-    "empty cell": ("x1,y1,z1,x2,y2,z2\n1,2,3,4,5,6\n1,2,,4,5,6\n", "grasp 2: z1 is empty"),
+    "word": ("x1,y1,z1,x2,y2,z2\n1,2,3,4,5,6\n1,2,3,4,far,6\n", "y2 must be a number; got 'far'"),
+    "empty cell": ("x1,y1,z1,x2,y2,z2\n1,2,3,4,5,6\n1,2,,4,5,6\n", "grasp 2: contact 1 is not"),
     "ragged": ("x1,y1,z1,x2,y2,z2\n1,2,3\n", "Expected 6 columns, got 3"),
 }  # fmt: skip
 BAD_JSON: dict[str, tuple[str, str]] = {
     "no json": ("[[[1, 2", "is no JSON"),
-    "object": ('{"contacts": []}', "or a file that write_grasps wrote"),
-    "one grasp": ("[[0, 0, 1], [0, 0, 2]]", "grasp 1, contact 1: expected [x, y, z]; found 0"),
-    "word": ('[[[0, 0, 1], [0, "a", 2]]]', 'grasp 1, contact 2: "a" is no finite number'),
+    "object": ('{"contacts": []}', "its grasps, each a list of contacts [x, y, z], must be a list"),
+    "one grasp": (
+        "[[0, 0, 1], [0, 0, 2]]",
+        "grasp 1: its contacts, as many as of grasp 1, must be 3 x 3 numbers",
+    ),
+    "word": (
+        '[[[0, 0, 1], [0, "a", 2]]]',
+        "grasp 1: its contacts, as many as of grasp 1, must be 2 x 3 numbers",
+    ),
     "huge": (f"[[[0, 0, 1], [0, 1{'0' * 400}, 2]]]", "has 401 digits, and at most 300 are read"),
-    "one contact": ("[[[0, 0, 1]]]", "grasp 1: a grasp has 2 to 32 contacts; got 1"),
+    "one contact": ("[[[0, 0, 1]]]", "a grasp has 2 to 32 contacts; got 1"),
     "different": (
         json.dumps([GRASPS[0], GRASPS[1], GRASPS[2][:2]]),
-        "grasp 1 has 3, grasp 3 has 2",
+        "grasp 3: its contacts, as many as of grasp 1, must be 3 x 3",
     ),
     "deep": ("[" * 100_000, "is no JSON|recursion"),
 }

@@ -52,15 +52,8 @@ def test_what_is_no_outcome_is_refused_with_its_row(tmp_path: Path, word: str, f
         read(tmp_path, "success", [first, "0", word])
 
 
-def test_both_columns_complete_each_other_and_may_not_differ(tmp_path: Path) -> None:
-    assert read(tmp_path, "outcome,success", ["1,", ",false", "0,false", ","]) == [
-        1.0,
-        0.0,
-        0.0,
-        None,
-    ]
-    message = "grasp 2: its columns outcome and success contradict each other"
-    with pytest.raises(ContactError, match=message):
+def test_a_table_has_one_of_both_columns(tmp_path: Path) -> None:
+    with pytest.raises(ContactError, match=r"it has both outcome and success: .* \(--outcome\)"):
         read(tmp_path, "outcome,success", ["1,1", "1,0"])
 
 
@@ -211,7 +204,7 @@ def test_a_stated_outcome_replaces_those_of_the_format(tmp_path: Path) -> None:
         read_poses(path)
     assert known(read_poses(path, outcome="result").outcome) == EXPECTED
     both = with_values(tmp_path / "b.csv", {"success": [0, 1, 1, 1, 1], "outcome": [1] * 5})
-    with pytest.raises(ContactError, match=r"contradict each other: give the one .* --outcome"):
+    with pytest.raises(ContactError, match="both outcome and success: give"):
         read_poses(both)
     assert known(read_poses(both, outcome="success").outcome) == [0, 1, 1, 1, 1]
     assert "result" in read_poses(path, outcome="result").columns

@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation
 from grasp3d import Label, load_mesh
 from grasp3d.errors import ContactError, FileUnreadError, GraspError, OutputError, SettingError
 from grasp3d.formats import holds_poses, read_poses, write_poses
+from grasp3d.formats.checks import numbers
 from grasp3d.formats.contacts import read_contacts
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.formats.values import numbers
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.hand.parallel_gripper import ParallelGripper, preset
 from grasp3d.hand.pose_checks import pose_warning
@@ -121,6 +121,7 @@ FIELDS = ("poses", "opening", "pregrasp_opening", "scores", "outcome")
 LOST = {
     "isaac_grasp": {"outcome"}, "moveit": {"outcome"}, "graspnet": {"outcome", "opening"},
     "graspgen": {"opening", "pregrasp_opening", "scores"},
+    "acronym": {"opening", "pregrasp_opening", "scores"},
 }  # fmt: skip
 """Numbers that a format does not have."""
 
@@ -140,8 +141,10 @@ def test_what_a_format_has_returns_in_any_unit_and_frame(
     found = there_and_back(tmp_path, poses.in_unit(unit), name)
     assert found.unit == (unit if name in OWN else "m")
     assert found.hand == (None if name == "csv" else poses.hand)
-    assert found.names == (("grasp_1", "grasp_2", "grasp_3", "grasp_4")[: poses.count]
-                           if name in {"graspnet", "graspgen"} else poses.names)  # fmt: skip
+    if name in {"graspnet", "graspgen", "acronym"}:
+        assert found.names == tuple(f"grasp_{k + 1}" for k in range(poses.count))
+    else:
+        assert found.names == poses.names
     lost = LOST.get(name, set())
     found = found.in_unit("m")
     for field in FIELDS:
@@ -174,7 +177,7 @@ def test_robots_get_metres_whatever_the_unit_of_the_mesh(name: Any, tmp_path: Pa
     poses = one_pose(outcome=1.0, scores=0.5)
     found = there_and_back(tmp_path, poses.in_unit("mm"), name)
     equal(found.poses, poses.poses)
-    if name != "graspgen":
+    if name not in {"graspgen", "acronym"}:
         equal(found.pregrasp_opening, poses.pregrasp_opening)
     if name in {"acronym", "graspgen", "isaac_grasp"}:
         assert found.object_scale == 0.001  # the numbers of a mesh in millimetres to metres
@@ -592,7 +595,7 @@ def test_a_missing_library_is_named_with_its_extra(
 ) -> None:
     write_acronym_by_hand(tmp_path / "mug.h5")
     (tmp_path / "cup.yaml").write_text(ISAAC)
-    monkeypatch.setattr("grasp3d.formats.values.find_spec", lambda _: None)
+    monkeypatch.setattr("grasp3d.formats.checks.find_spec", lambda _: None)
     for name in ("mug.h5", "cup.yaml"):
         with pytest.raises(OutputError, match=r"pip install 'grasp3d\[datasets\]'"):
             read_poses(tmp_path / name, hand=HAND)

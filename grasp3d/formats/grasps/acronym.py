@@ -6,8 +6,8 @@
 | `grasps/qualities/flex/object_in_gripper` (k,) | `outcome`, where any is known | `outcome` |
 | `object/file` `object/scale` | `object_file`; `object_scale`, else metres per unit of the mesh's file | poses belong to the mesh after scaling |
 | `object/com` `object/mass` `object/density` `object/friction` `object/volume` `object/inertia` | settings of these names | settings |
-| `gripper/type` `gripper/configuration` | name; joint values fully open | name; `panda` where there is none |
-| `gripper/base_to_tcp` `grasps/names` `grasps/opening` `grasps/pregrasp_opening` `grasps/scores` | only by grasp3d | |
+| `gripper/type` | name | name; `panda` where there is none |
+| `gripper/base_to_tcp` | only by grasp3d | |
 
 At most 1,000,000 grasps.
 """
@@ -20,11 +20,10 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.errors import ContactError
+from grasp3d.formats.checks import library
 from grasp3d.formats.format import Format, Given, register
-from grasp3d.formats.frames import joint_values
 from grasp3d.formats.outcomes import outcomes_of
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.formats.values import library
 from grasp3d.hand.frames import FRAMES
 from grasp3d.system.files import atomic_write
 from grasp3d.system.names import reason_of
@@ -39,10 +38,8 @@ GRIPPER = "panda"
 MOST = 1_000_000
 """Most grasps of a file that are read."""
 
-TRANSFORMS, NAMES = "grasps/transforms", "grasps/names"
+TRANSFORMS = "grasps/transforms"
 OUTCOME = "grasps/qualities/flex/object_in_gripper"
-NUMBERS = {name: f"grasps/{name}" for name in ("opening", "pregrasp_opening", "scores")}
-"""Further data sets, which only files of this project have."""
 
 OBJECT = {
     "com": (3,), "density": (), "friction": (), "inertia": (3, 3), "mass": (), "volume": (),
@@ -65,16 +62,9 @@ def write(path: Path, poses: GraspPoses) -> None:
         "object/scale": poses.object_scale,
         "gripper/type": hand.name,
         "gripper/base_to_tcp": hand.base_to_tcp,
-        NAMES: np.array(poses.names, dtype=object),
     }
-    if hand.joint_names:
-        widest = np.array([hand.max_opening])
-        values["gripper/configuration"] = joint_values(hand, widest, FORMAT)[0]
     if (known := ~np.isnan(poses.outcome)).any():
         values[OUTCOME] = poses.outcome.astype(np.int64) if known.all() else poses.outcome
-    for field, name in NUMBERS.items():
-        if not np.isnan(getattr(poses, field)).all():
-            values[name] = getattr(poses, field)
     for name in OBJECT:
         stated = poses.settings.get(name)
         # An interval of friction is a text.
@@ -110,9 +100,6 @@ def _read(file: Any, given: Given) -> GraspPoses:
     if not (count := shape[0]):
         raise ContactError("there are no grasps in it")
     stated = {name: _numbers(file, f"object/{name}", shape) for name, shape in OBJECT.items()}
-    known: dict[str, Any] = {
-        field: _numbers(file, name, (count,)) for field, name in NUMBERS.items()
-    }
     scale = _numbers(file, "object/scale", ())
     frame = FRAMES["acronym"]
     if given.hand is None:
@@ -129,13 +116,11 @@ def _read(file: Any, given: Given) -> GraspPoses:
             lambda name: np.asarray(_values(file, name, (count,))),
             default=(OUTCOME,),
         ),
-        names=tuple(_texts(file, NAMES, (count,))),
-        hand=next(iter(_texts(file, "gripper/type", ())), GRIPPER),
-        object_file=next(iter(_texts(file, "object/file", ())), None) or None,
+        hand=_text(file, "gripper/type") or GRIPPER,
+        object_file=_text(file, "object/file"),
         object_scale=None if scale is None else float(scale),
         settings={name: one.tolist() for name, one in stated.items() if one is not None},
         gripper_frame=frame,
-        **{field: one for field, one in known.items() if one is not None},
     )
 
 
@@ -170,26 +155,27 @@ def _numbers(file: Any, name: str, shape: tuple[int, ...]) -> npt.NDArray[Any] |
     return None if values is None else values.astype(np.float64)
 
 
-def _texts(file: Any, name: str, shape: tuple[int, ...]) -> list[str]:
-    """Texts of a data set; none if it is missing."""
-    values = _values(file, name, shape)
+def _text(file: Any, name: str) -> str | None:
+    """A text; None: it is missing, or empty."""
+    values = _values(file, name, ())
     if values is not None and values.dtype.kind not in "OUT":
-        raise ContactError(f"{name} must be text of shape {shape}; got {values.dtype}")
-    return [] if values is None else list(map(str, np.ravel(values).tolist()))
+        raise ContactError(f"{name} must be text; got {values.dtype}")
+    return None if values is None else str(values) or None
 
 
-FORMAT = Format(
-    name="acronym",
-    title="ACRONYM",
-    suffixes=(".h5", ".hdf5"),
-    sniff=lambda _: True,
-    read=read,
-    write=write,
-    holds="the data set grasps/transforms",
-    needs=("h5py", "h5py"),
-    frame="acronym",
-    states_frame=True,
-    alone=True,
-    about=__doc__ or "",
+register(
+    Format(
+        name="acronym",
+        title="ACRONYM",
+        suffixes=(".h5", ".hdf5"),
+        sniff=lambda _: True,
+        read=read,
+        write=write,
+        holds="the data set grasps/transforms",
+        needs=("h5py", "h5py"),
+        frame="acronym",
+        states_frame=True,
+        alone=True,
+        about=__doc__ or "",
+    )
 )
-register(FORMAT)

@@ -30,7 +30,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
-from grasp3d.formats import own
+from grasp3d.formats import checks, own
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.frames import from_quaternions, quaternions
 from grasp3d.formats.poses import OWN_NAMES, STAGES, GraspPoses
@@ -105,10 +105,9 @@ def read(path: Path, given: Given) -> GraspPoses:
     columns = {name: _stripped(values) for name, values in read_columns(path).items()}
     position = POSITION if any(name in columns for name in POSITION) else PLAIN
     if missing := [name for name in (*position, *QUATERNION) if name not in columns]:
-        listed = " ".join(list(columns)[:12]) + (" ..." if len(columns) > 12 else "")
         raise ContactError(
             f"column {missing[0]} is missing of px py pz (or x y z) {' '.join(QUATERNION)}; found "
-            f"{listed}"
+            f"{checks.short_list([*columns])}"
         )
     if not len(columns["qx"]):
         raise ContactError("there are no grasps in it, only column names")

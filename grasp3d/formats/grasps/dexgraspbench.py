@@ -20,18 +20,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
-from grasp3d.formats.dictionaries import (
-    ALL_STAGES,
-    POSE,
-    Rows,
-    flat,
-    grasps_in,
-    have,
-    numbers_in,
-    qpos_of,
-    stages_of,
-    write_objects,
-)
+from grasp3d.formats import dictionaries
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import wrist_of
@@ -40,20 +29,22 @@ from grasp3d.formats.postures import wrist_of
 def read(content: Any, given: Given) -> GraspPoses:
     """Poses of the root of a MuJoCo model, in the order of the files. Raises ContactError."""
     parts = [_stages(rows, number) for number, rows in enumerate(content, 1)]
-    return grasps_in(content, parts, given, wrist_of(given.hand).before)
+    return dictionaries.grasps_in(content, parts, given, wrist_of(given.hand).before)
 
 
-def _stages(rows: Rows, number: int) -> dict[str, Floats]:
+def _stages(rows: dictionaries.Rows, number: int) -> dict[str, Floats]:
     """Rows of a pose and joints at each stage that a dictionary has, (n, 7 + p) each."""
     if "grasp_qpos" not in rows:
         raise ContactError(f"dictionary {number}: the key grasp_qpos is missing")
     found = {}
-    for stage in ALL_STAGES:
+    for stage in dictionaries.ALL_STAGES:
         if rows.get(f"{stage}_qpos") is not None:
-            found[stage] = flat(numbers_in(rows, f"{stage}_qpos", number))
+            found[stage] = dictionaries.flat(dictionaries.numbers_in(rows, f"{stage}_qpos", number))
             if f"{stage}_pose" in rows:  # older files have poses under keys of their own
-                poses = flat(numbers_in(rows, f"{stage}_pose", number))
-                found[stage] = np.hstack([poses[: len(found[stage]), :POSE], found[stage]])
+                poses = dictionaries.flat(dictionaries.numbers_in(rows, f"{stage}_pose", number))
+                found[stage] = np.hstack(
+                    [poses[: len(found[stage]), : dictionaries.POSE], found[stage]]
+                )
     count = len(found["grasp"])
     for stage, values in found.items():
         if len(values) != count:
@@ -71,11 +62,11 @@ def write(path: Path, poses: GraspPoses) -> None:
     at = np.eye(4) if poses.object_pose is None else poses.object_pose.matrix
     stages = {
         f"{stage}_qpos": values[0] if poses.count == 1 else values
-        for stage, values in stages_of(poses).items()
+        for stage, values in dictionaries.stages_of(poses).items()
     }
-    about = {"obj_pose": qpos_of(at[None], np.zeros((1, 0)))[0],
+    about = {"obj_pose": dictionaries.qpos_of(at[None], np.zeros((1, 0)))[0],
              "obj_scale": poses.object_scale, "obj_path": poses.object_file or ""}  # fmt: skip
-    write_objects(path, {**stages, **about})
+    dictionaries.write_objects(path, {**stages, **about})
 
 
 register(
@@ -83,7 +74,7 @@ register(
         name="dexgraspbench",
         title="DexGraspBench",
         suffixes=(".npy",),
-        sniff=have("grasp_qpos"),
+        sniff=dictionaries.have("grasp_qpos"),
         read=read,
         write=write,
         holds="dictionaries with the key grasp_qpos",

@@ -19,11 +19,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from grasp3d.errors import ContactError
-from grasp3d.formats.dictionaries import POSE, grasps_in, have, write_objects
+from grasp3d.formats import dictionaries
+from grasp3d.formats.checks import mapping, numbers
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import as_in_model, wrist_of
-from grasp3d.formats.values import mapping, numbers
 
 ROOT = ("WRJTx", "WRJTy", "WRJTz", "WRJRx", "WRJRy", "WRJRz")
 """Keys of a pose: metres, and angles about the fixed axes x, y and z in turn."""
@@ -43,9 +43,11 @@ def read(content: Any, given: Given) -> GraspPoses:
     values = numbers([[row[name] for name in wanted] for row in rows], (len(wanted),), "qpos")
     turned = Rotation.from_euler("xyz", values[:, 3:6]).as_quat(scalar_first=True)
     posed = np.hstack([values[:, :3], turned, values[:, 6:]])
-    parts = [{"grasp": row[None]} for row in posed.reshape(len(rows), POSE + len(names))]
+    parts = [
+        {"grasp": row[None]} for row in posed.reshape(len(rows), dictionaries.POSE + len(names))
+    ]
     content = [{"joint_names": list(map(str, names)), **one} for one in content]
-    return grasps_in(content, parts, given, wrist_of(given.hand).beyond)
+    return dictionaries.grasps_in(content, parts, given, wrist_of(given.hand).beyond)
 
 
 def write(path: Path, poses: GraspPoses) -> None:
@@ -56,7 +58,7 @@ def write(path: Path, poses: GraspPoses) -> None:
     values = np.hstack([moved.poses[:, :3, 3], angles, moved.posture]).tolist()
     keys, scale = (*ROOT, *names), poses.object_scale
     rows = [{"qpos": dict(zip(keys, row, strict=True)), "scale": scale} for row in values]
-    write_objects(path, rows)
+    dictionaries.write_objects(path, rows)
 
 
 register(
@@ -64,7 +66,7 @@ register(
         name="dexgraspnet",
         title="DexGraspNet",
         suffixes=(".npy",),
-        sniff=have("qpos"),
+        sniff=dictionaries.have("qpos"),
         read=read,
         write=write,
         holds="dictionaries with the key qpos",

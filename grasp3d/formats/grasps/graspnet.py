@@ -20,10 +20,10 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
+from grasp3d.formats.checks import write_array
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.outcomes import outcomes_of
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.formats.values import write_array
 from grasp3d.hand.frames import FRAMES
 
 LENGTH = 17

@@ -27,30 +27,10 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
+from grasp3d.formats import checks, frames
 from grasp3d.formats.format import Format, Given, register
-from grasp3d.formats.frames import (
-    from_quaternions,
-    joint_values,
-    openings_of_joints,
-    quaternions,
-)
 from grasp3d.formats.outcomes import outcomes_of_entries
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.formats.values import (
-    Entries,
-    each,
-    entries_of,
-    has,
-    joints_of,
-    json_numbers,
-    mapping,
-    number_or_none,
-    numbers,
-    optional_numbers,
-    required,
-    text_or_none,
-    write_yaml,
-)
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.system.documents import described, number_of
 
@@ -78,9 +58,9 @@ def write(path: Path, poses: GraspPoses) -> None:
         values = [poses.posture, poses.pregrasp_posture]
     else:
         openings = poses.opening, poses.pregrasp_opening
-        values = [joint_values(hand, one, FORMAT) for one in openings]
+        values = [frames.joint_values(hand, one, FORMAT) for one in openings]
     closed, opened = (_by_name(hand.joint_names, one) for one in values)
-    turned, position = quaternions(poses.poses).tolist(), poses.poses[:, :3, 3].tolist()
+    turned, position = frames.quaternions(poses.poses).tolist(), poses.poses[:, :3, 3].tolist()
     grasps = {
         name: {
             "confidence": float(poses.scores[k]),
@@ -99,7 +79,7 @@ def write(path: Path, poses: GraspPoses) -> None:
         "object_scale": poses.object_scale,
         "grasps": grasps,
     }
-    write_yaml(path, document)
+    checks.write_yaml(path, document)
 
 
 def _by_name(names: tuple[str, ...], values: Floats) -> list[dict[str, float]]:
@@ -108,37 +88,37 @@ def _by_name(names: tuple[str, ...], values: Floats) -> list[dict[str, float]]:
         return [{} for _ in values]
     return [
         {n: v for n, v in zip(names, row, strict=True) if v is not None}
-        for row in json_numbers(values)
+        for row in checks.json_numbers(values)
     ]
 
 
 def read(content: Any, given: Given) -> GraspPoses:
     """Grasps of the content of a YAML file, in its order. Raises ContactError."""
-    document = mapping(content, "the file")
-    if required(document, "format") != NAME:
+    document = checks.mapping(content, "the file")
+    if checks.required(document, "format") != NAME:
         raise ContactError(f"format must be {NAME}; got {described(document['format'])}")
     version = document.get("format_version", VERSION)
     if not VERSION <= number_of(version) < VERSION + 1.0:
         raise ContactError(f"format_version must be {VERSION}; got {described(version)}")
-    grasps = mapping(required(document, "grasps"), "grasps")
+    grasps = checks.mapping(checks.required(document, "grasps"), "grasps")
     if not grasps:
         raise ContactError("there are no grasps in it")
-    entries = entries_of(grasps.values())
+    entries = checks.entries_of(grasps.values())
     stated = {key: document.get(key, document.get(key.removesuffix("_link"))) for key in LINKS}
     is_articulated = isinstance(given.hand, ArticulatedHand)
     return GraspPoses(
         poses=_poses(entries),
         **(_postures(entries) if is_articulated else _openings(entries, given)),
-        scores=optional_numbers(entries, "confidence"),
+        scores=checks.optional_numbers(entries, "confidence"),
         outcome=outcomes_of_entries(given.outcome, entries),
         names=tuple(map(str, grasps)),
-        object_file=text_or_none(document.get("object_file"), "object_file"),
-        object_scale=number_or_none(document.get("object_scale"), "object_scale"),
+        object_file=checks.text_or_none(document.get("object_file"), "object_file"),
+        object_scale=checks.number_or_none(document.get("object_scale"), "object_scale"),
         settings={key: value for key, value in stated.items() if isinstance(value, str)},
     )
 
 
-def _poses(entries: Entries) -> Floats:
+def _poses(entries: checks.Entries) -> Floats:
     """Poses that have a position, and an orientation of w and xyz, shape (k, 4, 4)."""
     for number, entry in enumerate(entries, 1):
         if isinstance(entry.get("orientation"), list):
@@ -146,35 +126,35 @@ def _poses(entries: Entries) -> Floats:
                 f"grasp {number}: orientation must be w and xyz: a list of numbers does not state "
                 "whether w is the first or the last"
             )
-    position = numbers(each(entries, "position"), (3,), "position")
-    w = numbers(each(entries, "orientation", "w"), (), "orientation.w")
-    xyz = numbers(each(entries, "orientation", "xyz"), (3,), "orientation.xyz")
-    return from_quaternions(position, np.column_stack([xyz, w]))
+    position = checks.numbers(checks.each(entries, "position"), (3,), "position")
+    w = checks.numbers(checks.each(entries, "orientation", "w"), (), "orientation.w")
+    xyz = checks.numbers(checks.each(entries, "orientation", "xyz"), (3,), "orientation.xyz")
+    return frames.from_quaternions(position, np.column_stack([xyz, w]))
 
 
-def _openings(entries: Entries, given: Given) -> dict[str, Any]:
+def _openings(entries: checks.Entries, given: Given) -> dict[str, Any]:
     found = {}
     for field, key in (("opening", AT), ("pregrasp_opening", BEFORE)):
         stated = [
-            mapping(entry.get(key) or {}, f"grasp {number}: {key}")
+            checks.mapping(entry.get(key) or {}, f"grasp {number}: {key}")
             for number, entry in enumerate(entries, 1)
         ]
         joints = [
-            {str(name): float(numbers([value], (), f"{key} {name}")[0])
+            {str(name): float(checks.numbers([value], (), f"{key} {name}")[0])
              for name, value in one.items()}
             for one in stated
         ]  # fmt: skip
-        found[field] = openings_of_joints(given.hand, joints)
+        found[field] = frames.openings_of_joints(given.hand, joints)
     return found
 
 
-def _postures(entries: Entries) -> dict[str, Any]:
+def _postures(entries: checks.Entries) -> dict[str, Any]:
     """Postures by name; of before the grasp where all grasps state one."""
-    names, posture = joints_of(each(entries, AT), AT)
+    names, posture = checks.joints_of(checks.each(entries, AT), AT)
     fields: dict[str, Any] = {"posture": posture, "joint_names": names}
     stated = [k for k, entry in enumerate(entries) if entry.get(BEFORE)]
     if stated:
-        own, values = joints_of([entries[k][BEFORE] for k in stated], BEFORE)
+        own, values = checks.joints_of([entries[k][BEFORE] for k in stated], BEFORE)
         if {*own} != {*names}:
             raise ContactError(f"{BEFORE} must have the joints of {AT}")
         fields["pregrasp_posture"] = np.full(posture.shape, np.nan)
@@ -185,7 +165,7 @@ def _postures(entries: Entries) -> dict[str, Any]:
 FORMAT = Format(
     name=NAME,
     suffixes=(".yaml", ".yml"),
-    sniff=has("format"),
+    sniff=checks.has("format"),
     read=read,
     write=write,
     holds="the key format with isaac_grasp",

@@ -34,24 +34,9 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
-from grasp3d.formats import own
+from grasp3d.formats import checks, own
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.poses import OWN_NAMES, STAGES, GraspPoses
-from grasp3d.formats.values import (
-    Entries,
-    each,
-    entries_of,
-    grasp_list,
-    has,
-    joints_of,
-    json_numbers,
-    json_text,
-    mapping,
-    numbers,
-    required,
-    rows_of,
-    write_rows,
-)
 from grasp3d.system.documents import described
 
 
@@ -59,16 +44,16 @@ def write(path: Path, poses: GraspPoses) -> None:
     """Write what applies to all grasps, then one line for each grasp."""
     names, placed = poses.joint_names, {"pose": poses.poses.tolist()}
     for name, values in own.stages_of(poses).items():
-        rows = json_numbers(values)
+        rows = checks.json_numbers(values)
         by_name = names and values.ndim == 2
         placed[name] = [dict(zip(names, row, strict=True)) for row in rows] if by_name else rows
     further = {name: one for name, one in poses.columns.items() if name not in own.VECTORS}
     columns = {
-        name: json_numbers(values) if isinstance(values, np.ndarray) else values
+        name: checks.json_numbers(values) if isinstance(values, np.ndarray) else values
         for name, values in {**own.columns_of(poses, **placed), **further}.items()
     }
     if parts := {
-        key: json_numbers(own.outward(name, poses.columns[name]))
+        key: checks.json_numbers(own.outward(name, poses.columns[name]))
         for key, name in (("point", "contacts"), ("normal", "normals"))
         if name in poses.columns
     }:
@@ -77,23 +62,23 @@ def write(path: Path, poses: GraspPoses) -> None:
             for grasp in zip(*parts.values(), strict=True)
         ]
     try:
-        header = json_text(own.header_of(poses))
+        header = checks.json_text(own.header_of(poses))
     except (TypeError, ValueError) as error:
         raise OutputError(f"{path}: the settings of the poses are no JSON: {error}") from error
-    write_rows(path, header, rows_of(columns, poses.count))
+    checks.write_rows(path, header, checks.rows_of(columns, poses.count))
 
 
 def read(content: Any, given: Given) -> GraspPoses:
     """Poses of the content of a JSON file. Raises ContactError."""
-    document = mapping(content, "the file")
-    entries = entries_of(grasp_list(required(document, "grasps"), "grasps"))
+    document = checks.mapping(content, "the file")
+    entries = checks.entries_of(checks.grasp_list(checks.required(document, "grasps"), "grasps"))
     keys = list(dict.fromkeys(key for entry in entries for key in entry))
     listed = {key: [entry.get(key) for entry in entries] for key in keys}
     further = [key for key in keys if key not in OWN_NAMES | own.VECTORS.keys()]
     return own.poses_of(
         listed,
         given,
-        poses=numbers(each(entries, "pose"), (4, 4), "pose"),
+        poses=checks.numbers(checks.each(entries, "pose"), (4, 4), "pose"),
         **_stages(entries),
         names=tuple(str(one.get("name", f"grasp_{k}")) for k, one in enumerate(entries, 1)),
         columns={
@@ -101,18 +86,18 @@ def read(content: Any, given: Given) -> GraspPoses:
             **(_vectors(entries) if "contacts" in keys else {}),
         },
         **own.fields_of(
-            mapping(document.get("grasp3d", {}), "grasp3d") | own.stated_in(listed), given
+            checks.mapping(document.get("grasp3d", {}), "grasp3d") | own.stated_in(listed), given
         ),
     )
 
 
-def _stages(entries: Entries) -> dict[str, Any]:
+def _stages(entries: checks.Entries) -> dict[str, Any]:
     """Postures, and poses before and after the grasp, as far as they are stated."""
     found: dict[str, Any] = {}
     names: tuple[str, ...] | None = None
     for name in ("posture", *(f"{stage}_posture" for stage in STAGES)):
         if any(name in entry for entry in entries):
-            of_stage, values = joints_of(each(entries, name), name)
+            of_stage, values = checks.joints_of(checks.each(entries, name), name)
             names = of_stage if names is None else names
             if {*of_stage} != {*names}:
                 raise ContactError(f"{name} must have the joints of the posture")
@@ -120,11 +105,11 @@ def _stages(entries: Entries) -> dict[str, Any]:
             found |= {name: values[:, order] if names else values, "joint_names": names}
     for stage in STAGES:
         if any((key := f"{stage}_pose") in entry for entry in entries):
-            found[f"{key}s"] = numbers(each(entries, key), (4, 4), key)
+            found[f"{key}s"] = checks.numbers(checks.each(entries, key), (4, 4), key)
     return found
 
 
-def _vectors(entries: Entries) -> dict[str, Floats]:
+def _vectors(entries: checks.Entries) -> dict[str, Floats]:
     """Contacts and normals into the object, shape (k, n, 3), as many of each grasp."""
     first = entries[0].get("contacts")
     count = max(2, len(first)) if isinstance(first, list) else 2
@@ -135,14 +120,16 @@ def _vectors(entries: Entries) -> dict[str, Floats]:
             raise ContactError(
                 f"grasp {number}: contacts must be a list of {count}; got {described(contacts)}"
             )
-        grasps.append([mapping(contact, f"grasp {number}: a contact") for contact in contacts])
+        grasps.append(
+            [checks.mapping(contact, f"grasp {number}: a contact") for contact in contacts]
+        )
     parts = {
         name: [[contact.get(key) for contact in contacts] for contacts in grasps]
         for key, name in (("point", "contacts"), ("normal", "normals"))
         if key in grasps[0][0]
     }
     return {
-        name: own.outward(name, numbers(values, (count, 3), f"{name} of contacts"))
+        name: own.outward(name, checks.numbers(values, (count, 3), f"{name} of contacts"))
         for name, values in parts.items()
     }
 
@@ -152,7 +139,7 @@ register(
         name="json",
         title="JSON",
         suffixes=(".json",),
-        sniff=has("grasps.0.pose"),
+        sniff=checks.has("grasps.0.pose"),
         read=read,
         write=write,
         holds="the key grasps with poses, as write_grasps writes them",

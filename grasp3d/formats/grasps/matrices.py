@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from grasp3d.formats.checks import write_array
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.formats.values import write_array
 
 MOST = 1_000_000
 """Most grasps of a file that are read."""

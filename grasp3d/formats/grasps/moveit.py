@@ -24,6 +24,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
+from grasp3d.formats import checks
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.frames import (
     from_quaternions,
@@ -34,20 +35,6 @@ from grasp3d.formats.frames import (
 )
 from grasp3d.formats.outcomes import outcomes_of_entries
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.formats.values import (
-    Entries,
-    each,
-    entries_of,
-    grasp_list,
-    has,
-    json_numbers,
-    json_text,
-    mapping,
-    numbers,
-    optional_numbers,
-    text_or_none,
-    write_text,
-)
 from grasp3d.system.documents import described
 
 DESIRED, LEAST = 0.10, 0.02
@@ -71,7 +58,7 @@ def write(path: Path, poses: GraspPoses) -> None:
 
     def postures(openings: Floats) -> list[dict[str, Any]]:
         """trajectory_msgs/JointTrajectory of one point; of none where openings are not known."""
-        rows = json_numbers(joint_values(hand, openings, FORMAT))
+        rows = checks.json_numbers(joint_values(hand, openings, FORMAT))
         known = [bool(row) and None not in row for row in rows]
         time = {"sec": 0, "nanosec": 0}
         empty: dict[str, Any] = {"velocities": [], "accelerations": [], "effort": []}
@@ -116,26 +103,32 @@ def write(path: Path, poses: GraspPoses) -> None:
         }
         for k in range(poses.count)
     ]
-    write_text(path, "[\n" + ",\n".join(map(json_text, messages)) + "\n]\n")
+    checks.write_text(path, "[\n" + ",\n".join(map(checks.json_text, messages)) + "\n]\n")
 
 
 def read(content: Any, given: Given) -> GraspPoses:
     """Poses of the content of a JSON file, a list of messages or one. Raises ContactError."""
-    messages = entries_of(
-        grasp_list(content if isinstance(content, list) else [content], "the file")
+    messages = checks.entries_of(
+        checks.grasp_list(content if isinstance(content, list) else [content], "the file")
     )
     position, turned = (
         np.column_stack(
             [
-                numbers(each(messages, "grasp_pose", "pose", part, letter), (), f"{part}.{letter}")
+                checks.numbers(
+                    checks.each(messages, "grasp_pose", "pose", part, letter),
+                    (),
+                    f"{part}.{letter}",
+                )
                 for letter in letters
             ]
         )
         for part, letters in (("position", "xyz"), ("orientation", "xyzw"))
     )
     frames = {
-        text_or_none(
-            mapping(message["grasp_pose"].get("header", {}), "grasp_pose.header").get("frame_id"),
+        checks.text_or_none(
+            checks.mapping(message["grasp_pose"].get("header", {}), "grasp_pose.header").get(
+                "frame_id"
+            ),
             "frame_id",
         )
         for message in messages
@@ -149,29 +142,29 @@ def read(content: Any, given: Given) -> GraspPoses:
         poses=from_quaternions(position, turned),
         opening=openings_of_joints(given.hand, _joints(messages, "grasp_posture")),
         pregrasp_opening=openings_of_joints(given.hand, _joints(messages, "pre_grasp_posture")),
-        scores=optional_numbers(messages, "grasp_quality"),
+        scores=checks.optional_numbers(messages, "grasp_quality"),
         outcome=outcomes_of_entries(given.outcome, messages),
         names=tuple(str(m.get("id", f"grasp_{number}")) for number, m in enumerate(messages, 1)),
         settings={"frame_id": frame} if frame else {},
     )
 
 
-def _joints(messages: Entries, key: str) -> list[dict[str, float]]:
+def _joints(messages: checks.Entries, key: str) -> list[dict[str, float]]:
     """Values of joints at the last point of the postures, by name; empty: not stated."""
     joints = []
     for number, message in enumerate(messages, 1):
         where = f"grasp {number}: {key}"
-        posture = mapping(message.get(key, {}), where)
+        posture = checks.mapping(message.get(key, {}), where)
         names, points = posture.get("joint_names", []), posture.get("points", [])
         if not isinstance(names, list) or not isinstance(points, list):
             raise ContactError(f"{where} must have lists joint_names and points")
-        values = mapping(points[-1], f"{where}: a point").get("positions") if points else []
+        values = checks.mapping(points[-1], f"{where}: a point").get("positions") if points else []
         if not isinstance(values, list) or (points and len(values) != len(names)):
             raise ContactError(
                 f"{where} must have a position of each of {len(names)} joints; got "
                 f"{described(values)}"
             )
-        joints.append(dict(zip(map(str, names), numbers(values, (), where), strict=False)))
+        joints.append(dict(zip(map(str, names), checks.numbers(values, (), where), strict=False)))
     return joints
 
 
@@ -179,7 +172,7 @@ FORMAT = Format(
     name="moveit",
     title="moveit_msgs/Grasp",
     suffixes=(".json",),
-    sniff=has("0.grasp_pose"),
+    sniff=checks.has("0.grasp_pose"),
     read=read,
     write=write,
     holds="a list of messages with grasp_pose",

@@ -99,16 +99,9 @@ def settings_from(texts: Mapping[str, str]) -> FileSettings:
 
 
 def _search(values: Mapping[str, str]) -> tuple[SearchReport, str]:
-    """Extent of the search, and the angle that was given: where a file lacks it, the searched."""
-    extent: dict[str, Any] = {
-        "cone": float(values["search_angle"]),
-        "rays": int(values.get("rays_traced", "0")),
-        "evaluated": int(values.get("candidates_evaluated", "0")),
-    }
-    angle = values["search_angle"]
-    if "search" in values:
-        extent = dict(parse_json(values["search"]))
-        angle = str(extent.pop(GIVEN_ANGLE))
+    """Extent of the search, and the angle that was given."""
+    extent: dict[str, Any] = dict(parse_json(values["search"]))
+    angle = str(extent.pop(GIVEN_ANGLE))
     report = SearchReport(**extent)
     if not (isinstance(report.cone, float) and 0.0 < report.cone <= math.pi):
         raise ValueError(f"its search angle is {report.cone}")

@@ -50,6 +50,11 @@ def library(module: str, package: str) -> Any:
     return import_module(module)
 
 
+def short_list(names: Sequence[str], most: int = 12) -> str:
+    """The first of some names, for messages."""
+    return " ".join(names[:most]) + (" ..." if len(names) > most else "")
+
+
 def load_yaml(path: Path) -> Any:
     """Content of a YAML file of plain values. Raises ContactError, ValueError, OSError."""
     yaml = library("yaml", "PyYAML")
