@@ -13,5 +13,6 @@ from .surfaces.npz import write_npz as write_npz
 from .surfaces.parquet import write_fields as write_fields
 from .surfaces.ply import write_ply as write_ply
 from .surfaces.vtp import write_vtp as write_vtp
+from .writing import Posed as Posed
 from .writing import write_grasps as write_grasps
 from .writing import write_poses as write_poses

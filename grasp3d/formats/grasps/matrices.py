@@ -36,7 +36,7 @@ def write(path: Path, poses: GraspPoses) -> None:
 register(
     Format(
         name="matrices",
-        title="4×4 matrices",
+        title="Matrices",
         suffixes=(".npy",),
         sniff=sniff,
         read=read,

@@ -16,7 +16,7 @@ from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh.measures import Triangles
-from grasp3d.mesh.reading.sources import Source
+from grasp3d.mesh.reading.sources import Source, check_finite
 from grasp3d.quality.loads import Load, load_from
 from grasp3d.settings import (
     MAX_SEARCHED_FINGERS,
@@ -216,6 +216,7 @@ def check_stored(stored: Stored, settings: FileSettings) -> None:
             stored.field(field.name)
     vertices, faces = stored.field("vertices"), stored.field("faces")
     count, corners = len(vertices), len(stored.values.get("corner_normals", ()))
+    check_finite(vertices, stored.source.where)
     sizes = {"F": len(faces), "C": corners}
     for name, values in stored.values.items():
         field = FIELDS[name]
