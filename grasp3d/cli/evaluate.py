@@ -181,8 +181,7 @@ def _remarks(grasps: Grasps) -> Iterator[str]:
         if parts:
             yield f"held when tried: {', '.join(parts)}"
         given = grasps.given
-        why = ", as the file states none" if given.assumes_frame else ""
-        yield f"poses read in the gripper's frame '{given.gripper_frame}'{why} (--frame)"
+        yield f"poses read in {given.frame_words}"
         yield frame_text(given.object_pose)
         if read := given.settings.get(READING):
             yield f"{READINGS[READING]}: {read}"

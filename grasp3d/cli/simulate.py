@@ -34,6 +34,8 @@ def run(command: Simulate) -> int:
     tried = _simulate(command)
     write_poses(output, tried)
     report = Report(quiet=command.quiet)
+    if command.grasps is not None:
+        report.line(escaped(f"poses read in {tried.frame_words}"))
     print_outcomes(report, tried)
     report.written(output)
     return 0

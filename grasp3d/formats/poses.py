@@ -158,6 +158,12 @@ class GraspPoses:
         """Number of poses."""
         return len(self.poses)
 
+    @property
+    def frame_words(self) -> str:
+        """The gripper's frame in which the poses were read, and whether the file states it."""
+        why = ", as the file states none" if self.assumes_frame else ""
+        return f"the gripper's frame '{self.gripper_frame}'{why} (--frame)"
+
     def in_unit(self, unit: Unit) -> Self:
         """The same poses with all lengths in another unit.
 

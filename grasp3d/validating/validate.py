@@ -94,7 +94,8 @@ class Evaluation:
                         "grasp": tried.numbers[part],
                         "mass": body.masses[part],
                     })  # fmt: skip
-        sources = f"gripper {tried.hand.name}, {tried.hand_from}; {body.sources}"
+        hand = f"gripper {tried.hand.name}, {tried.hand_from}"
+        sources = f"{hand}; {body.sources}; poses in {tried.poses.frame_words}"
         self.files.append(ValidatedFile(tried.name, number, model, count, tried.not_tried, sources))
 
     def _say(self, tried: TriedGrasps, lines: Sequence[str]) -> None:

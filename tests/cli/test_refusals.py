@@ -91,7 +91,7 @@ evaluate box.stl bad.csv --unit mm --hand franka | contains no poses: expected c
 evaluate box.stl zero.csv | zero.csv: the file is empty
 evaluate box.stl head.csv | there are no grasps in it, only column names
 evaluate box.stl numbers.csv | its first line must be names of columns; found 20 0 0 -20 0 0
-evaluate box.stl commas.csv | grasp 1: x2 is no finite number: '-20,5'
+evaluate box.stl commas.csv | grasp 1: x2 must be a number; got '-20,5'
 evaluate box.stl metres.csv --unit mm --hand franka | far from the object, 4,6 | in mm, not in m
 evaluate box.stl posed.csv --unit mm --hand franka | in the frame 'base_link', not in that of the
 evaluate box.stl inward.json --unit mm --hand franka | normals must be outward; got 'inward'
@@ -122,7 +122,7 @@ batch nothing://lib -o out | no file system is called nothing://
 batch 'void/**x/[a' -o out | is not a valid file name pattern
 batch ball.ply -o ball.ply | its folder is a file
 view . --screenshot a.png | was not written by grasp3d batch
-view bad.ply --screenshot a.png | have a property 'label' but no 'critical_angle'
+view bad.ply --screenshot a.png | have no property 'critical_angle'
 view ball.ply --screenshot a.png --fingers 9 | fingers must be from 2 to 5
 design --friction 50 | is 0.5 meant?
 design --fingertip-radius 8 | fingertip_radius needs its unit, such as 8mm
