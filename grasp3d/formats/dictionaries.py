@@ -5,10 +5,8 @@ Nothing is executed; see `grasp3d.system.stored_arrays`.
 """
 
 import re
-from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import count as naturals
 from pathlib import Path
 from typing import Any
 
@@ -243,13 +241,8 @@ def _outcome(content: Sequence[Rows], counts: Sequence[int], given: Given) -> Fl
 
 
 def _names(content: Sequence[Rows], counts: Sequence[int]) -> tuple[str, ...]:
-    """Names of grasps: those of their files in a folder, with numbers where these have many."""
-    names = np.repeat([rows["name"] for rows in content], counts).tolist()
-    together = Counter(names)
-    numbers: dict[str, Iterator[int]] = defaultdict(lambda: naturals(1))
-    if "" in together:
-        return ()
-    return tuple(name if together[name] == 1 else f"{name}_{next(numbers[name])}" for name in names)
+    """Names of grasps: those of their files in a folder, if each has one."""
+    return tuple(str(rows["name"]) for rows in content if rows["name"] and max(counts) == 1)
 
 
 def _object_file(content: Sequence[Rows]) -> str | None:

@@ -11,7 +11,7 @@ from grasp3d.errors import ContactError, SettingError
 from grasp3d.formats import checks
 from grasp3d.formats.format import Given
 from grasp3d.formats.outcomes import Values, outcomes_of
-from grasp3d.formats.poses import STAGES, GraspPoses
+from grasp3d.formats.poses import STAGES, VECTOR_COLUMNS, GraspPoses
 from grasp3d.hand.articulated.presets import FORMAT as ARTICULATED
 from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand
@@ -20,9 +20,6 @@ from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.settings.units import Unit
 from grasp3d.system.documents import described
 from grasp3d.system.versions import package_version
-
-VECTORS = {"contacts": "", "normals": "n"}
-"""Columns of poses that are contacts and outward normals, and how their names begin in a table."""
 
 OBJECT = (None, "", "object")
 """Frames of poses that are that of the object."""
@@ -157,9 +154,11 @@ def stages_of(poses: GraspPoses) -> dict[str, Floats]:
     return {name: values for name, values in found.items() if values.size}
 
 
-def outward(name: str, values: Floats) -> Floats:
-    """Vectors of a file from those of poses and back: the normals of files are outward."""
-    return 0.0 - values if name == "normals" else values
+def vectors_of(poses: GraspPoses) -> dict[str, Floats]:
+    """Contacts and outward normals, as far as they are known, shape (k, n, 3)."""
+    signs = {"contacts": 1.0, "normals": -1.0}
+    known = {name: poses.columns[name] for name in VECTOR_COLUMNS if name in poses.columns}
+    return {name: 0.0 + signs[name] * values for name, values in known.items()}
 
 
 def poses_of(table: Mapping[str, Values], given: Given, **fields: Any) -> GraspPoses:

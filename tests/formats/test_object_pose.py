@@ -103,8 +103,6 @@ def test_own_formats_have_the_robots_frame_and_are_read_in_the_objects(
     assert back.object_pose is not None
     equal(back.object_pose.matrix, pose.matrix, 1e-14)
     equal(back.poses, poses.poses, 1e-12 * size)
-    for column in ("contacts", "normals"):
-        equal(back.columns[column], poses.columns[column], 1e-12 * size)
     for field in ("opening", "pregrasp_opening", "scores"):
         equal(getattr(back, field), getattr(poses, field), 0.0)
     # What stands in the file are other poses: those of the robot.

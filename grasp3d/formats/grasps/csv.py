@@ -14,11 +14,12 @@ as that of JSON.
 | `gripper_frame` | the same in every row; only where it is not `tcp` |
 | `joint:NAME` `pregrasp_joint:NAME` `squeeze_joint:NAME` | postures as in JSON; `posture1` `pregrasp_posture1` and so on where joints have no names |
 | `pregrasp_px` `pregrasp_qw` `squeeze_px` `squeeze_qw` and others | poses as `px` to `qw`, only where they differ |
-| `x1` `y1` `z1` `x2` `y2` `z2` | contacts, as `read_grasps` reads them |
+| `x1` `y1` `z1` `x2` `y2` `z2` | contacts; with poses for people and other programs, not read |
 | `nx1` `ny1` `nz1` `nx2` `ny2` `nz2` | outward normals there |
 | others | [further columns](#further-columns) |
 """
 
+import re
 from collections.abc import Mapping
 from itertools import count as naturals
 from itertools import takewhile
@@ -33,7 +34,7 @@ from grasp3d.errors import ContactError
 from grasp3d.formats import checks, own
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.frames import from_quaternions, quaternions
-from grasp3d.formats.poses import OWN_NAMES, STAGES, GraspPoses
+from grasp3d.formats.poses import OWN_NAMES, STAGES, VECTOR_COLUMNS, GraspPoses
 from grasp3d.hand.frames import FRAMES
 
 Columns = Mapping[str, npt.NDArray[Any]]
@@ -44,6 +45,9 @@ REQUIRED = POSITION + QUATERNION
 
 JOINT = "joint:"
 """Before the name of a joint in the name of its column."""
+
+
+_CONTACT = re.compile(r"n?[xyz][1-9]\d*")
 
 
 def sniff(path: Path) -> bool:
@@ -70,13 +74,11 @@ def write(path: Path, poses: GraspPoses) -> None:
     for name, value in stated.items():
         if value not in {None, FRAMES["tcp"]}:
             columns[name] = np.full(poses.count, str(value))
-    for name, values in poses.columns.items():
-        if name in own.VECTORS:
-            vectors = own.outward(name, values).reshape(poses.count, -1)
-            parts = _parts(name, values.shape[1])
-            columns |= dict(zip(parts, vectors.T, strict=True))
-        else:
-            columns[name] = values
+    columns |= {name: one for name, one in poses.columns.items() if name not in VECTOR_COLUMNS}
+    for name, values in own.vectors_of(poses).items():
+        start, numbers = "n" * (name == "normals"), range(1, values.shape[1] + 1)
+        parts = [f"{start}{axis}{number}" for number in numbers for axis in "xyz"]
+        columns |= dict(zip(parts, values.reshape(poses.count, -1).T, strict=True))
     write_columns(path, columns, settings=own.header_of(poses))
 
 
@@ -93,11 +95,6 @@ def _joint_columns(name: str, joints: tuple[str, ...], count: int) -> list[str]:
     return [f"{name}{k + 1}" for k in range(count)]
 
 
-def _parts(name: str, contacts: int) -> tuple[str, ...]:
-    """Columns for vectors at as many contacts."""
-    return tuple(f"{own.VECTORS[name]}{axis}{k + 1}" for k in range(contacts) for axis in "xyz")
-
-
 def read(path: Path, given: Given) -> GraspPoses:
     """Poses of a CSV or Parquet file. Raises ContactError, ValueError, OSError."""
     from grasp3d.system.tables import read_columns, read_settings
@@ -111,13 +108,8 @@ def read(path: Path, given: Given) -> GraspPoses:
         )
     if not len(columns["qx"]):
         raise ContactError("there are no grasps in it, only column names")
-    contacts = {
-        name: next(n for n in naturals() if not set(_parts(name, n + 1)) <= columns.keys())
-        for name in own.VECTORS
-    }
-    vectors = {name: _parts(name, number) for name, number in contacts.items() if number > 1}
     joints, stages = _stages(columns)
-    used = {*OWN_NAMES, *position, *joints, *(part for one in vectors.values() for part in one)}
+    used = {*OWN_NAMES, *position, *joints, *filter(_CONTACT.fullmatch, columns)}
     return own.poses_of(
         columns,
         given,
@@ -125,11 +117,7 @@ def read(path: Path, given: Given) -> GraspPoses:
         **stages,
         names=tuple("" if one is None else str(one) for one in columns.get("name", ())),
         columns={
-            **{
-                name: own.outward(name, _stacked(columns, parts).reshape(-1, len(parts) // 3, 3))
-                for name, parts in vectors.items()
-            },
-            **{name: own.column_of(one, name) for name, one in columns.items() if name not in used},
+            name: own.column_of(one, name) for name, one in columns.items() if name not in used
         },
         **own.fields_of((read_settings(path) or {}) | own.stated_in(columns), given),
     )

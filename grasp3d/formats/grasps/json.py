@@ -23,7 +23,7 @@ An object: `grasp3d` is about all grasps, `grasps` a list.
 | `pregrasp_opening` | opening with which the gripper approaches; null: not known |
 | `score` | confidence or another quality, larger is better; null: not known. Of [best grasps](#scores) their order |
 | `outcome` | 1: the grasp held, 0: it failed; null: not tried. Read also as `success`, and as [true and false](#outcomes) |
-| `contacts` | list of two: `point` `[x, y, z]` and outward `normal` |
+| `contacts` | list of two: `point` `[x, y, z]` and outward `normal`; with poses for people and other programs, not read |
 | others | [further columns](#further-columns) |
 """
 
@@ -32,12 +32,10 @@ from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.formats import checks, own
 from grasp3d.formats.format import Format, Given, register
-from grasp3d.formats.poses import OWN_NAMES, STAGES, GraspPoses
-from grasp3d.system.documents import described
+from grasp3d.formats.poses import OWN_NAMES, STAGES, VECTOR_COLUMNS, GraspPoses
 
 
 def write(path: Path, poses: GraspPoses) -> None:
@@ -47,19 +45,16 @@ def write(path: Path, poses: GraspPoses) -> None:
         rows = checks.json_numbers(values)
         by_name = names and values.ndim == 2
         placed[name] = [dict(zip(names, row, strict=True)) for row in rows] if by_name else rows
-    further = {name: one for name, one in poses.columns.items() if name not in own.VECTORS}
+    further = {name: one for name, one in poses.columns.items() if name not in VECTOR_COLUMNS}
     columns = {
         name: checks.json_numbers(values) if isinstance(values, np.ndarray) else values
         for name, values in {**own.columns_of(poses, **placed), **further}.items()
     }
-    if parts := {
-        key: checks.json_numbers(own.outward(name, poses.columns[name]))
-        for key, name in (("point", "contacts"), ("normal", "normals"))
-        if name in poses.columns
-    }:
+    if vectors := own.vectors_of(poses):
+        keys = [{"contacts": "point", "normals": "normal"}[name] for name in vectors]
         columns["contacts"] = [
-            [dict(zip(parts, contact, strict=True)) for contact in zip(*grasp, strict=True)]
-            for grasp in zip(*parts.values(), strict=True)
+            [dict(zip(keys, one, strict=True)) for one in zip(*grasp, strict=True)]
+            for grasp in zip(*map(checks.json_numbers, vectors.values()), strict=True)
         ]
     try:
         header = checks.json_text(own.header_of(poses))
@@ -74,17 +69,14 @@ def read(content: Any, given: Given) -> GraspPoses:
     entries = checks.entries_of(checks.grasp_list(checks.required(document, "grasps"), "grasps"))
     keys = list(dict.fromkeys(key for entry in entries for key in entry))
     listed = {key: [entry.get(key) for entry in entries] for key in keys}
-    further = [key for key in keys if key not in OWN_NAMES | own.VECTORS.keys()]
+    further = [key for key in keys if key not in {*OWN_NAMES, *VECTOR_COLUMNS}]
     return own.poses_of(
         listed,
         given,
         poses=checks.numbers(checks.each(entries, "pose"), (4, 4), "pose"),
         **_stages(entries),
         names=tuple(str(one.get("name", f"grasp_{k}")) for k, one in enumerate(entries, 1)),
-        columns={
-            **{key: own.column_of(listed[key], key) for key in further},
-            **(_vectors(entries) if "contacts" in keys else {}),
-        },
+        columns={key: own.column_of(listed[key], key) for key in further},
         **own.fields_of(
             checks.mapping(document.get("grasp3d", {}), "grasp3d") | own.stated_in(listed), given
         ),
@@ -107,31 +99,6 @@ def _stages(entries: checks.Entries) -> dict[str, Any]:
         if any((key := f"{stage}_pose") in entry for entry in entries):
             found[f"{key}s"] = checks.numbers(checks.each(entries, key), (4, 4), key)
     return found
-
-
-def _vectors(entries: checks.Entries) -> dict[str, Floats]:
-    """Contacts and normals into the object, shape (k, n, 3), as many of each grasp."""
-    first = entries[0].get("contacts")
-    count = max(2, len(first)) if isinstance(first, list) else 2
-    grasps = []
-    for number, entry in enumerate(entries, 1):
-        contacts = entry.get("contacts")
-        if not isinstance(contacts, list) or len(contacts) != count:
-            raise ContactError(
-                f"grasp {number}: contacts must be a list of {count}; got {described(contacts)}"
-            )
-        grasps.append(
-            [checks.mapping(contact, f"grasp {number}: a contact") for contact in contacts]
-        )
-    parts = {
-        name: [[contact.get(key) for contact in contacts] for contacts in grasps]
-        for key, name in (("point", "contacts"), ("normal", "normals"))
-        if key in grasps[0][0]
-    }
-    return {
-        name: own.outward(name, checks.numbers(values, (count, 3), f"{name} of contacts"))
-        for name, values in parts.items()
-    }
 
 
 register(
