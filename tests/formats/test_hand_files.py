@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 from grasp3d import load_mesh, read_hand
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.formats import holds_poses, read_poses, write_poses
-from grasp3d.formats.dictionaries import ALL_STAGES
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import POSTURES, matched, wrist_of
 from grasp3d.grasps.evaluation import evaluate_grasps
@@ -373,19 +372,6 @@ def test_a_folder_with_grasps_of_two_hands_is_refused(
     said = f"has files of 2 hands, such as {first}.npy and {second}.npy: put those of each hand"
     with pytest.raises(ContactError, match=said):
         read_poses(tmp_path / "ball", hand=hand)
-
-
-def test_poses_under_a_key_of_their_own_and_several_postures_on_the_way(tmp_path: Path) -> None:
-    poses = grasps_of("allegro")
-    one = bench(poses, 1)
-    whole = read_poses(save(tmp_path / "a.npy", one), hand=poses.hand)
-    split = {f"{stage}_{key}": one[f"{stage}_qpos"][part] for stage in ALL_STAGES
-             for key, part in (("pose", slice(0, 7)), ("qpos", slice(7, None)))}  # fmt: skip
-    older = {key: value for key, value in one.items() if not key.endswith("_qpos")} | split
-    same_grasps(read_poses(save(tmp_path / "b.npy", older), hand=poses.hand), whole)
-    steps = np.stack([one["pregrasp_qpos"], one["grasp_qpos"]])
-    later = one | {"pregrasp_qpos": steps, "grasp_qpos": one["grasp_qpos"][None]}
-    same_grasps(read_poses(save(tmp_path / "c.npy", later), hand=poses.hand), whole)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 | key | written | read |
 |---|---|---|
-| `pregrasp_qpos` `grasp_qpos` `squeeze_qpos` | x, y, z [m], quaternion w, x, y, z, and the joints in the hand's order, at each stage that is known | the same; in older files joints only, with the pose in `grasp_pose` and so on. Of several postures before a grasp the first |
+| `pregrasp_qpos` `grasp_qpos` `squeeze_qpos` | x, y, z [m], quaternion w, x, y, z, and the joints in the hand's order, at each stage that is known | the same |
 | `obj_pose` | pose of the object: that given with `object_pose`, else none | poses become those relative to the object |
 | `obj_scale` | `object_scale`, else metres per unit of the mesh's file | `object_scale` |
 | `obj_path` | `object_file` | `object_file`; it must be the same in all |
@@ -36,24 +36,18 @@ def _stages(rows: dictionaries.Rows, number: int) -> dict[str, Floats]:
     """Rows of a pose and joints at each stage that a dictionary has, (n, 7 + p) each."""
     if "grasp_qpos" not in rows:
         raise ContactError(f"dictionary {number}: the key grasp_qpos is missing")
-    found = {}
-    for stage in dictionaries.ALL_STAGES:
-        if rows.get(f"{stage}_qpos") is not None:
-            found[stage] = dictionaries.flat(dictionaries.numbers_in(rows, f"{stage}_qpos", number))
-            if f"{stage}_pose" in rows:  # older files have poses under keys of their own
-                poses = dictionaries.flat(dictionaries.numbers_in(rows, f"{stage}_pose", number))
-                found[stage] = np.hstack(
-                    [poses[: len(found[stage]), : dictionaries.POSE], found[stage]]
-                )
+    found = {
+        stage: dictionaries.flat(dictionaries.numbers_in(rows, f"{stage}_qpos", number))
+        for stage in dictionaries.ALL_STAGES
+        if rows.get(f"{stage}_qpos") is not None
+    }
     count = len(found["grasp"])
     for stage, values in found.items():
         if len(values) != count:
-            if count != 1:
-                raise ContactError(
-                    f"dictionary {number}: {stage}_qpos must have {count} rows, as grasp_qpos; got "
-                    f"{len(values)}"
-                )
-            found[stage] = values[:1]  # of several postures on the way the first one
+            raise ContactError(
+                f"dictionary {number}: {stage}_qpos must have {count} rows, as grasp_qpos; got "
+                f"{len(values)}"
+            )
     return found
 
 
