@@ -178,19 +178,17 @@ def optional_numbers(entries: Entries, key: str) -> Floats:
 
 
 def joints_of(values: Sequence[Any], what: str) -> tuple[tuple[str, ...], Floats]:
-    """Values of the joints of each grasp, by name or in lists: their names, and shape (k, p).
+    """Values of the joints of each grasp: their names, and shape (k, p).
 
     Args:
-        values: Of each grasp, an object of names and numbers, or a list.
+        values: Of each grasp, an object of names and numbers.
         what: What they are, for messages.
 
     Raises:
         ContactError: The joints of two grasps differ, or values are no numbers.
     """
-    first = values[0] if values else None
-    if not isinstance(first, Mapping):
-        return (), numbers(values, (len(first) if isinstance(first, list) else 0,), what)
     rows = [mapping(one, f"grasp {number}: {what}") for number, one in enumerate(values, 1)]
+    first = rows[0]
     for number, row in enumerate(rows, 1):
         if other := sorted(map(str, row.keys() ^ first.keys())):
             raise ContactError(

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Floats
-from grasp3d.errors import ContactError, SettingError
+from grasp3d.errors import ContactError, OutputError, SettingError
 from grasp3d.formats import checks
 from grasp3d.formats.format import Given
 from grasp3d.formats.outcomes import Values, outcomes_of
@@ -142,6 +142,14 @@ def columns_of(poses: GraspPoses, **placed: Any) -> dict[str, Any]:
         "score": poses.scores,
         "outcome": poses.outcome,
     }
+
+
+def joint_names(poses: GraspPoses) -> tuple[str, ...]:
+    """Names of the joints of postures, else of those of the hand. Raises OutputError."""
+    names = poses.joint_names or getattr(poses.hand, "joint_names", ())
+    if poses.posture.shape[1] not in {0, len(names)}:
+        raise OutputError("the joints of the postures have no names: give the hand")
+    return names
 
 
 def stages_of(poses: GraspPoses) -> dict[str, Floats]:

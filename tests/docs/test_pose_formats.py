@@ -116,9 +116,9 @@ def test_tables(tmp_path: Path) -> None:
     write_poses(tmp_path / "hand.csv", of_hand())
     joints = {name for name in columns if "joint:" in name or "pre" in name or "squeeze" in name}
     joints -= {"pregrasp_opening"}
-    assert set(pc.read_csv(tmp_path / "out.csv").column_names) == columns - joints - {"posture1"}
+    assert set(pc.read_csv(tmp_path / "out.csv").column_names) == columns - joints
     written = set(pc.read_csv(tmp_path / "hand.csv").column_names)
-    assert {name.replace("NAME", "a") for name in joints - {"pregrasp_posture1"}} <= written
+    assert {name.replace("NAME", "a") for name in joints} <= written
     write_poses(tmp_path / "out.parquet", plain())
     metadata = json.loads(pq.read_schema(tmp_path / "out.parquet").metadata[b"grasp3d"])
     assert set(metadata) - set(OBJECT) == tables("JSON")[0]

@@ -12,7 +12,7 @@ as that of JSON.
 | `qx` `qy` `qz` `qw` | quaternion of the rotation, length 1 |
 | `unit` | the same in every row |
 | `gripper_frame` | the same in every row; only where it is not `tcp` |
-| `joint:NAME` `pregrasp_joint:NAME` `squeeze_joint:NAME` | postures as in JSON; `posture1` `pregrasp_posture1` and so on where joints have no names |
+| `joint:NAME` `pregrasp_joint:NAME` `squeeze_joint:NAME` | postures as in JSON |
 | `pregrasp_px` `pregrasp_qw` `squeeze_px` `squeeze_qw` and others | poses as `px` to `qw`, only where they differ |
 | `x1` `y1` `z1` `x2` `y2` `z2` | contacts; with poses for people and other programs, not read |
 | `nx1` `ny1` `nz1` `nx2` `ny2` `nz2` | outward normals there |
@@ -21,8 +21,6 @@ as that of JSON.
 
 import re
 from collections.abc import Mapping
-from itertools import count as naturals
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +64,7 @@ def write(path: Path, poses: GraspPoses) -> None:
         if values.ndim == 3:
             placed |= _pose_columns(name.removesuffix("pose"), values)
         else:
-            joints = _joint_columns(name, poses.joint_names, values.shape[1])
+            joints = _joint_columns(name, own.joint_names(poses))
             placed |= dict(zip(joints, values.T, strict=True))
     columns = own.columns_of(poses, **placed)
     stated = {"unit": poses.unit or "", "gripper_frame": poses.gripper_frame,
@@ -88,11 +86,9 @@ def _pose_columns(prefix: str, poses: Floats) -> dict[str, npt.NDArray[Any]]:
     return dict(zip(names, (*poses[:, :3, 3].T, *quaternions(poses).T), strict=True))
 
 
-def _joint_columns(name: str, joints: tuple[str, ...], count: int) -> list[str]:
-    """Names of the columns of a posture: with those of its joints, or with numbers."""
-    if joints:
-        return [f"{name.removesuffix('posture')}{JOINT}{joint}" for joint in joints]
-    return [f"{name}{k + 1}" for k in range(count)]
+def _joint_columns(name: str, joints: tuple[str, ...]) -> list[str]:
+    """Names of the columns of a posture."""
+    return [f"{name.removesuffix('posture')}{JOINT}{joint}" for joint in joints]
 
 
 def read(path: Path, given: Given) -> GraspPoses:
@@ -141,9 +137,8 @@ def _stages(columns: Columns) -> tuple[list[str], dict[str, Any]]:
     used: list[str] = []
     found: dict[str, Any] = {}
     joints = tuple(name.removeprefix(JOINT) for name in columns if name.startswith(JOINT))
-    count = sum(1 for _ in takewhile(columns.__contains__, (f"posture{k}" for k in naturals(1))))
     for name in ("posture", *(f"{stage}_posture" for stage in STAGES)):
-        names = _joint_columns(name, joints, count)
+        names = _joint_columns(name, joints)
         if any(one in columns for one in names):
             if missing := [one for one in names if one not in columns]:
                 raise ContactError(f"column {missing[0]} is missing of {' '.join(names)}")

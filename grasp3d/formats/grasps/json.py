@@ -18,7 +18,7 @@ An object: `grasp3d` is about all grasps, `grasps` a list.
 | `name` | text |
 | `pose` | 4×4 matrix, a list of four rows |
 | `opening` | distance of the contacts at the grasp; null: not known |
-| `posture` `pregrasp_posture` `squeeze_posture` | only of hands with joints: values of the joints [rad or m], an object by their names, or a list where they have no names; at the grasp, before it, and as commanded to press |
+| `posture` `pregrasp_posture` `squeeze_posture` | only of hands with joints: values of the joints [rad or m], an object by their names; at the grasp, before it, and as commanded to press |
 | `pregrasp_pose` `squeeze_pose` | only where they differ from `pose` |
 | `pregrasp_opening` | opening with which the gripper approaches; null: not known |
 | `score` | confidence or another quality, larger is better; null: not known. Of [best grasps](#scores) their order |
@@ -40,10 +40,10 @@ from grasp3d.formats.poses import OWN_NAMES, STAGES, VECTOR_COLUMNS, GraspPoses
 
 def write(path: Path, poses: GraspPoses) -> None:
     """Write what applies to all grasps, then one line for each grasp."""
-    names, placed = poses.joint_names, {"pose": poses.poses.tolist()}
+    names, placed = own.joint_names(poses), {"pose": poses.poses.tolist()}
     for name, values in own.stages_of(poses).items():
         rows = checks.json_numbers(values)
-        by_name = names and values.ndim == 2
+        by_name = values.ndim == 2
         placed[name] = [dict(zip(names, row, strict=True)) for row in rows] if by_name else rows
     further = {name: one for name, one in poses.columns.items() if name not in VECTOR_COLUMNS}
     columns = {
@@ -94,7 +94,7 @@ def _stages(entries: checks.Entries) -> dict[str, Any]:
             if {*of_stage} != {*names}:
                 raise ContactError(f"{name} must have the joints of the posture")
             order = [of_stage.index(joint) for joint in names]
-            found |= {name: values[:, order] if names else values, "joint_names": names}
+            found |= {name: values[:, order], "joint_names": names}
     for stage in STAGES:
         if any((key := f"{stage}_pose") in entry for entry in entries):
             found[f"{key}s"] = checks.numbers(checks.each(entries, key), (4, 4), key)
