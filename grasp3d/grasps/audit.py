@@ -167,8 +167,8 @@ def audit_poses(
     close on it, and each touches it with a twentieth of a pad, with its own fingers or with thin
     ones: so bad poses do not hide a wrong frame. Where nothing is found so, the gripper must not
     meet the table either. Of a hand with joints two links touch, and none is deeper than 15 mm in
-    the object. Tried are the frames by name, and their axes with the TCP or the base as origin,
-    each with quaternions in another order and with transposed rotations; and where the TCPs are far
+    the object. Tried are the frames by name, their axes with the TCP or the base as origin, and
+    the stated frame turned by a quarter about the approach direction, each with quaternions in another order and with transposed rotations; and where the TCPs are far
     apart or all at one point, lengths in other units.
 
     Args:
@@ -251,7 +251,7 @@ def _others(stated: PoseReading, mesh: ObjectMesh) -> Iterator[PoseReading]:
 
     units = () if is_plausible(poses) else UNITS
     for factor, rotation in product((1.0, *units), ROTATIONS):
-        for frame in (*_unturned(stated.frame), *frames_of(stated.hand)):
+        for frame in (stated.frame, *frames_of(stated.hand), *_turned(stated.frame)):
             one = replace(stated, frame=frame, rotation=rotation, factor=factor)
             key = _key(in_object := one.of(poses), stated.hand)
             if key not in seen and (factor == 1.0 or is_plausible(in_object)):
@@ -259,9 +259,8 @@ def _others(stated: PoseReading, mesh: ObjectMesh) -> Iterator[PoseReading]:
                 yield one
 
 
-def _unturned(frame: GripperFrame) -> Iterator[GripperFrame]:
-    """The stated frame, and with its axes turned about the approach direction: jaws look alike."""
-    yield frame
+def _turned(frame: GripperFrame) -> Iterator[GripperFrame]:
+    """The stated frame with its axes turned about the approach direction: jaws look alike."""
     if not (frame.link or frame.matrix):
         turn = frame.turn + 0.5 * np.pi
         yield replace(frame, turn=turn, name=f"{frame} turned by 90 degrees")
