@@ -167,9 +167,10 @@ def audit_poses(
     close on it, and each touches it with a twentieth of a pad, with its own fingers or with thin
     ones: so bad poses do not hide a wrong frame. Where nothing is found so, the gripper must not
     meet the table either. Of a hand with joints two links touch, and none is deeper than 15 mm in
-    the object. Tried are the frames by name, their axes with the TCP or the base as origin, and
-    the stated frame turned by a quarter about the approach direction, each with quaternions in another order and with transposed rotations; and where the TCPs are far
-    apart or all at one point, lengths in other units.
+    the object. Tried are the frames by name, their axes with the TCP or the base as origin, and the
+    stated frame turned by a quarter about the approach direction, each with quaternions in another
+    order and with transposed rotations; and where the TCPs are far apart or all at one point,
+    lengths in other units.
 
     Args:
         mesh: The object; its unit is known.
