@@ -21,6 +21,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_design",
     "command_pages",
+    "format_pages",
     "docstrings",
     "offline_math",
     "public_names",

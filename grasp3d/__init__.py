@@ -4,7 +4,7 @@ Conventions: positions in the mesh's frame, lengths in metres, angles in radians
 
 The names here are those of everyday use; `__init__.pyi` lists them. The others are imported from
 their packages: `grasp3d.contact`, `quality`, `stability`, `mesh`, `surface`, `grasps`, `diagnosis`,
-`planar`, `sweeps`, `export`, `batch`, `viewer` and `errors`.
+`planar`, `sweeps`, `formats`, `batch`, `viewer` and `errors`.
 """
 
 from lazy_loader import attach_stub

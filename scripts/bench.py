@@ -40,7 +40,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import grasp3d
 from grasp3d.arrays import Floats
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
-from grasp3d.grasps import GraspPoses
+from grasp3d.formats import GraspPoses
 from grasp3d.hand.closing import close_jaws
 from grasp3d.mesh.ray_tracing import FaceRays
 from grasp3d.quality.wrenches import wrenches

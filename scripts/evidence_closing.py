@@ -24,7 +24,7 @@ from scipy.stats import spearmanr
 
 import grasp3d
 from grasp3d.arrays import Bools, Floats
-from grasp3d.grasps import GraspPoses
+from grasp3d.formats import GraspPoses
 from grasp3d.hand import closed_jaws, closing
 from grasp3d.hand.closing import close_jaws
 from grasp3d.hand.parallel_gripper import ParallelGripper

@@ -22,10 +22,10 @@ import numpy as np
 import trimesh
 
 import grasp3d
-from grasp3d.export.writers import WRITERS
-from grasp3d.grasps import read_object_pose
-from grasp3d.grasps.pose_files import read_poses, write_poses
-from grasp3d.grasps.poses import GraspPoses
+from grasp3d.formats import formats, read_object_pose, read_poses, write_poses
+from grasp3d.formats.poses import GraspPoses
+from grasp3d.formats.surfaces.files import READERS as LABELLED
+from grasp3d.formats.surfaces.files import WRITERS
 from grasp3d.hand.hand_files import read_hand, write_hand
 from grasp3d.mesh.reading.mesh_files import read_mesh
 from grasp3d.system.limited_reading import limited_reading
@@ -43,17 +43,14 @@ MJCF = GEOM + "".join(f"{SLIDE.format(*side)}{GEOM}</body>" for side in SIDES)
 TEXTS = {
     "urdf": f'<robot name="a">{URDF}</robot>',
     "mjcf": f"<mujoco><worldbody><body>{MJCF}</body></worldbody></mujoco>",
-    "object_pose": "position: {x: 0.4, y: 0, z: 0}\norientation: {x: 0, y: 0, z: 0, w: 1}\n",
+    "object_pose": "[[1, 0, 0, 0.4], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n",
 }
-FORMATS = {
-    "json": ".json", "csv": ".csv", "parquet": ".parquet", "isaac_grasp": ".yaml",
-    "acronym": ".h5", "graspgen": ".json", "graspnet": ".npy", "moveit": ".json",
-}  # fmt: skip
+FORMATS = {k: one.suffixes[0] for k, one in formats().items() if one.hands != ("articulated",)}
 ROBOT = partial(read_hand, fingers=("left", "right"))
 READERS: dict[str, tuple[str, Any]] = {
     **{k: (f".{k}", read_mesh) for k in ("stl", "ply", "obj", "off", "glb", "3mf")},
     "stl_text": (".stl", read_mesh), "ply_text": (".ply", read_mesh),
-    **{f"labels{k}": (k, grasp3d.read_labels) for k in WRITERS if k != ".glb"},
+    **{f"labels{k}": (k, grasp3d.read_labels) for k in LABELLED},
     "gripper": (".json", read_hand), "urdf": (".urdf", ROBOT), "mjcf": (".xml", ROBOT),
     **{name: (suffix, partial(read_poses, hand=HAND)) for name, suffix in FORMATS.items()},
     "contacts": (".csv", grasp3d.read_grasps), "object_pose": (".yaml", read_object_pose),

@@ -156,7 +156,7 @@ def _lap_times() -> Iterator[float]:
 def _write(labels: "SurfaceLabels", job: Job) -> None:
     """Write all results of a mesh except its row, each atomically."""
     from grasp3d.batch.report import thumbnail
-    from grasp3d.export import write_fields, write_ply
+    from grasp3d.formats import write_fields, write_ply
 
     output = job.output
     for name, write in {job.labels: write_ply, job.fields: write_fields}.items():

@@ -17,6 +17,7 @@ from grasp3d.cli.options import (
     OneMesh,
     Overwriting,
     Parser,
+    PoseFormat,
     Quiet,
     Searching,
     Strict,
@@ -31,7 +32,7 @@ from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.outcomes.simulation_settings import SimulationSettings
 from grasp3d.quality.loads import Load
-from grasp3d.settings import DEGREE, GraspModel, MeshOptions, PoseFormat, Radians, Sampling
+from grasp3d.settings import DEGREE, GraspModel, MeshOptions, Radians, Sampling
 from grasp3d.settings.friction import friction_interval
 from grasp3d.settings.units import Metres, parse_lengths
 from grasp3d.viewer.view_settings import ViewSettings
@@ -141,13 +142,12 @@ class Label(Labelling, OneMesh):
     of the same name beside it."""
 
     grasps: Path | None = None
-    """File of the best grasps of --best (.json, .csv, .parquet; with a gripper also .yaml for
-    isaac_grasp, .h5 for ACRONYM, .npy for graspnetAPI) (default: NAME_grasps.json in the folder of
-    the labelled file)."""
+    """File of the best grasps of --best (.json, .csv, .parquet; with a gripper also the suffix of
+    another format of poses) (default: NAME_grasps.json in the folder of the labelled file)."""
 
-    grasps_format: PoseFormat | None = None
-    """With a gripper: format of that file, where its suffix stands for several (default: the first
-    of that suffix)."""
+    grasps_format: Annotated[str | None, PoseFormat] = None
+    """With a gripper: format of that file, where its suffix stands for several (default: the main
+    one of that suffix)."""
 
     object_pose: ObjectPose | None = None
     """With a gripper: pose of the object in your robot's frame, in which that file then has its
@@ -174,11 +174,6 @@ class Label(Labelling, OneMesh):
                 raise SettingError(
                     f"{name} is for poses of a gripper of two fingers; give one with --hand"
                 )
-        if self.grasps_format == "graspgen":
-            raise SettingError(
-                "graspgen files state which grasps held, which is not known of grasps that are "
-                "found; choose another grasps_format"
-            )
         for text in self.at:
             parse_lengths("at", text)
 
@@ -258,9 +253,8 @@ class Evaluate(Guarded, GivenPoses, OneMesh):
     contacts: Annotated[Path, ARGUMENT]
     """Contacts, or poses of a gripper or hand: contact points in the mesh's frame, as CSV or
     Parquet with columns x1 y1 z1 x2 y2 z2 ... and one row per grasp, or JSON with a list of grasps,
-    each a list of points [x, y, z]. Or poses of a gripper: the files that grasp3d writes;
-    isaac_grasp (.yaml); ACRONYM (.h5); GraspNet (.npy); GraspGen and moveit_msgs/Grasp (.json); of
-    hands with joints DexGraspBench and DexGraspNet (.npy). They need --hand."""
+    each a list of points [x, y, z]. Or poses, in one of the formats FORMATS; the format is found
+    from the suffix and the content. They need --hand."""
 
     output: Path | None = None
     """Results (.csv, .parquet or .json) (default: NAME_grasps.csv in this folder)."""
@@ -302,8 +296,8 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
     Closes the gripper's jaws at poses of which it is known whether the grasp held, and prints how
     well label, margin, epsilon, grip force and simpler scores predict it: success within S, M and
     U, area under the ROC curve of each score, and the grasps whose outcome contradicts their label.
-    What files state of gripper (ACRONYM: the Franka hand) and mass (also of each grasp, in a column
-    mass) is used unless it is given.
+    What files state of gripper and mass (also of each grasp, in a column mass) is used unless it is
+    given.
 
     Example:
         # How well labels predict a robot's log of grasps on one object
@@ -314,8 +308,8 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
 
     grasps: Annotated[tuple[Path, ...], ARGUMENT]
     """Files of poses with outcomes: tables (.csv, .parquet) with px py pz qx qy qz qw and a column
-    success (or outcome) of 1 or 0, true or false, empty where it was not tried; ACRONYM
-    (.h5); GraspGen and the files that grasp3d writes (.json)."""
+    success (or outcome) of 1 or 0, true or false, empty where it was not tried; or another of the
+    formats FORMATS that states outcomes."""
 
     output: Path | None = None
     """Table of all grasps (.csv or .parquet), beside which a figure of the same name with the
@@ -331,7 +325,7 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
 
     outcome: str | None = None
     """Column or key of the files that says whether a grasp held: 1 or 0, true or false, empty: not
-    tried (default: outcome or success; in ACRONYM and GraspGen object_in_gripper)."""
+    tried (default: outcome or success, or that of the format)."""
 
     model: ModelOfJaws = field(default_factory=GraspModel)
 

@@ -37,7 +37,7 @@ def completion_script(kinds: Mapping[str, type]) -> str:
         names = " ".join(name for one in found for name in one.names if name.startswith("--"))
         options.append(f'            "{command} -"*) words="{names} --help --help-all" ;;')
         for one in found:
-            words = one.parser.metavar.split("|")
+            words = one.parser.placeholder.split("|")
             if len(words) > 1 and all(word == word.lower() for word in words):
                 ends = f'        *" {command} {one.names[-1]}") words="{" ".join(words)}" ;;'
                 values.append(ends)

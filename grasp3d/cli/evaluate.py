@@ -20,6 +20,10 @@ from grasp3d.cli.report import (
     percent_text,
 )
 from grasp3d.errors import SettingError
+from grasp3d.formats import holds_poses
+from grasp3d.formats.contacts import SUFFIXES, contacts_in
+from grasp3d.formats.reading import read_grasps
+from grasp3d.formats.writing import write_grasps
 from grasp3d.grasps.audit import READING, READINGS, explained
 from grasp3d.grasps.evaluation import (
     DISTANCE_ROUNDING,
@@ -28,8 +32,6 @@ from grasp3d.grasps.evaluation import (
     evaluate_grasps,
     poses_on,
 )
-from grasp3d.grasps.grasp_files import SUFFIXES, contacts_in, read_grasps, write_grasps
-from grasp3d.grasps.pose_files import holds_poses
 from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.frames import AUTO
@@ -169,8 +171,7 @@ def _remarks(grasps: Grasps) -> Iterator[str]:
             yield f"held when tried: {', '.join(parts)}"
         yield from map(escaped, grasps.remarks)
         given = grasps.given
-        why = ", as the file states none" if given.assumes_frame else ""
-        yield f"poses read in the gripper's frame '{given.gripper_frame}'{why} (--frame)"
+        yield f"poses read in {given.frame_words}"
         yield frame_text(given.object_pose)
         if read := given.settings.get(READING):
             yield f"{READINGS[READING]}: {read}"

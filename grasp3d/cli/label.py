@@ -18,14 +18,14 @@ from grasp3d.cli.report import (
     quantiles_text,
 )
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.export.writers import writer_for
+from grasp3d.formats.contacts import SUFFIXES
+from grasp3d.formats.format import format_called, format_of, suffixes
+from grasp3d.formats.surfaces.files import writer_for
+from grasp3d.formats.writing import check_frame, check_hand, write_grasps
 from grasp3d.grasps.best import best_grasps, check_external
 from grasp3d.grasps.causes import causes_text
 from grasp3d.grasps.distinct import distance_of_distinct
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.grasp_files import SUFFIXES, write_grasps
-from grasp3d.grasps.pose_files import SUFFIXES as POSES
-from grasp3d.grasps.pose_files.files import check_frame, check_hand, format_of, suffixes_of
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.mesh.surface_points import nearest_vertex
 from grasp3d.rendering import opengl
@@ -82,8 +82,8 @@ def _files(command: Label) -> tuple[Path, Path]:
     """The labelled file and that of the best grasps, checked before the work."""
     name = safe_stem(command.file.stem) if command.output is None else command.output.stem
     output = command.output or Path(f"{name}_labeled.ply")
-    form = command.grasps_format
-    suffix = suffixes_of(form)[0] if form else ".json"
+    name_of = command.grasps_format
+    suffix = format_called(name_of).suffixes[0] if name_of else ".json"
     grasp_file = command.grasps or output.with_name(f"{name}_grasps{suffix}")
     grasp_files = (grasp_file, grasp_file.with_suffix(".png")) if command.best else ()
     if command.best:
@@ -101,14 +101,20 @@ def _files(command: Label) -> tuple[Path, Path]:
 
 def _check_grasp_file(command: Label, path: Path) -> None:
     """Check before the work that the best grasps can be written to a file of that name."""
-    hand, form = command.posed_hand, command.grasps_format
-    if form:
-        check_suffix(path, suffixes_of(form), form)
-    check_suffix(path, POSES if hand else SUFFIXES, "table")
+    hand, name = command.posed_hand, command.grasps_format
+    form = format_called(name) if name else format_of(path)
+    if form is not None and name:
+        check_suffix(path, form.suffixes, name)
+    check_suffix(path, suffixes() if hand else SUFFIXES, "table")
+    if form is not None and form.outcomes:
+        raise SettingError(
+            f"{form.called} files state which grasps held, which is not known of grasps that are "
+            "found; choose another grasps_format"
+        )
     if hand is not None:
-        check_hand(form or format_of(path), hand)
+        check_hand(form, hand)
     if command.object_pose is not None:
-        check_frame(form or format_of(path))
+        check_frame(form)
     if command.frame is not None:
         command.frame.to_tcp(hand)
 

@@ -14,6 +14,7 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from grasp3d.errors import GraspError, SettingError
+from grasp3d.formats.format import format_called, format_names
 from grasp3d.hand.frames import AUTO, GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
@@ -30,6 +31,9 @@ from grasp3d.settings.units import Length, Lengths, Metres, Quantity, parse_angl
 NONE = "none"
 SMALL = math.radians(1.0)
 """Angle below which a number without a unit is rather meant in radians."""
+
+FORMATS = "FORMATS"
+"""What stands in helps for the names of all formats of poses."""
 
 ARGUMENT = "argument"
 """A note on a field: it is an argument, without the name of an option."""
@@ -60,6 +64,13 @@ class Parser:
     """The value for an option and its word."""
     text: Callable[[Any], str] = str
     """The word for a value, to show a default."""
+    names: Callable[[], tuple[str, ...]] = tuple
+    """The words that there are, where more may become known; none: any."""
+
+    @property
+    def placeholder(self) -> str:
+        """What stands for the word in helps."""
+        return "|".join(self.names()) or self.metavar
 
 
 @dataclass(frozen=True)
@@ -157,7 +168,7 @@ def _option(field: "Field[Any]", base: Any, notes: list[Any], text: str, group: 
         values = (default if many else (default,)) or ()
         words = NONE if default in {None, ()} else " ".join(map(parser.text, values))
         text += f" (default: {words})" * bool(words)
-    metavar = _METAVARS.get(field.name, parser.metavar) + " ..." * many
+    metavar = _METAVARS.get(field.name, parser.placeholder) + " ..." * many
     return Option(
         field=field.name,
         group="arguments" if is_argument else group,
@@ -169,7 +180,7 @@ def _option(field: "Field[Any]", base: Any, notes: list[Any], text: str, group: 
             *_ALIASES.get(field.name, ()), f"--{field.name.replace('_', '-')}"
         ),
         metavar=metavar,
-        text=text,
+        text=text.replace(FORMATS, ", ".join(format_names())),
     )  # fmt: skip
 
 
@@ -239,7 +250,7 @@ def _read(module: str, function: str) -> Callable[[str, str], Any]:
     return lambda _, word: getattr(import_module(f"grasp3d.{module}"), function)(word)
 
 
-_FRAMES = "grasps.pose_files.frames"
+_FRAMES = "formats.frames"
 _LENGTH = Parser("LENGTH", parse_length, _millimetres)
 FOLDER = Parser("FOLDER", lambda _, word: Path(word))
 
@@ -271,6 +282,9 @@ WholeMesh = Annotated[MeshOptions, Without(["region"])]
 
 LoadOfJaws = Annotated[Load, Without(["torque_limits"])]
 """A load of what has no motors in its joints."""
+
+PoseFormat = Parser("FORMAT", lambda _, word: format_called(word).name, names=format_names)
+"""The name of a format of poses."""
 
 _AnyFrame = Parser(
     "NAME|FILE|auto",

@@ -8,11 +8,11 @@ from grasp3d.cli.commands import Simulate
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import Report, escaped, label_meaning
 from grasp3d.errors import SettingError
+from grasp3d.formats.format import format_of, suffixes
+from grasp3d.formats.poses import GraspPoses
+from grasp3d.formats.writing import check_hand, write_poses
 from grasp3d.grasps.audit import READINGS, explained
 from grasp3d.grasps.evaluation import poses_on
-from grasp3d.grasps.pose_files import SUFFIXES, write_poses
-from grasp3d.grasps.pose_files.files import check_hand, format_of
-from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import AUTO
 from grasp3d.hand.hand import touching
 from grasp3d.mesh import load_mesh
@@ -28,12 +28,14 @@ def run(command: Simulate) -> int:
     """Run the command, and return the exit code."""
     output = command.output or Path(f"{safe_stem(command.file.stem)}_simulation.csv")
     inputs = [command.file, command.grasps]
-    check_output(output, SUFFIXES, "pose", overwrite=command.overwrite, inputs=inputs)
+    check_output(output, suffixes(), "pose", overwrite=command.overwrite, inputs=inputs)
     check_hand(format_of(output), command.hand)
     mujoco_module()  # before anything is read
     tried = _simulate(command)
     write_poses(output, tried)
     report = Report(quiet=command.quiet)
+    if command.grasps is not None:
+        report.line(escaped(f"poses read in {tried.frame_words}"))
     print_outcomes(report, tried)
     report.written(output)
     return 0

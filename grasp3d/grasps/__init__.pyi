@@ -6,12 +6,8 @@ from .causes import Cause as Cause
 from .causes import cause_fractions as cause_fractions
 from .evaluated_poses import EvaluatedPoses as EvaluatedPoses
 from .evaluation import evaluate_grasps as evaluate_grasps
-from .grasp_files import read_grasps as read_grasps
-from .grasp_files import write_grasps as write_grasps
 from .jaw_grasps import JawGrasps as JawGrasps
 from .link_grasps import LinkGrasps as LinkGrasps
-from .pose_files.frames import read_object_pose as read_object_pose
-from .poses import GraspPoses as GraspPoses
 from .ranking import ranked_rows as ranked_rows
 from .verdict import LoadVerdict as LoadVerdict
 from .verdict import Remedy as Remedy

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d.arrays import Floats, Ints
 from grasp3d.errors import ContactError
-from grasp3d.grasps.poses import GraspPoses
-from grasp3d.grasps.postures import matched
+from grasp3d.formats.poses import GraspPoses
+from grasp3d.formats.postures import matched
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import GripperFrame, frames_of
 from grasp3d.hand.hand import Hand
@@ -67,7 +67,8 @@ class PoseReading:
         >>> import numpy as np
         >>> import trimesh
         >>> import grasp3d
-        >>> from grasp3d.grasps import GraspPoses, audit_poses
+        >>> from grasp3d.formats import GraspPoses
+        >>> from grasp3d.grasps import audit_poses
         >>> franka = grasp3d.ParallelGripper.preset("franka")
         >>> block = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.5, 0.02]), unit="m")
         >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (20, 1, 1))
@@ -143,9 +144,10 @@ def audit_poses(
     """Count how many poses fit their object as stated and in other readings of their file.
 
     Whether a pose fits, `Hand.fits` says. Where nothing is found so, a gripper must not meet the
-    table either. Tried are the frames by name, and their axes with the TCP or the base as origin,
-    each with quaternions in another order and with transposed rotations; and where the TCPs are far
-    apart or all at one point, lengths in other units.
+    table either. Tried are the frames by name, their axes with the TCP or the base as origin, and
+    the stated frame turned by a quarter about the approach direction, each with quaternions in
+    another order and with transposed rotations; and where the TCPs are far apart or all at one
+    point, lengths in other units.
 
     Args:
         mesh: The object; its unit is known.
@@ -227,12 +229,19 @@ def _others(stated: PoseReading, mesh: ObjectMesh) -> Iterator[PoseReading]:
 
     units = () if is_plausible(poses) else UNITS
     for factor, rotation in product((1.0, *units), ROTATIONS):
-        for frame in (stated.frame, *frames_of(stated.hand)):
+        for frame in (stated.frame, *frames_of(stated.hand), *_turned(stated.frame)):
             one = replace(stated, frame=frame, rotation=rotation, factor=factor)
             key = _key(in_object := one.of(poses), stated.hand)
             if key not in seen and (factor == 1.0 or is_plausible(in_object)):
                 seen.add(key)
                 yield one
+
+
+def _turned(frame: GripperFrame) -> Iterator[GripperFrame]:
+    """The stated frame with its axes turned about the approach direction: jaws look alike."""
+    if not (frame.link or frame.matrix):
+        turn = frame.turn + 0.5 * np.pi
+        yield replace(frame, turn=turn, name=f"{frame} turned by 90 degrees")
 
 
 def _key(poses: Floats, hand: Hand) -> bytes:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints
+from grasp3d.formats.frames import as_read_again
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.candidate_poses import candidate_poses, is_free
 from grasp3d.grasps.distinct import (
     distance_of_distinct,
@@ -14,8 +16,6 @@ from grasp3d.grasps.distinct import (
     most_distinct,
 )
 from grasp3d.grasps.jaw_grasps import JawGrasps
-from grasp3d.grasps.pose_files.frames import as_read_again
-from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.scene import Scene

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints
+from grasp3d.formats.poses import GAP, GraspPoses
 from grasp3d.grasps.audit import SUSPECTED, PoseReading, audit_poses
-from grasp3d.grasps.poses import GAP, GraspPoses
 from grasp3d.grasps.reasons import Reasons
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.gripper_pose import GripperPose

@@ -10,13 +10,13 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
+from grasp3d.formats import holds_poses, read_poses
+from grasp3d.formats.contacts import contacts_in
+from grasp3d.formats.frames import UnknownUnitError
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.grasp_files import contacts_in
 from grasp3d.grasps.jaw_grasps import JawGrasps
 from grasp3d.grasps.link_grasps import LinkGrasps
-from grasp3d.grasps.pose_files import holds_poses, read_poses
-from grasp3d.grasps.pose_files.frames import UnknownUnitError
-from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.choices import ContactRule, ObjectMotion
 from grasp3d.hand.hand import Hand

@@ -10,11 +10,11 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.errors import ContactError
+from grasp3d.formats.poses import GraspPoses
+from grasp3d.formats.postures import refuse_joints
 from grasp3d.grasps.audit import FEWEST
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.gripper_reasons import GripperReasons
-from grasp3d.grasps.poses import GraspPoses
-from grasp3d.grasps.postures import refuse_joints
 from grasp3d.grasps.robustness import Robustness, robustness_of
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws, Closing

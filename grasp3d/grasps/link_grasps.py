@@ -11,11 +11,11 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
+from grasp3d.formats.poses import GAP, GraspPoses
+from grasp3d.formats.postures import ORDER, matched
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.hand_reasons import HandReasons
 from grasp3d.grasps.motor_loads import MotorLoads
-from grasp3d.grasps.poses import GAP, GraspPoses
-from grasp3d.grasps.postures import ORDER, matched
 from grasp3d.hand.articulated.actuation import torques_of
 from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, HandContacts, hand_contacts

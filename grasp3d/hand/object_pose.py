@@ -97,7 +97,7 @@ def _of_text(text: str) -> ObjectPose:
     if len(numbers) not in {4, 7} or not all(map(math.isfinite, numbers)):
         raise ContactError(
             f"the object's pose must be {FORMS}, or a file (.npy, .txt, .json, .yaml; in Python "
-            f"grasp3d.grasps.read_object_pose reads it); got {text!r}"
+            f"grasp3d.formats.read_object_pose reads it); got {text!r}"
         )
     if len(numbers) == 4:
         half = 0.5 * math.radians(numbers.pop())

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.run import run
 from grasp3d.errors import GraspError, SettingError
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.best import best_grasps
 from grasp3d.grasps.evaluation import evaluate_grasps, in_stated_scale, poses_of_file
 from grasp3d.grasps.jaw_grasps import JawGrasps
-from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import GivenHand, given_hand
 from grasp3d.hand.jaws import Jaws
@@ -114,7 +114,7 @@ def simulate_grasps(
         >>> import trimesh
         >>> import grasp3d
         >>> from grasp3d.batch import ClusterSettings
-        >>> from grasp3d.grasps import GraspPoses
+        >>> from grasp3d.formats import GraspPoses
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.04, 0.02]), unit="m")
         >>> from_above = np.diag([1.0, -1.0, -1.0, 1.0])
         >>> beside = from_above + [[0, 0, 0, 0], [0, 0, 0, 0.1], [0, 0, 0, 0], [0, 0, 0, 0]]

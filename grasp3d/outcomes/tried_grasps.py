@@ -11,10 +11,10 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked, short_repr
 from grasp3d.errors import ContactError, MeshError, SettingError
+from grasp3d.formats import read_poses
+from grasp3d.formats.outcomes import with_outcomes
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluation import in_stated_scale
-from grasp3d.grasps.pose_files import read_poses
-from grasp3d.grasps.pose_files.outcomes import with_outcomes
-from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaws import IN_METRES
 from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, preset
@@ -26,12 +26,9 @@ from grasp3d.surface.load_case import mass_of
 from grasp3d.system.counts import short_number
 from grasp3d.system.documents import is_file, is_folder
 
-ACRONYM = (".h5", ".hdf5")
-"""Endings of files whose grasps are of a Franka hand where they state no gripper."""
-
 OUTCOMES = (
-    "a table needs a column success (or outcome) with 1, 0 or nothing, GraspGen and ACRONYM "
-    "object_in_gripper; what else states it is named with --outcome"
+    "a table needs a column success (or outcome) with 1, 0 or nothing; what else states it is "
+    "named with --outcome"
 )
 """What states outcomes, for error messages."""
 
@@ -168,16 +165,15 @@ def _checked(
     stated: Mapping[str, Any],
 ) -> TriedGrasps:
     if isinstance(source, GraspPoses):
-        path, poses, name, acronym = None, with_outcomes(source, stated["outcome"]), "poses", False
+        path, poses, name = None, with_outcomes(source, stated["outcome"]), "poses"
         for name_of, value in stated.items():
             if value is not None and name_of != "outcome":
                 raise SettingError(f"{name_of} is that of files; poses in memory have their own")
     else:
         path, name = Path(source), str(source)
-        acronym = path.suffix.lower() in ACRONYM
         poses = read_poses(path, hand=hand, **stated)
-    gripper, origin = _gripper(poses, hand, name, acronym=acronym)
-    if path is not None and acronym and hand is None:  # it states the hand, not the TCP
+    gripper, origin = _gripper(poses, hand, name)
+    if path is not None and isinstance(poses.hand, str):  # it states the hand, not the TCP
         poses = read_poses(path, hand=gripper, **stated)
     if mesh is None:
         if path is None:
@@ -195,7 +191,7 @@ def _checked(
     )
 
 
-def _gripper(poses: GraspPoses, hand: Hand | None, name: str, *, acronym: bool) -> tuple[Hand, str]:
+def _gripper(poses: GraspPoses, hand: Hand | None, name: str) -> tuple[Hand, str]:
     """The gripper that is given, or that the poses state. Raises SettingError."""
     stated = poses.hand
     if hand is not None:
@@ -204,8 +200,6 @@ def _gripper(poses: GraspPoses, hand: Hand | None, name: str, *, acronym: bool) 
         return stated, "as the file states"
     if stated is not None and ALIASES.get(stated, stated) in PRESETS:
         return preset(stated), f"as the file states ({stated})"
-    if stated is None and acronym:
-        return preset("franka"), "ACRONYM's grasps are of a Franka hand"
     reason = "states no gripper" if stated is None else f"states the gripper {stated!r}, unknown"
     raise SettingError(f"{name}: {reason}; give it with --hand NAME|FILE")
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from grasp3d.arrays import locked
 from grasp3d.errors import ContactError, SettingError
+from grasp3d.formats.frames import GivenFrame, GivenPose, read_frame
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.audit import READING, READINGS, explained
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.pose_files.frames import GivenFrame, GivenPose, read_frame
-from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.frames import AUTO
 from grasp3d.hand.hand_files import GivenHand, given_hand
@@ -94,7 +94,8 @@ class Evaluation:
                         "grasp": tried.numbers[part],
                         "mass": body.masses[part],
                     })  # fmt: skip
-        sources = f"gripper {tried.hand.name}, {tried.hand_from}; {body.sources}"
+        hand = f"gripper {tried.hand.name}, {tried.hand_from}"
+        sources = f"{hand}; {body.sources}; poses in {tried.poses.frame_words}"
         self.files.append(ValidatedFile(tried.name, number, model, count, tried.not_tried, sources))
 
     def _say(self, tried: TriedGrasps, lines: Sequence[str]) -> None:
@@ -141,13 +142,12 @@ def validate_grasps(
         meshes: Folder in which these meshes are looked up, besides that of each file of grasps.
         options: How meshes are read.
         hand: The gripper; None: that of `reach`, else that which each file states (a known
-            name, or the description in files of this project), else for ACRONYM's files the
-            Franka hand.
+            name, or the description in files of this project).
         reach: What the objects stand on, and the allowed approach directions.
         object_motion: Of grippers: free, or None: objects settle between the jaws; fixed: they do
             not move.
         load: What each grasp must hold; None, or without a mass: the mass and the centre of mass
-            that a file states, as ACRONYM's do.
+            that a file states.
         outcome: Column or key of the files that says whether a grasp held, 1 or 0, true or false;
             of poses in memory `score` or one of their columns. None: the outcomes of the format or
             of the poses.
@@ -169,7 +169,7 @@ def validate_grasps(
         >>> import numpy as np
         >>> import trimesh
         >>> import grasp3d
-        >>> from grasp3d.grasps import GraspPoses
+        >>> from grasp3d.formats import GraspPoses
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.04, 0.02]), unit="m")
         >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (10, 1, 1))
         >>> poses[:, 1, 3] = np.linspace(0.0, 0.04, 10)

@@ -140,7 +140,9 @@ def write_validation(path: str | Path, result: Validation) -> None:
         >>> import numpy as np
         >>> import trimesh
         >>> import grasp3d
-        >>> from grasp3d.grasps import GraspPoses
+        >>> from grasp3d.formats import GraspPoses
+        >>> from grasp3d.outcomes import write_validation
+        >>> from grasp3d.formats import GraspPoses
         >>> from grasp3d.outcomes import write_validation
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.04, 0.02]), unit="m")
         >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (2, 1, 1))

@@ -5,8 +5,6 @@ and prints the fields of type `Radians` in degrees. Fields of type `Length` hold
 texts with a unit, such as '80mm'.
 """
 
-from typing import Literal
-
 from grasp3d.settings.checks import check_choice as check_choice
 from grasp3d.settings.checks import whole_number as whole_number
 from grasp3d.settings.grasp_model import MAX_FINGERS as MAX_FINGERS
@@ -22,9 +20,3 @@ from grasp3d.settings.sampling import check_search_settings as check_search_sett
 from grasp3d.settings.sampling import search_cone as search_cone
 from grasp3d.settings.units import DEGREE as DEGREE
 from grasp3d.settings.units import Radians as Radians
-
-PoseFormat = Literal[
-    "json", "csv", "parquet", "isaac_grasp", "acronym", "graspgen", "graspnet", "moveit",
-    "dexgraspbench", "dexgraspnet",
-]  # fmt: skip
-"""Formats of files of a gripper's poses."""

@@ -166,13 +166,6 @@ class Field:
         values = np.stack([columns[name] for name in self.column_names(fingers)], axis=1)
         return values.reshape(len(values), *self.shape_for(fingers))
 
-    def from_points(self, points: Mapping[str, Array], fingers: int) -> Array:
-        """Put the arrays of the fingers together again; raises KeyError."""
-        parts = [points[name] for name in self.point_names(fingers)]
-        if self.each:
-            return np.stack(parts, axis=1)
-        return parts[0].reshape(len(parts[0]), *self.shape_for(fingers))
-
     def _fingers(self, values: Array) -> int:
         return values.shape[1] + 1 if self.each else 0
 

@@ -6,9 +6,6 @@ from grasp3d.settings import GraspModel, Sampling
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import Mode
 
-INFINITE = "infinite_"
-"""Start of the names of arrays that hold where values, which are nan here, are infinite."""
-
 SETTING = "setting_"
 """Start of the names of settings beside arrays, some of which have the name of a setting."""
 

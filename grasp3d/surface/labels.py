@@ -26,12 +26,11 @@ from grasp3d.surface.grasp_numbers import EPSILON_RTOL
 from grasp3d.surface.grasp_table import GraspRows, GraspTable, chosen
 from grasp3d.surface.label_settings import (
     GIVEN_ANGLE,
-    INFINITE,
     SETTING,
     Values,
     chosen_settings,
 )
-from grasp3d.surface.vertex_fields import CORNER_NORMALS, CORNERS, VERTICES
+from grasp3d.surface.vertex_fields import VERTICES
 from grasp3d.surface.vertex_grasps import Reason, SearchReport
 from grasp3d.system.names import unknown
 from grasp3d.system.versions import package_version
@@ -366,14 +365,11 @@ class SurfaceLabels(GraspRows):
         """
         data = self.mesh.to_polydata()
         for name, values in self._point_arrays().items():
-            rows, shown = np.flatnonzero(np.isinf(values)), values
-            if len(rows):  # those of negative values are -1 - row
-                data.field_data[f"{INFINITE}{name}"] = np.where(values[rows] > 0.0, rows, ~rows)
-                # An infinite value would stretch the colour map; nan has a separate colour.
-                shown = np.where(np.isinf(values), math.nan, values)
+            # An infinite value would stretch the colour map; nan has a separate colour.
+            shown = (
+                np.where(np.isinf(values), math.nan, values) if np.isinf(values).any() else values
+            )
             data.point_data[name] = shown
-        for field, values in present((CORNERS, CORNER_NORMALS), self.mesh):
-            (data.cell_data if field is CORNERS else data.field_data)[field.name] = values
         for key, value in self.complete_settings().items():
             data.field_data[f"{SETTING}{key}"] = [str(value)]
         return data

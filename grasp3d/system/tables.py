@@ -113,48 +113,15 @@ def table_of_arrays(
     return pa.table(arrays, metadata={"grasp3d": json.dumps(settings)})
 
 
-def write_arrow(path: Path, table: pa.Table, metadata: Mapping[str, bytes]) -> None:
-    """Write a table to compressed Parquet.
-
-    Args:
-        path: File to create or replace.
-        table: The table; its columns of texts with codes are stored as such.
-        metadata: Further metadata of the file, ASCII.
+def write_arrow(path: Path, table: pa.Table) -> None:
+    """Write a table to compressed Parquet, its columns of texts with codes as such.
 
     Raises:
         OutputError: The file cannot be written.
     """
     texts = [field.name for field in table.schema if pa.types.is_dictionary(field.type)]
-    with (
-        atomic_write(path) as temporary,  # numbers seldom repeat
-        pq.ParquetWriter(
-            temporary, table.schema, compression="zstd", use_dictionary=texts
-        ) as writer,
-    ):
-        writer.write_table(table)
-        writer.add_key_value_metadata(metadata)
-
-
-def read_arrow(path: Path) -> tuple[dict[str, npt.NDArray[Any]], dict[str, str]]:
-    """Read a Parquet table of columns without missing values, and the metadata of its file.
-
-    Raises:
-        ValueError: It is damaged, or has other columns.
-        OSError: The file cannot be read.
-    """
-    try:
-        with pq.ParquetFile(path) as file:
-            metadata, table = file.metadata, file.read()
-        if any(column.null_count for column in table.columns):
-            raise ValueError("values are missing")
-        columns = {
-            name: _values_of(column)
-            for name, column in zip(table.column_names, table.columns, strict=True)
-        }
-    except pa.ArrowException as error:
-        raise ValueError(str(error).splitlines()[0]) from error
-    texts = {name.decode(): text.decode() for name, text in (metadata.metadata or {}).items()}
-    return columns, texts
+    with atomic_write(path) as temporary:  # numbers seldom repeat
+        pq.write_table(table, temporary, compression="zstd", use_dictionary=texts)
 
 
 def data_frame(table: pa.Table) -> "pd.DataFrame":

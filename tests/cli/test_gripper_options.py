@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from grasp3d import Sampling, Table, label_surface, load_mesh
-from grasp3d.grasps.pose_files import holds_poses, read_poses
+from grasp3d.formats import holds_poses, read_poses
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from tests.helpers import shapes
 from tests.helpers.commands import printed, run_here

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow.csv as pc
 import pytest
 
-from grasp3d.grasps import GraspPoses, read_grasps, write_grasps
+from grasp3d.formats import GraspPoses, read_grasps, write_grasps
 from tests.helpers import shapes, slider_hand
 from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_here as grasp3d

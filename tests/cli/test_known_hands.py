@@ -17,7 +17,7 @@ import pytest
 import trimesh
 
 from grasp3d import evaluate_grasps, load_mesh, read_grasps, read_hand, write_grasps
-from grasp3d.grasps import GraspPoses
+from grasp3d.formats import GraspPoses
 from tests.helpers.commands import printed
 from tests.helpers.hands import hand_file
 

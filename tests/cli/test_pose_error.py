@@ -7,8 +7,8 @@ import numpy as np
 import pyarrow.csv as pc
 import pytest
 
-from grasp3d.grasps.pose_files import write_poses
-from grasp3d.grasps.poses import GraspPoses
+from grasp3d.formats import write_poses
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.hand.hand_files import write_hand
 from tests.helpers import shapes
 from tests.helpers.commands import export, printed

@@ -67,7 +67,7 @@ evaluate box.stl contacts.csv --frame graspgen | contains no poses; frame applie
 label box.stl --unit mm --hand franka --best 2 --object-pose 0.4,0,0.1 | must be x,y,z,yaw (metres
 label box.stl --unit mm --hand franka --best 2 --object-pose 400,0,0,0 | 400 m away from the robot
 label box.stl --unit mm --hand franka --best 2 --object-pose prose.txt | prose.txt: the object
-label box.stl --unit mm --hand franka --best 2 --object-pose turned.json | the key x is missing
+label box.stl --unit mm --hand franka --best 2 --object-pose turned.json | a matrix of 4 rows
 label box.stl --unit mm --hand franka --best 2 --object-pose 1,0,0,0 --grasps a.h5 | acronym files
 label box.stl --unit mm --mass 2000 --strict | 1e+07 kg/m^3, more than any material: are its
 label open.stl --strict | the surface is open: inside and outside
@@ -87,11 +87,11 @@ evaluate box.stl pair.json -o task_link.csv --task task.csv --overwrite | is rea
 evaluate box.stl robot.csv --unit mm --hand franka --object-pose 1,0,0,0 | it states the object
 evaluate box.stl short.csv --unit mm --hand franka | Expected 7 columns, got 3
 evaluate box.stl twice.csv --unit mm --hand franka | two columns are called 'px'
-evaluate box.stl bad.csv --unit mm --hand franka | column px is missing of px py pz qx qy qz qw
+evaluate box.stl bad.csv --unit mm --hand franka | contains no poses: expected columns px py
 evaluate box.stl zero.csv | zero.csv: the file is empty
 evaluate box.stl head.csv | there are no grasps in it, only column names
 evaluate box.stl numbers.csv | its first line must be names of columns; found 20 0 0 -20 0 0
-evaluate box.stl commas.csv | grasp 1: x2 is no finite number: '-20,5'
+evaluate box.stl commas.csv | grasp 1: x2 must be a number; got '-20,5'
 evaluate box.stl metres.csv --unit mm --hand franka | far from the object, 4,6 | in mm, not in m
 evaluate box.stl posed.csv --unit mm --hand franka | in the frame 'base_link', not in that of the
 evaluate box.stl inward.json --unit mm --hand franka | normals must be outward; got 'inward'
@@ -122,7 +122,7 @@ batch nothing://lib -o out | no file system is called nothing://
 batch 'void/**x/[a' -o out | is not a valid file name pattern
 batch ball.ply -o ball.ply | its folder is a file
 view . --screenshot a.png | was not written by grasp3d batch
-view bad.ply --screenshot a.png | have a property 'label' but no 'critical_angle'
+view bad.ply --screenshot a.png | have no property 'critical_angle'
 view ball.ply --screenshot a.png --fingers 9 | fingers must be from 2 to 5
 design --friction 50 | is 0.5 meant?
 design --fingertip-radius 8 | fingertip_radius needs its unit, such as 8mm

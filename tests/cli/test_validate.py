@@ -10,9 +10,9 @@ import pytest
 import trimesh
 
 from grasp3d import GraspModel, ParallelGripper, load_mesh
+from grasp3d.formats import write_poses
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.pose_files import write_poses
-from grasp3d.grasps.poses import GraspPoses
 from grasp3d.system.tables import read_columns
 from tests.helpers import shapes
 from tests.helpers.commands import printed

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import h5py
 import numpy as np
@@ -13,22 +13,22 @@ import pyarrow.csv as pc
 import pyarrow.parquet as pq
 import pytest
 import yaml
+from format_pages import rendered
 
 from grasp3d import GraspModel, Load, ParallelGripper, best_grasps, label_surface, load_mesh
+from grasp3d.formats import formats, write_poses
+from grasp3d.formats.poses import STAGES, GraspPoses
+from grasp3d.formats.postures import POSTURES
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.pose_files import SUFFIXES, write_poses
-from grasp3d.grasps.poses import STAGES, GraspPoses
-from grasp3d.grasps.postures import POSTURES
 from grasp3d.hand.closed_jaws import Closing
-from grasp3d.settings import PoseFormat
 from grasp3d.surface.fields import HAND_GRASPS
 from grasp3d.system.stored_arrays import stored_objects
 from tests.docs.test_formats import Names, sections_of, tables_of
 from tests.hand.test_articulated_hand import hand_of
 from tests.helpers import shapes
 
-PAGE = Path(__file__).parents[2] / "docs" / "pose_formats.md"
+PAGE = rendered((Path(__file__).parents[2] / "docs" / "pose_formats.md").read_text("utf-8"))
 GRIPPER = ParallelGripper.preset("franka")
 OBJECT = {"com": [0, 0, 0], "mass": 1, "density": 1, "friction": 0.5, "volume": 1,
           "inertia": np.eye(3).tolist()}  # fmt: skip
@@ -90,13 +90,9 @@ def paths(content: dict[str, Any], head: str = "") -> Iterator[str]:
 
 
 def test_every_format_is_listed() -> None:
-    text = sections_of(PAGE)["Frames"]
-    rows = [row.split("|")[2:4] for row in text.splitlines() if row.startswith("|")][-10:]
-    suffixes, formats = (
-        {name for row in rows for name in re.findall("`(.+?)`", row[k])} for k in (0, 1)
-    )
-    assert formats == set(get_args(PoseFormat))
-    assert suffixes == set(SUFFIXES)
+    for name, form in formats().items():
+        assert f"| `{name}` | `{form.frame}`" in PAGE
+        assert f"\n## {form.called}\n" in PAGE
 
 
 def test_json(tmp_path: Path) -> None:
@@ -116,13 +112,13 @@ def test_json(tmp_path: Path) -> None:
 
 def test_tables(tmp_path: Path) -> None:
     write_poses(tmp_path / "out.csv", plain(), frame="graspgen")
-    (columns,) = tables("CSV and Parquet")
+    (columns,) = tables("CSV")
     write_poses(tmp_path / "hand.csv", of_hand())
     joints = {name for name in columns if "joint:" in name or "pre" in name or "squeeze" in name}
     joints -= {"pregrasp_opening"}
-    assert set(pc.read_csv(tmp_path / "out.csv").column_names) == columns - joints - {"posture1"}
+    assert set(pc.read_csv(tmp_path / "out.csv").column_names) == columns - joints
     written = set(pc.read_csv(tmp_path / "hand.csv").column_names)
-    assert {name.replace("NAME", "a") for name in joints - {"pregrasp_posture1"}} <= written
+    assert {name.replace("NAME", "a") for name in joints} <= written
     write_poses(tmp_path / "out.parquet", plain())
     metadata = json.loads(pq.read_schema(tmp_path / "out.parquet").metadata[b"grasp3d"])
     assert set(metadata) - set(OBJECT) == tables("JSON")[0]
@@ -175,14 +171,14 @@ def test_graspnet(tmp_path: Path) -> None:
 def test_moveit(tmp_path: Path) -> None:
     write_poses(tmp_path / "out.json", plain(), format="moveit")
     (message,) = json.loads((tmp_path / "out.json").read_text())
-    assert set(message) - {"header"} == tables("ROS moveit_msgs/Grasp")[0]
+    assert set(message) - {"header"} == tables("moveit_msgs/Grasp")[0]
 
 
 @pytest.mark.parametrize(
     ("form", "title"),
     [("dexgraspbench", "DexGraspBench"), ("dexgraspnet", "DexGraspNet")],
 )
-def test_formats_of_hands(tmp_path: Path, form: PoseFormat, title: str) -> None:
+def test_formats_of_hands(tmp_path: Path, form: str, title: str) -> None:
     hand = hand_of("allegro")
     poses = GraspPoses(
         poses=np.eye(4),

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 import grasp3d
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import ContactError
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.audit import FEWEST, READING, PoseReading, audit_poses, explained
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaw_reach import collides

@@ -13,7 +13,7 @@ import grasp3d
 from grasp3d import Label
 from grasp3d.arrays import unit_rows
 from grasp3d.errors import SettingError
-from grasp3d.grasps import GraspPoses
+from grasp3d.formats import GraspPoses
 from grasp3d.grasps.link_grasps import LinkGrasps
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.quality.tasks import STANDARD_GRAVITY

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from grasp3d import ObjectMesh
-from grasp3d.grasps.poses import GraspPoses
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE
 from grasp3d.hand.articulated.hand_scene import HandScene

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from grasp3d import ObjectMesh
 from grasp3d.arrays import unit_rows
-from grasp3d.grasps.poses import GraspPoses
+from grasp3d.formats.poses import GraspPoses
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from grasp3d import (
     load_mesh,
     scan_surface,
 )
-from grasp3d.export.read_labels import read_labels
+from grasp3d.formats.surfaces.files import read_labels
 from grasp3d.mesh.object_mesh import MeshReport
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.viewer.session.collection import Collection, collection_of

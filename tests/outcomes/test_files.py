@@ -9,8 +9,8 @@ import trimesh
 
 from grasp3d import Load, MeshOptions, ParallelGripper
 from grasp3d.errors import ContactError, MeshError, SettingError
-from grasp3d.grasps.pose_files import write_poses
-from grasp3d.grasps.poses import GraspPoses
+from grasp3d.formats import write_poses
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.outcomes.tried_grasps import (
     GIVEN,
     STATED,
@@ -110,7 +110,7 @@ def test_acronym_without_a_gripper_is_of_a_franka_hand(tmp_path: Path, box: Path
         file["grasps/transforms"] = np.array([ABOVE])
         file["grasps/qualities/flex/object_in_gripper"] = [1]
     (tried,) = check_grasps([path], mesh=box)
-    assert (tried.hand, tried.hand_from) == (FRANKA, "ACRONYM's grasps are of a Franka hand")
+    assert (tried.hand, tried.hand_from) == (FRANKA, "as the file states (panda)")
     given = tried.poses
     assert given.poses[0, :3, 3] == pytest.approx([0.0, 0.0, -FRANKA.base_to_tcp])
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from grasp3d import GraspModel, Load, ObjectMesh, ParallelGripper, load_mesh
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.poses import GraspPoses
 from grasp3d.outcomes import SCORES
 from grasp3d.outcomes.scores import columns_of, scores_of
 from tests.helpers import shapes

@@ -15,7 +15,7 @@ import grasp3d
 from grasp3d import GraspModel, ObjectMesh, ParallelGripper, load_mesh
 from grasp3d.batch import ClusterSettings
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.grasps import GraspPoses
+from grasp3d.formats import GraspPoses
 from grasp3d.outcomes import Fate, SimulationSettings, simulate_grasps
 from grasp3d.outcomes.pulling import Attempt
 from grasp3d.outcomes.scene import Stage

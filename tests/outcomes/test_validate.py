@@ -10,9 +10,9 @@ import pytest
 import grasp3d
 from grasp3d import GraspModel, Load, ObjectMesh, ParallelGripper, load_mesh, validate_grasps
 from grasp3d.errors import ContactError, SettingError
+from grasp3d.formats import write_poses
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.pose_files import write_poses
-from grasp3d.grasps.poses import GraspPoses
 from grasp3d.outcomes import SCORES, Validation, write_validation
 from grasp3d.outcomes.ranking import roc_auc
 from grasp3d.plots.validations import validation_figure

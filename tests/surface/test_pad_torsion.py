@@ -20,7 +20,7 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.arrays import Floats
-from grasp3d.grasps.poses import GraspPoses
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.quality.loads import Load
 from grasp3d.quality.tasks import STANDARD_GRAVITY
 from grasp3d.stability.label import Label

@@ -16,7 +16,6 @@ from grasp3d.system import tables
 from grasp3d.system.tables import (
     SUFFIXES,
     column_names,
-    read_arrow,
     read_columns,
     write_columns,
 )
@@ -90,18 +89,6 @@ def test_missing_texts_of_codes_are_missing(tmp_path: Path) -> None:
     found = read_columns(path)
     assert found["name"].tolist() == ["x", None, "y", None]
     assert np.array_equal(found["n"], [1.0, np.nan, 3.0, 4.0], equal_nan=True)
-
-
-def test_codes_without_a_text_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "t.parquet"
-    texts = pa.array(["x", "y", "z"] * 8).dictionary_encode()
-    pq.write_table(pa.table({"name": texts}), path, compression="none")
-    content = path.read_bytes()
-    codes = bytes([0b00_10_01_00, 0b01_00_10_01])
-    assert codes in content
-    path.write_bytes(content.replace(codes, bytes([0b00_11_01_00, 0b01_00_10_01])))
-    with pytest.raises(ValueError, match="Index 3 out of bounds"):
-        read_arrow(path)
 
 
 def parquet(path: Path, kind: pa.DataType, rows: int, value: object) -> Path:

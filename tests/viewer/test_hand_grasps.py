@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 import grasp3d
 from grasp3d import GraspModel, Label, Load
-from grasp3d.grasps import GraspPoses, LinkGrasps
+from grasp3d.formats import GraspPoses
+from grasp3d.grasps import LinkGrasps
 from grasp3d.hand.triangles import COLORS, Part
 from grasp3d.plots.figures import save_as
 from grasp3d.plots.grasps import grasp_figure

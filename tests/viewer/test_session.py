@@ -15,7 +15,7 @@ from grasp3d import (
     Sampling,
     label_surface,
     scan_surface,
-    write_fields,
+    write_npz,
     write_ply,
 )
 from grasp3d.errors import MeshError, OutputError, SettingError
@@ -421,9 +421,9 @@ def test_epsilon_is_computed_when_it_is_shown() -> None:
 
 @pytest.fixture
 def batched(tmp_path: Path) -> Subject:
-    """The cone as read from a batch's table."""
-    write_fields(tmp_path / "cone.parquet", viewing.labels())
-    return read_subject(tmp_path / "cone.parquet")
+    """The cone as read from a file."""
+    write_npz(tmp_path / "cone.npz", viewing.labels())
+    return read_subject(tmp_path / "cone.npz")
 
 
 def test_a_click_on_a_batch_needs_no_job(batched: Subject) -> None:

@@ -14,7 +14,7 @@ from grasp3d import (
     load_mesh,
     write_ply,
 )
-from grasp3d.export.read_labels import read_labels
+from grasp3d.formats.surfaces.files import read_labels
 from grasp3d.viewer.session.painting import labels_at
 from grasp3d.viewer.subjects.subject import subject_of
 from tests.helpers import shapes

@@ -14,8 +14,8 @@ import numpy as np
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.store import read_summary
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.export.read_labels import READERS, labels_in, read_labels
-from grasp3d.export.stored import settings_from, stored_settings
+from grasp3d.formats.surfaces.files import READERS, labels_in, read_labels
+from grasp3d.formats.surfaces.stored import settings_from
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene, scene_settings
@@ -30,6 +30,7 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import report_progress, within
 from grasp3d.system.documents import is_file, is_folder
 from grasp3d.system.names import as_unicode, printable
+from grasp3d.system.ply_files import ply_header, settings_of_header
 from grasp3d.viewer.session.computations import scan_of_grasp, search_grasps
 from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.session.pose_inspection import subject_of_poses
@@ -267,11 +268,10 @@ def settings_of_results(
 ) -> tuple[GraspModel, Sampling | None] | None:
     """Settings of the first mesh whose file has them; None: no file can be read."""
     for row in rows:
-        texts = stored_settings(folder / row.labels)
-        if texts is not None:
-            with suppress(ValueError):  # the error is reported when that mesh is opened
-                settings = settings_from(texts)
-                return settings.model, settings.sampling
+        with suppress(ValueError, OSError):  # the error is reported when that mesh is opened
+            with (folder / row.labels).open("rb") as stream:
+                settings = settings_from(settings_of_header(ply_header(stream)))
+            return settings.model, settings.sampling
     return None
 
 

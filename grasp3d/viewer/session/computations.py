@@ -8,7 +8,7 @@ import numpy as np
 
 from grasp3d.arrays import chosen_rows, locked
 from grasp3d.errors import SettingError
-from grasp3d.export.writers import writer_for
+from grasp3d.formats.surfaces.files import writer_for
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.scene import Scene
 from grasp3d.settings import GraspModel, Sampling, search_cone

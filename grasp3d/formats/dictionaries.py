@@ -1,0 +1,314 @@
+"""Grasps of hands with joints in dictionaries, which are pickles in .npy files.
+
+A file has one dictionary with one grasp or many, or a list of them; a folder has such files.
+Nothing is executed; see `grasp3d.system.stored_arrays`.
+"""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import ContactError
+from grasp3d.formats.checks import load_array
+from grasp3d.formats.format import Given
+from grasp3d.formats.frames import from_quaternions, quaternions
+from grasp3d.formats.outcomes import outcomes_of
+from grasp3d.formats.poses import STAGES, GraspPoses
+from grasp3d.formats.postures import matched, wrist_of
+from grasp3d.hand.articulated.presets import NAMES as HANDS
+from grasp3d.hand.frames import FRAMES, GripperFrame
+from grasp3d.hand.object_pose import ObjectPose
+from grasp3d.system.documents import described, is_folder
+from grasp3d.system.files import atomic_write
+from grasp3d.system.stored_arrays import RefusedError, StoredArray, array_in, stored_objects
+
+Rows = dict[str, Any]
+"""What a dictionary of a file states of its grasps."""
+
+ALL_STAGES = ("pregrasp", "grasp", "squeeze")
+"""In the order in which files have them."""
+
+POSE = 7
+"""Numbers of a pose: x, y, z [m] and the quaternion w, x, y, z."""
+
+SAME = 1e-6
+"""Largest difference of poses and scales of one object."""
+
+MOST_FILES, MOST_GRASPS = 100_000, 1_000_000
+"""Most files of a folder, and grasps, that are read."""
+
+DEEPEST = 3
+"""Most lists within each other that are read as an array: a list may contain itself."""
+
+SUFFIX = ".npy"
+
+
+def load_npy(path: Path) -> Any:
+    """An array of numbers, or the dictionaries, each with the `name` of its file in a folder.
+
+    Args:
+        path: An .npy file, or a folder of them.
+
+    Raises:
+        ContactError: There is no such file.
+    """
+    if not is_folder(path):
+        with path.open("rb") as stream:
+            is_plain = b"'descr': '|O'" not in stream.read(200)
+        return load_array(path) if is_plain else _of_file(path, "")
+    files = sorted(one for one in path.rglob("*") if one.suffix.lower() == SUFFIX)
+    if not files or len(files) > MOST_FILES:
+        raise ContactError(f"has {len(files):,} files {SUFFIX}; from 1 to {MOST_FILES:,} are read")
+    _check_hands([file.relative_to(path).as_posix() for file in files])
+    found: list[Rows] = []
+    for file in files:
+        try:
+            found += _of_file(file, file.relative_to(path).with_suffix("").as_posix())
+        except (ContactError, ValueError, OSError) as error:
+            raise ContactError(f"{file.relative_to(path)}: {error}") from error
+    return found
+
+
+def _check_hands(files: Sequence[str]) -> None:
+    """Refuse files that are called after several hands: their joints may be as many."""
+    first: dict[str, str] = {}
+    for file in files:
+        for word in {*HANDS} & {*re.split("[^a-z]+", file.lower())}:
+            first.setdefault(word, file)
+    if len(first) > 1:
+        raise ContactError(
+            f"has files of {len(first)} hands, such as {' and '.join([*first.values()][:2])}: put "
+            "those of each hand into a folder of their own, and evaluate it with its hand"
+        )
+
+
+def _of_file(path: Path, name: str) -> list[Rows]:
+    content: Any = stored_objects(path)
+    listed = content[0] if len(content) == 1 and isinstance(content[0], list) else content
+    if not listed:
+        raise ContactError("there are no grasps in it")
+    if wrong := [one for one in listed if not isinstance(one, dict)]:
+        raise ContactError(f"must have dictionaries of grasps; got {described(wrong[0])}")
+    return [{**one, "name": name} for one in listed]
+
+
+def have(*keys: str) -> Callable[[Any], bool]:
+    """Whether content is dictionaries of which the first has one of these keys."""
+    return lambda content: isinstance(content, list) and any(key in content[0] for key in keys)
+
+
+def numbers_in(rows: Rows, key: str, number: int) -> Floats:
+    """Numbers of a key of dictionary `number`, also in lists. Raises ContactError."""
+    return _numbers(rows[key], f"dictionary {number}: {key}", 0)
+
+
+def _numbers(value: Any, what: str, deep: int) -> Floats:
+    is_nested = isinstance(value, list) and any(type(one) not in (int, float) for one in value)
+    if is_nested and deep < DEEPEST:
+        parts = [_numbers(one, what, deep + 1) for one in value[:MOST_GRASPS]]
+        if len({part.shape for part in parts}) == 1:
+            return np.stack(parts)
+    try:
+        array = array_in([value] if isinstance(value, int | float) else value)
+    except RefusedError as error:
+        stored = np.ravel(value.values).tolist() if isinstance(value, StoredArray) else value
+        raise ContactError(f"{what} must be numbers; got {described(stored)}") from error
+    if not array.size:
+        raise ContactError(f"{what} must be numbers; there are none")
+    return array.astype(np.float64)
+
+
+def texts_in(rows: Rows, key: str) -> list[str]:
+    """A text, or a list of texts; empty: it is neither."""
+    value = rows.get(key)
+    stored = value.values if isinstance(value, StoredArray) else value
+    listed = stored.ravel().tolist() if isinstance(stored, np.ndarray) else stored
+    listed = listed if isinstance(listed, list) else [listed]
+    return [str(one) for one in listed] if all(isinstance(one, str) for one in listed) else []
+
+
+def flat(values: Floats) -> Floats:
+    """Rows of numbers, shape (n, p)."""
+    return values.reshape(-1, values.shape[-1])
+
+
+def grasps_in(
+    content: Sequence[Rows], parts: Sequence[Mapping[str, Floats]], given: Given, root: str
+) -> GraspPoses:
+    """Grasps of all dictionaries, relative to their object. Raises ContactError.
+
+    Args:
+        content: The dictionaries.
+        parts: Rows of a pose and the joints of each at each stage, shape (n, 7 + p).
+        given: The hand, and the scale that is wanted, if there are several.
+        root: Link of the poses where the joints of the wrist are not in the file.
+    """
+    _check_joints(parts)
+    counts = [len(part["grasp"]) for part in parts]
+    to_object, object_pose = _object_poses(content, counts)
+    fields: dict[str, Any] = {}
+    for stage in ALL_STAGES:
+        if all(stage in part for part in parts):
+            values = np.concatenate([part[stage] for part in parts])
+            turned = np.roll(values[:, 3:POSE], -1, axis=1)
+            prefix = "" if stage == "grasp" else f"{stage}_"
+            fields[f"{prefix}poses"] = to_object @ from_quaternions(values[:, :3], turned)
+            fields[f"{prefix}posture"] = values[:, POSE:]
+    joints, wrist = fields["posture"].shape[1], wrist_of(given.hand)
+    is_whole = joints == len(given.hand.joint_names)
+    elsewhere = ["in its scene_cfg" for rows in content if "scene_cfg" in rows]
+    elsewhere += [text for rows in content for text in texts_in(rows, "scene_path")]
+    is_known = not elsewhere or any("obj_pose" in rows for rows in content)
+    found = GraspPoses(
+        **fields,
+        joint_names=_joint_names(content, joints),
+        outcome=_outcome(content, counts, given),
+        names=_names(content, counts),
+        object_file=_object_file(content),
+        object_pose=object_pose,
+        gripper_frame=FRAMES["hand"] if is_whole else GripperFrame(link=root),
+        settings={} if is_known else {"frame": f"of the scene {elsewhere[-1]}"},
+    )
+    found = _of_one_scale(found, content, counts, given.object_scale)
+    return matched(found, given.hand, wrist=wrist.joints)
+
+
+def _check_joints(parts: Sequence[Mapping[str, Floats]]) -> None:
+    """Refuse dictionaries of different numbers of joints. Raises ContactError."""
+    columns = parts[0]["grasp"].shape[1]
+    for number, part in enumerate(parts, 1):
+        for stage, values in part.items():
+            if values.shape[1] != columns or columns <= POSE:
+                raise ContactError(
+                    f"dictionary {number}: {stage}_qpos must have {POSE} numbers of a pose and "
+                    f"those of the joints, as many in all; got {values.shape[1]}, in the first "
+                    f"{columns}"
+                )
+    if sum(len(part["grasp"]) for part in parts) > MOST_GRASPS:
+        raise ContactError(f"it has more than {MOST_GRASPS:,} grasps")
+
+
+def _object_poses(
+    content: Sequence[Rows], counts: Sequence[int]
+) -> tuple[Floats, ObjectPose | None]:
+    """What takes poses of each grasp to those of the file, and the pose of the object there.
+
+    Where objects have several poses, poses become those relative to the object.
+    """
+    unmoved = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    at = [
+        unmoved if rows.get("obj_pose") is None else flat(numbers_in(rows, "obj_pose", number))[0]
+        for number, rows in enumerate(content, 1)
+    ]
+    if other := [len(one) for one in at if len(one) != POSE]:
+        raise ContactError(f"obj_pose must have {POSE} numbers; got {other[0]}")
+    values = np.stack(at)
+    poses = from_quaternions(values[:, :3], np.roll(values[:, 3:], -1, axis=1), "obj_pose: ")
+    if np.abs(poses - poses[0]).max() < SAME:
+        same = np.abs(poses[0] - np.eye(4)).max() < SAME
+        return np.eye(4), None if same else ObjectPose.of(poses[0])
+    return np.asarray(np.linalg.inv(poses)).repeat(counts, axis=0), None
+
+
+def _joint_names(content: Sequence[Rows], joints: int) -> tuple[str, ...]:
+    """The names of joints, if there are as many, the same in all. Raises ContactError."""
+    named = {tuple(texts_in(rows, "joint_names")) for rows in content}
+    if len(named) > 1:
+        raise ContactError(
+            "all its dictionaries must have the same joint_names: put the files of each hand into "
+            "a folder of their own"
+        )
+    (names,) = named
+    return names if len(names) == joints else ()
+
+
+def _outcome(content: Sequence[Rows], counts: Sequence[int], given: Given) -> Floats:
+    known = "succ_flag" in {key for rows in content for key in rows}
+    values = [
+        np.resize(numbers_in(rows, "succ_flag", k), count) if rows.get("succ_flag") is not None
+        else np.full(count, np.nan)
+        for k, (rows, count) in enumerate(zip(content, counts, strict=True), 1)
+    ]  # fmt: skip
+    names = ("succ_flag",) * known
+    return outcomes_of(
+        given.outcome, sum(counts), names, lambda _: np.concatenate(values), default=names
+    )
+
+
+def _names(content: Sequence[Rows], counts: Sequence[int]) -> tuple[str, ...]:
+    """Names of grasps: those of their files in a folder, if each has one."""
+    return tuple(str(rows["name"]) for rows in content if rows["name"] and max(counts) == 1)
+
+
+def _object_file(content: Sequence[Rows]) -> str | None:
+    files = {text for rows in content for text in texts_in(rows, "obj_path")}
+    if len(files) > 1:
+        raise ContactError(
+            f"its grasps are of {len(files)} objects, such as {', '.join(sorted(files)[:2])}: put "
+            "the files of each object into a folder of their own, and evaluate it with its mesh"
+        )
+    return next(iter(files), None)
+
+
+def _of_one_scale(
+    poses: GraspPoses, content: Sequence[Rows], counts: Sequence[int], wanted: float | None
+) -> GraspPoses:
+    """The grasps of the object at one scale, with this. Raises ContactError."""
+    of_each = [_scale(rows, number) for number, rows in enumerate(content, 1)]
+    scales = np.repeat(of_each, counts)
+    known = np.unique(np.round(scales[np.isfinite(scales)], 9))
+    if not len(known):
+        return poses
+    listed = ", ".join(f"{one:g}" for one in known[:8])
+    if wanted is None and len(known) > 1:
+        raise ContactError(
+            f"its grasps are of the object at {len(known)} scales, {listed}: choose one of them "
+            "(--object-scale, in Python object_scale=...)"
+        )
+    scale = float(known[0]) if wanted is None else wanted
+    chosen = np.flatnonzero(np.abs(scales - scale) <= SAME * scale)
+    if not len(chosen):
+        raise ContactError(
+            f"it has no grasps of the object at the scale {scale:g}; known are {listed}"
+        )
+    some = poses if len(chosen) == poses.count else poses.take(chosen)
+    return replace(some, object_scale=scale)
+
+
+def _scale(rows: Rows, number: int) -> float:
+    """The scale that a dictionary states; nan: none. Raises ContactError."""
+    key = next((key for key in ("obj_scale", "scale") if rows.get(key) is not None), None)
+    if key is None:
+        return np.nan
+    values = numbers_in(rows, key, number)
+    size = np.abs(values).max()
+    if not (0.0 < values.min() <= size < np.inf and np.ptp(values) <= SAME * size):
+        raise ContactError(f"the scale of the object must be one number above 0; got {values}")
+    return float(values.reshape(-1)[0])
+
+
+def qpos_of(poses: Floats, posture: Floats) -> Floats:
+    """Rows of a pose and joints, shape (k, 7 + p)."""
+    return np.hstack([poses[:, :3, 3], np.roll(quaternions(poses), 1, axis=1), posture])
+
+
+def stages_of(poses: GraspPoses) -> dict[str, Floats]:
+    """Rows of a pose and the joints of the stages that are known, in their order."""
+    found = {"grasp": qpos_of(poses.poses, poses.posture)}
+    for stage in STAGES:
+        posture, moved = getattr(poses, f"{stage}_posture"), getattr(poses, f"{stage}_poses")
+        if posture.size:
+            found[stage] = qpos_of(poses.poses if moved is None else moved, posture)
+    return {stage: found[stage] for stage in ALL_STAGES if stage in found}
+
+
+def write_objects(path: Path, content: Any) -> None:
+    """Write dictionaries, a pickle in an .npy file. Raises OutputError."""
+    values = np.array(content, dtype=object)
+    with atomic_write(path) as part, part.open("wb") as stream:
+        np.save(stream, values, allow_pickle=True)

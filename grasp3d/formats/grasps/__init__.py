@@ -1,0 +1,1 @@
+"""The formats of files of grasp poses: a module for each, called as its format."""

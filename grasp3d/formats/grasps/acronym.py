@@ -1,0 +1,181 @@
+"""HDF5 in the layout of the ACRONYM data set.
+
+| data set | written | read |
+|---|---|---|
+| `grasps/transforms` (k, 4, 4) | hand, x closing [m] | TCP `base_to_tcp` of the gripper along z; without a gripper that of the file, else 0.105 m, the data set's hand |
+| `grasps/qualities/flex/object_in_gripper` (k,) | `outcome`, where any is known | `outcome` |
+| `object/file` `object/scale` | `object_file`; `object_scale`, else metres per unit of the mesh's file | poses belong to the mesh after scaling |
+| `object/com` `object/mass` `object/density` `object/friction` `object/volume` `object/inertia` | settings of these names | settings |
+| `gripper/type` | name | name; `panda` where there is none |
+| `gripper/base_to_tcp` | only by grasp3d | |
+
+At most 1,000,000 grasps.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.errors import ContactError
+from grasp3d.formats.checks import library
+from grasp3d.formats.format import Format, Given, register
+from grasp3d.formats.outcomes import outcomes_of
+from grasp3d.formats.poses import GraspPoses
+from grasp3d.hand.frames import FRAMES
+from grasp3d.system.files import atomic_write
+from grasp3d.system.names import reason_of
+from grasp3d.system.versions import package_version
+
+BASE_TO_TCP = 0.105
+"""From the hand's base to the TCP in the data set, which has one gripper [m]."""
+
+GRIPPER = "panda"
+"""That gripper, which is meant where a file states none."""
+
+MOST = 1_000_000
+"""Most grasps of a file that are read."""
+
+TRANSFORMS = "grasps/transforms"
+OUTCOME = "grasps/qualities/flex/object_in_gripper"
+
+OBJECT = {
+    "com": (3,), "density": (), "friction": (), "inertia": (3, 3), "mass": (), "volume": (),
+}  # fmt: skip
+"""Shape of what `object/` has beside file and scale."""
+
+
+def h5py_module() -> Any:
+    """The library of HDF5. Raises OutputError if it is not installed."""
+    return library("h5py", "h5py")
+
+
+def write(path: Path, poses: GraspPoses) -> None:
+    """Write the poses of the hand's base, and outcomes where any are known."""
+    h5py = h5py_module()
+    hand: Any = poses.hand
+    values: dict[str, Any] = {
+        TRANSFORMS: poses.poses,
+        "object/file": poses.object_file or "",
+        "object/scale": poses.object_scale,
+        "gripper/type": hand.name,
+        "gripper/base_to_tcp": hand.base_to_tcp,
+    }
+    if (known := ~np.isnan(poses.outcome)).any():
+        values[OUTCOME] = poses.outcome.astype(np.int64) if known.all() else poses.outcome
+    for name in OBJECT:
+        stated = poses.settings.get(name)
+        # An interval of friction is a text.
+        if stated is not None and not isinstance(stated, str):
+            values[f"object/{name}"] = np.asarray(stated, dtype=np.float64)
+    with atomic_write(path) as part, h5py.File(part, "w") as file:
+        file.attrs["grasp3d"] = package_version()
+        for name, value in values.items():
+            file[name] = value
+
+
+def read(path: Path, given: Given) -> GraspPoses:
+    """Poses in the order of the file. Raises ContactError, OSError."""
+    h5py = h5py_module()
+    with path.open("rb") as stream:
+        if stream.read(8) != b"\x89HDF\r\n\x1a\n":
+            raise ContactError("is no HDF5 file")
+    try:
+        with h5py.File(path, "r") as file:
+            return _read(file, given)
+    except (OSError, RuntimeError, KeyError, TypeError, OverflowError) as error:
+        raise ContactError(f"is damaged, or no such HDF5 file ({reason_of(error)})") from error
+
+
+def _read(file: Any, given: Given) -> GraspPoses:
+    if TRANSFORMS not in file:
+        raise ContactError(f"the data set {TRANSFORMS} is missing")
+    shape: tuple[int, ...] = getattr(file[TRANSFORMS], "shape", ())
+    if len(shape) != 3 or shape[1:] != (4, 4) or shape[0] > MOST:
+        raise ContactError(
+            f"{TRANSFORMS} must have the shape (k, 4, 4), k at most {MOST}; got {shape}"
+        )
+    if not (count := shape[0]):
+        raise ContactError("there are no grasps in it")
+    stated = {name: _numbers(file, f"object/{name}", shape) for name, shape in OBJECT.items()}
+    scale = _numbers(file, "object/scale", ())
+    frame = FRAMES["acronym"]
+    if given.hand is None:
+        stated_ahead = _numbers(file, "gripper/base_to_tcp", ())
+        ahead = BASE_TO_TCP if stated_ahead is None else float(stated_ahead)
+        frame = replace(frame, origin="tcp", ahead=ahead, name="")
+    own = [OUTCOME] if OUTCOME in file else []
+    return GraspPoses(
+        poses=np.asarray(_numbers(file, TRANSFORMS, shape)),
+        outcome=outcomes_of(
+            given.outcome,
+            count,
+            _of_each(file, count) if given.outcome else own,
+            lambda name: np.asarray(_values(file, name, (count,))),
+            default=(OUTCOME,),
+        ),
+        hand=_text(file, "gripper/type") or GRIPPER,
+        object_file=_text(file, "object/file"),
+        object_scale=None if scale is None else float(scale),
+        settings={name: one.tolist() for name, one in stated.items() if one is not None},
+        gripper_frame=frame,
+    )
+
+
+def _of_each(file: Any, count: int) -> list[str]:
+    """Paths of the data sets below grasps/ that have one value of each grasp."""
+    found: list[str] = []
+
+    def visit(name: str, node: Any) -> None:
+        if getattr(node, "shape", None) == (count,):
+            found.append(f"grasps/{name}")
+
+    file["grasps"].visititems(visit)
+    return found
+
+
+def _values(file: Any, name: str, shape: tuple[int, ...]) -> npt.NDArray[Any] | None:
+    """Numbers or texts of a data set; None: it is missing. Raises ContactError."""
+    if name not in file:
+        return None
+    data = file[name]
+    if getattr(data, "shape", None) != shape:
+        raise ContactError(f"{name} must be a data set of shape {shape}; got {data!r:.80}")
+    if h5py_module().check_string_dtype(data.dtype) is not None:
+        return np.asarray(data.asstr(errors="replace")[()])
+    return np.asarray(data[()])
+
+
+def _numbers(file: Any, name: str, shape: tuple[int, ...]) -> npt.NDArray[Any] | None:
+    values = _values(file, name, shape)
+    if values is not None and values.dtype.kind not in "fiub":
+        raise ContactError(f"{name} must be numbers of shape {shape}; got {values.dtype}")
+    return None if values is None else values.astype(np.float64)
+
+
+def _text(file: Any, name: str) -> str | None:
+    """A text; None: it is missing, or empty."""
+    values = _values(file, name, ())
+    if values is not None and values.dtype.kind not in "OUT":
+        raise ContactError(f"{name} must be text; got {values.dtype}")
+    return None if values is None else str(values) or None
+
+
+register(
+    Format(
+        name="acronym",
+        title="ACRONYM",
+        suffixes=(".h5", ".hdf5"),
+        sniff=lambda _: True,
+        read=read,
+        write=write,
+        holds="the data set grasps/transforms",
+        needs=("h5py", "h5py"),
+        frame="acronym",
+        states_frame=True,
+        alone=True,
+        about=__doc__ or "",
+    )
+)

@@ -1,0 +1,81 @@
+"""Dictionaries of DexGraspBench, of one grasp or with a row for each.
+
+| key | written | read |
+|---|---|---|
+| `pregrasp_qpos` `grasp_qpos` `squeeze_qpos` | x, y, z [m], quaternion w, x, y, z, and the joints in the hand's order, at each stage that is known | the same |
+| `obj_pose` | pose of the object: that given with `object_pose`, else none | poses become those relative to the object |
+| `obj_scale` | `object_scale`, else metres per unit of the mesh's file | `object_scale` |
+| `obj_path` | `object_file` | `object_file`; it must be the same in all |
+
+Files that have the object's pose elsewhere, in `scene_cfg` or in the file `scene_path`, need it. `succ_flag` is
+`outcome`. Joints have no names: the order is assumed to be the hand's, and the setting `joint_order` says so. The root is
+that of DexGraspBench's MuJoCo models: their palms are moved or turned against those of URDF (the Allegro hand's by the
+quaternion 0, 1, 0, 1), so give the model itself as the hand.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import ContactError
+from grasp3d.formats import dictionaries
+from grasp3d.formats.format import Format, Given, register
+from grasp3d.formats.poses import GraspPoses
+from grasp3d.formats.postures import wrist_of
+
+
+def read(content: Any, given: Given) -> GraspPoses:
+    """Poses of the root of a MuJoCo model, in the order of the files. Raises ContactError."""
+    parts = [_stages(rows, number) for number, rows in enumerate(content, 1)]
+    return dictionaries.grasps_in(content, parts, given, wrist_of(given.hand).before)
+
+
+def _stages(rows: dictionaries.Rows, number: int) -> dict[str, Floats]:
+    """Rows of a pose and joints at each stage that a dictionary has, (n, 7 + p) each."""
+    if "grasp_qpos" not in rows:
+        raise ContactError(f"dictionary {number}: the key grasp_qpos is missing")
+    found = {
+        stage: dictionaries.flat(dictionaries.numbers_in(rows, f"{stage}_qpos", number))
+        for stage in dictionaries.ALL_STAGES
+        if rows.get(f"{stage}_qpos") is not None
+    }
+    count = len(found["grasp"])
+    for stage, values in found.items():
+        if len(values) != count:
+            raise ContactError(
+                f"dictionary {number}: {stage}_qpos must have {count} rows, as grasp_qpos; got "
+                f"{len(values)}"
+            )
+    return found
+
+
+def write(path: Path, poses: GraspPoses) -> None:
+    """Write a dictionary with arrays of all grasps, of one grasp without a first axis."""
+    at = np.eye(4) if poses.object_pose is None else poses.object_pose.matrix
+    stages = {
+        f"{stage}_qpos": values[0] if poses.count == 1 else values
+        for stage, values in dictionaries.stages_of(poses).items()
+    }
+    about = {"obj_pose": dictionaries.qpos_of(at[None], np.zeros((1, 0)))[0],
+             "obj_scale": poses.object_scale, "obj_path": poses.object_file or ""}  # fmt: skip
+    dictionaries.write_objects(path, {**stages, **about})
+
+
+register(
+    Format(
+        name="dexgraspbench",
+        title="DexGraspBench",
+        suffixes=(".npy",),
+        sniff=dictionaries.have("grasp_qpos"),
+        read=read,
+        write=write,
+        holds="dictionaries with the key grasp_qpos",
+        frame="hand",
+        states_frame=True,
+        hands=("articulated",),
+        moves=True,
+        about=__doc__ or "",
+    )
+)

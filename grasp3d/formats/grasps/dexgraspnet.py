@@ -1,0 +1,78 @@
+"""Dictionaries of DexGraspNet, a list of one for each grasp.
+
+| key | written | read |
+|---|---|---|
+| `qpos.WRJTx` `qpos.WRJTy` `qpos.WRJTz` | position [m] | the same |
+| `qpos.WRJRx` `qpos.WRJRy` `qpos.WRJRz` | angles [rad] about the fixed axes x, then y, then z | the same |
+| `qpos.NAME` | values of the joints by name | the same |
+| `scale` | `object_scale`, else metres per unit of the mesh's file | `object_scale` |
+
+The joints `robot0:FFJ3` and so on of its Shadow hand count from 0. In descriptions for ROS they count from 1 (`FFJ4`),
+and those where their axes are opposite get the opposite sign: `FFJ4`, `MFJ4`, `THJ2` and `THJ1` of the usual URDF. Its
+files have no wrist: the pose is that of the palm. Other postures than that of the grasp are not written.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from grasp3d.errors import ContactError
+from grasp3d.formats import dictionaries
+from grasp3d.formats.checks import mapping, numbers
+from grasp3d.formats.format import Format, Given, register
+from grasp3d.formats.poses import GraspPoses
+from grasp3d.formats.postures import as_in_model, wrist_of
+
+ROOT = ("WRJTx", "WRJTy", "WRJTz", "WRJRx", "WRJRy", "WRJRz")
+"""Keys of a pose: metres, and angles about the fixed axes x, y and z in turn."""
+
+
+def read(content: Any, given: Given) -> GraspPoses:
+    """Poses of the root of DexGraspNet's model, in the order of the file. Raises ContactError."""
+    rows = [mapping(one.get("qpos"), f"grasp {k}: qpos") for k, one in enumerate(content, 1)]
+    names = [name for name in rows[0] if name not in ROOT]
+    wanted = [*ROOT, *names]
+    for number, row in enumerate(rows, 1):
+        if other := row.keys() ^ {*wanted}:
+            raise ContactError(
+                f"grasp {number}: qpos must have {' '.join(ROOT)} and the joints of grasp 1; "
+                f"{min(map(str, other))!r} is in one of them only"
+            )
+    values = numbers([[row[name] for name in wanted] for row in rows], (len(wanted),), "qpos")
+    turned = Rotation.from_euler("xyz", values[:, 3:6]).as_quat(scalar_first=True)
+    posed = np.hstack([values[:, :3], turned, values[:, 6:]])
+    parts = [
+        {"grasp": row[None]} for row in posed.reshape(len(rows), dictionaries.POSE + len(names))
+    ]
+    content = [{"joint_names": list(map(str, names)), **one} for one in content]
+    return dictionaries.grasps_in(content, parts, given, wrist_of(given.hand).beyond)
+
+
+def write(path: Path, poses: GraspPoses) -> None:
+    """Write a list of dictionaries, of the Shadow hand in the joints of DexGraspNet's model."""
+    hand: Any = poses.hand
+    names, moved = as_in_model(poses, hand)
+    angles = Rotation.from_matrix(moved.poses[:, :3, :3]).as_euler("xyz")
+    values = np.hstack([moved.poses[:, :3, 3], angles, moved.posture]).tolist()
+    keys, scale = (*ROOT, *names), poses.object_scale
+    rows = [{"qpos": dict(zip(keys, row, strict=True)), "scale": scale} for row in values]
+    dictionaries.write_objects(path, rows)
+
+
+register(
+    Format(
+        name="dexgraspnet",
+        title="DexGraspNet",
+        suffixes=(".npy",),
+        sniff=dictionaries.have("qpos"),
+        read=read,
+        write=write,
+        holds="dictionaries with the key qpos",
+        frame="hand",
+        states_frame=True,
+        hands=("articulated",),
+        about=__doc__ or "",
+    )
+)

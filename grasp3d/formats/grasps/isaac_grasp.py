@@ -1,0 +1,178 @@
+"""YAML of isaac_grasp 1.0, with values of the joints.
+
+| key | written | read |
+|---|---|---|
+| `format` `format_version` | `isaac_grasp`, 1.0 | the same; the version also as text |
+| `object_frame_link` `gripper_frame_link` | settings of these names, else `object` and the gripper's name | also without `_link`; for people, nothing is computed with them |
+| `object_scale` | `object_scale`, else metres per unit of the mesh's file | `object_scale` |
+| `grasps.NAME` | names must differ | order of the file |
+| `confidence` | `scores`, 0 to 1; `.nan`: not known | `scores`; [outcomes](#outcomes) with `--outcome confidence` |
+| `position` | of the hand [m] | |
+| `orientation` | `w` and `xyz` of the quaternion | a list of four numbers is refused, as its order is not stated |
+| `cspace_position` | joint values at `opening`: `joint_closed` + `joint_scale` × opening; empty: not known. Of hands with joints `posture` | mean over the joints that the gripper has; `posture`, which all grasps must state |
+| `pregrasp_cspace_position` | the same at `pregrasp_opening`; `pregrasp_posture` | |
+
+`object_scale`, here and in the other formats, is the factor from the numbers of the object's mesh file to metres. A mesh
+of unknown unit is scaled by it. If a unit is stated and is another one, that is an error where `object_file` is the
+name of the mesh, else a warning, as the poses may have been made for another file of the object.
+
+GraspDataGen writes isaac_grasp too, whose `confidence` says whether the grasp held in simulation: `--outcome confidence`.
+"""
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import ContactError, OutputError
+from grasp3d.formats import checks, frames
+from grasp3d.formats.format import Format, Given, register
+from grasp3d.formats.outcomes import outcomes_of_entries
+from grasp3d.formats.poses import GraspPoses
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.system.documents import described, number_of
+
+NAME, VERSION = "isaac_grasp", 1.0
+
+AT, BEFORE = "cspace_position", "pregrasp_cspace_position"
+"""Keys of the values of joints at the grasp and before it."""
+
+LINKS = ("object_frame_link", "gripper_frame_link")
+
+
+def write(path: Path, poses: GraspPoses) -> None:
+    """Write grasps by name, the gripper's frame relative to the object."""
+    twice = [name for name, count in Counter(poses.names).items() if count > 1]
+    if twice:
+        raise OutputError(f"two grasps are called {twice[0]!r}: give each a name of its own")
+    outside = np.flatnonzero((poses.scores < 0.0) | (poses.scores > 1.0))
+    if len(outside):
+        raise OutputError(
+            f"the confidence in {NAME} files must be from 0 to 1; grasp {outside[0] + 1} has "
+            f"{poses.scores[outside[0]]:g}"
+        )
+    hand: Any = poses.hand
+    if isinstance(hand, ArticulatedHand):
+        values = [poses.posture, poses.pregrasp_posture]
+    else:
+        openings = poses.opening, poses.pregrasp_opening
+        values = [frames.joint_values(hand, one, FORMAT) for one in openings]
+    closed, opened = (_by_name(hand.joint_names, one) for one in values)
+    turned, position = frames.quaternions(poses.poses).tolist(), poses.poses[:, :3, 3].tolist()
+    grasps = {
+        name: {
+            "confidence": float(poses.scores[k]),
+            "position": position[k],
+            "orientation": {"w": turned[k][3], "xyz": turned[k][:3]},
+            AT: closed[k],
+            BEFORE: opened[k],
+        }
+        for k, name in enumerate(poses.names)
+    }
+    links = zip(LINKS, ("object", hand.name), strict=True)
+    document = {
+        "format": NAME,
+        "format_version": VERSION,
+        **{key: str(poses.settings.get(key, name)) for key, name in links},
+        "object_scale": poses.object_scale,
+        "grasps": grasps,
+    }
+    checks.write_yaml(path, document)
+
+
+def _by_name(names: tuple[str, ...], values: Floats) -> list[dict[str, float]]:
+    """Joint values by name; empty where they are not known."""
+    if not values.size:
+        return [{} for _ in values]
+    return [
+        {n: v for n, v in zip(names, row, strict=True) if v is not None}
+        for row in checks.json_numbers(values)
+    ]
+
+
+def read(content: Any, given: Given) -> GraspPoses:
+    """Grasps of the content of a YAML file, in its order. Raises ContactError."""
+    document = checks.mapping(content, "the file")
+    if checks.required(document, "format") != NAME:
+        raise ContactError(f"format must be {NAME}; got {described(document['format'])}")
+    version = document.get("format_version", VERSION)
+    if not VERSION <= number_of(version) < VERSION + 1.0:
+        raise ContactError(f"format_version must be {VERSION}; got {described(version)}")
+    grasps = checks.mapping(checks.required(document, "grasps"), "grasps")
+    if not grasps:
+        raise ContactError("there are no grasps in it")
+    entries = checks.entries_of(grasps.values())
+    stated = {key: document.get(key, document.get(key.removesuffix("_link"))) for key in LINKS}
+    is_articulated = isinstance(given.hand, ArticulatedHand)
+    return GraspPoses(
+        poses=_poses(entries),
+        **(_postures(entries) if is_articulated else _openings(entries, given)),
+        scores=checks.optional_numbers(entries, "confidence"),
+        outcome=outcomes_of_entries(given.outcome, entries),
+        names=tuple(map(str, grasps)),
+        object_file=checks.text_or_none(document.get("object_file"), "object_file"),
+        object_scale=checks.number_or_none(document.get("object_scale"), "object_scale"),
+        settings={key: value for key, value in stated.items() if isinstance(value, str)},
+    )
+
+
+def _poses(entries: checks.Entries) -> Floats:
+    """Poses that have a position, and an orientation of w and xyz, shape (k, 4, 4)."""
+    for number, entry in enumerate(entries, 1):
+        if isinstance(entry.get("orientation"), list):
+            raise ContactError(
+                f"grasp {number}: orientation must be w and xyz: a list of numbers does not state "
+                "whether w is the first or the last"
+            )
+    position = checks.numbers(checks.each(entries, "position"), (3,), "position")
+    w = checks.numbers(checks.each(entries, "orientation", "w"), (), "orientation.w")
+    xyz = checks.numbers(checks.each(entries, "orientation", "xyz"), (3,), "orientation.xyz")
+    return frames.from_quaternions(position, np.column_stack([xyz, w]))
+
+
+def _openings(entries: checks.Entries, given: Given) -> dict[str, Any]:
+    found = {}
+    for field, key in (("opening", AT), ("pregrasp_opening", BEFORE)):
+        stated = [
+            checks.mapping(entry.get(key) or {}, f"grasp {number}: {key}")
+            for number, entry in enumerate(entries, 1)
+        ]
+        joints = [
+            {str(name): float(checks.numbers([value], (), f"{key} {name}")[0])
+             for name, value in one.items()}
+            for one in stated
+        ]  # fmt: skip
+        found[field] = frames.openings_of_joints(given.hand, joints)
+    return found
+
+
+def _postures(entries: checks.Entries) -> dict[str, Any]:
+    """Postures by name; of before the grasp where all grasps state one."""
+    names, posture = checks.joints_of(checks.each(entries, AT), AT)
+    fields: dict[str, Any] = {"posture": posture, "joint_names": names}
+    stated = [k for k, entry in enumerate(entries) if entry.get(BEFORE)]
+    if stated:
+        own, values = checks.joints_of([entries[k][BEFORE] for k in stated], BEFORE)
+        if {*own} != {*names}:
+            raise ContactError(f"{BEFORE} must have the joints of {AT}")
+        fields["pregrasp_posture"] = np.full(posture.shape, np.nan)
+        fields["pregrasp_posture"][stated] = values[:, [own.index(name) for name in names]]
+    return fields
+
+
+FORMAT = Format(
+    name=NAME,
+    suffixes=(".yaml", ".yml"),
+    sniff=checks.has("format"),
+    read=read,
+    write=write,
+    holds="the key format with isaac_grasp",
+    needs=("yaml", "PyYAML"),
+    frame="hand",
+    hands=("gripper", "articulated"),
+    joints=True,
+    about=__doc__ or "",
+)
+register(FORMAT)

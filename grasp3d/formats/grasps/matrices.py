@@ -1,0 +1,50 @@
+"""Matrices of NumPy: an array (k, 4, 4), or (4, 4) for one grasp.
+
+Poses of the TCP, in the unit of the mesh or the one that is given (`--unit`), unless `--frame`
+states another frame. Nothing else is in it.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasp3d.formats.checks import write_array
+from grasp3d.formats.format import Format, Given, register
+from grasp3d.formats.poses import GraspPoses
+
+MOST = 1_000_000
+"""Most grasps of a file that are read."""
+
+
+def sniff(content: Any) -> bool:
+    """Whether it is an array of such matrices."""
+    shape: tuple[int, ...] = content.shape if isinstance(content, np.ndarray) else ()
+    return shape[-2:] == (4, 4) and (len(shape) == 2 or (len(shape) == 3 and shape[0] <= MOST))
+
+
+def read(content: Any, given: Given) -> GraspPoses:
+    """Poses of an array. Raises ContactError."""
+    return GraspPoses(poses=np.array(content), unit=given.unit, hand=given.hand)
+
+
+def write(path: Path, poses: GraspPoses) -> None:
+    """Write the array."""
+    write_array(path, poses.poses)
+
+
+register(
+    Format(
+        name="matrices",
+        title="Matrices",
+        suffixes=(".npy",),
+        sniff=sniff,
+        read=read,
+        write=write,
+        holds="an array (k, 4, 4)",
+        unit="stated",
+        hands=(),
+        moves=True,
+        about=__doc__ or "",
+    )
+)

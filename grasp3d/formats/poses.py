@@ -1,0 +1,392 @@
+"""Poses of a gripper on an object, with the openings, scores and outcomes that belong to them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Self, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
+from grasp3d.errors import ContactError
+from grasp3d.hand.frames import FRAMES, GripperFrame
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.object_pose import ObjectPose
+from grasp3d.hand.pose_checks import checked_poses
+from grasp3d.mesh import ObjectMesh
+from grasp3d.settings.units import METRES, Unit
+from grasp3d.surface.fields import AREA, HAND_GRASPS, LENGTH, given_poses
+
+_POWERS = {LENGTH: 1, AREA: 2}
+POWERS = {
+    field.name: _POWERS[field.unit]
+    for field in (*given_poses(), *HAND_GRASPS)
+    if field.unit in _POWERS
+} | {"contacts": 1}
+"""Powers of a length by the name of a column, which is converted with the unit."""
+
+GAP = "gap_"
+"""Start of the names of columns with the distance of one link of a hand from the surface."""
+
+OWN_NAMES = frozenset({
+    "name", "pose", "opening", "pregrasp_opening", "posture", "score", "outcome", "success",
+    "pregrasp_posture", "squeeze_posture", "pregrasp_pose", "squeeze_pose", "joint_names",
+    "unit", "object_pose", "frame", "gripper_frame", "grasp",
+    "px", "py", "pz", "qx", "qy", "qz", "qw",
+})  # fmt: skip
+"""Names that files use for the fields themselves, and that no further column may have."""
+
+NUMBERS = ("opening", "pregrasp_opening", "scores", "outcome")
+"""Fields of one number for each pose."""
+
+STAGES = ("pregrasp", "squeeze")
+"""Before the grasp, and where the hand would be if the object gave way: `..._posture`, `..._poses`.
+"""
+
+PART = 10_000
+"""Texts that are checked at a time."""
+
+VECTOR_COLUMNS = ("contacts", "normals")
+"""Columns of shape (k, n, 3), for n contacts."""
+
+
+def _power(column: str) -> int:
+    return POWERS.get(column, int(column.startswith(GAP)))
+
+
+def _unknown() -> Floats:
+    return np.array(np.nan)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GraspPoses:
+    """Poses of a gripper in the frame of an object.
+
+    A pose is the 4x4 matrix that takes coordinates of the gripper's frame to the object's frame.
+    The gripper's frame has its origin at the tool centre point (TCP), z is the approach direction
+    and x the closing axis, from finger 1 to finger 2; see `Hand`.
+
+    Example:
+        >>> import numpy as np
+        >>> from grasp3d.formats.poses import GraspPoses
+        >>> from_above = np.diag([1.0, -1.0, -1.0, 1.0])
+        >>> poses = GraspPoses(poses=from_above, opening=0.05, unit="m")
+        >>> poses.count, poses.names, poses.in_unit("mm").opening.tolist()
+        (1, ('grasp_1',), [50.0])
+    """
+
+    poses: Floats
+    """TCP frame to the object's frame, translations in `unit`, shape (k, 4, 4); (4, 4) for one."""
+    opening: Floats = field(default_factory=_unknown)
+    """Distance of the contacts at the grasp [unit], shape (k,); nan: not known."""
+    pregrasp_opening: Floats = field(default_factory=_unknown)
+    """Opening with which the gripper approaches [unit], shape (k,); nan: not known."""
+    posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    """Values of the hand's further joints [rad or m], shape (k, p); p is 0 for a parallel
+    gripper."""
+    joint_names: tuple[str, ...] = ()
+    """Names of these joints; empty: not stated, they are in the order of the hand's."""
+    pregrasp_posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    """Posture with which the hand approaches, shape (k, p), nan: not known; p is 0: of no pose."""
+    squeeze_posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    """Posture that is commanded to press, the same."""
+    pregrasp_poses: Floats | None = None
+    """Poses with which the hand approaches, as `poses`; None: those."""
+    squeeze_poses: Floats | None = None
+    """Poses that are commanded to press; None: `poses`."""
+    scores: Floats = field(default_factory=_unknown)
+    """Confidence or another quality, larger is better, shape (k,); nan: not known."""
+    outcome: Floats = field(default_factory=_unknown)
+    """1: the grasp held, 0: it failed, nan: not tried, shape (k,)."""
+    names: tuple[str, ...] = ()
+    """A name of each grasp; empty: grasp_1, grasp_2 and so on."""
+    unit: Unit | None = None
+    """Unit of all lengths; None: not known."""
+    hand: Hand | str | None = None
+    """The gripper, or its name; None: not known."""
+    columns: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
+    """What else is known of each grasp, shape (k, ...): `label` (text), `critical_angle`,
+    `max_resolution`, `approach_margin` [rad], `epsilon`, `contacts` [unit] and `normals`, into the
+    object, shape (k, n, 3) each, and others of shape (k,)."""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """What a file states of all its grasps, or shall state."""
+    object_file: str | None = None
+    """Name of the object's mesh file; None: not stated."""
+    object_scale: float | None = None
+    """Factor from the numbers of that file to metres; None: not stated."""
+    object_pose: ObjectPose | None = None
+    """Pose of the object in the robot's frame, in which files have the poses; None: files have the
+    object's frame. `poses` and `columns` are in the object's frame in any case."""
+    gripper_frame: GripperFrame = FRAMES["tcp"]
+    """Frame of the gripper in which the file had the poses; `poses` are those of the TCP in any
+    case."""
+    assumes_frame: bool = False
+    """Whether the file does not state that frame, which is then the one of its format."""
+
+    def __post_init__(self) -> None:
+        poses = checked_poses(self.poses)
+        count = len(poses)
+        values: dict[str, Any] = {
+            "poses": locked(poses),
+            "names": self._checked_names(count),
+            **self._checked_joints(count),
+            "columns": {
+                name: _column(name, column, count) for name, column in self.columns.items()
+            },
+            "settings": dict(self.settings),
+        }
+        for name in NUMBERS:
+            values[name] = _numbers(name, getattr(self, name), count)
+        _check_values(values)
+        if self.unit is not None and self.unit not in get_args(Unit):
+            units = ", ".join(get_args(Unit))
+            raise ContactError(f"the unit of poses must be one of {units}; got {self.unit!r}")
+        scale = self.object_scale
+        if scale is not None and not (np.isfinite(scale) and scale > 0.0):
+            raise ContactError(f"the object's scale must be a finite number above 0; got {scale:g}")
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+    def __len__(self) -> int:
+        return self.count
+
+    @property
+    def count(self) -> int:
+        """Number of poses."""
+        return len(self.poses)
+
+    @property
+    def frame_words(self) -> str:
+        """The gripper's frame in which the poses were read, and whether the file states it."""
+        why = ", as the file states none" if self.assumes_frame else ""
+        return f"the gripper's frame '{self.gripper_frame}'{why} (--frame)"
+
+    def in_unit(self, unit: Unit) -> Self:
+        """The same poses with all lengths in another unit.
+
+        Raises:
+            ContactError: The unit of these poses is not known.
+        """
+        metres = self._metres_per_unit()
+        return self if unit == self.unit else self.scaled(metres / METRES[unit], unit)
+
+    def on(self, mesh: ObjectMesh) -> Self:
+        """The same poses with lengths as those of a mesh; without a unit they are in its file's."""
+        stated = self if self.unit else replace(self, unit=mesh.file_unit)
+        return stated.in_unit("m") if mesh.unit else stated
+
+    def _metres_per_unit(self) -> float:
+        if self.unit is None:
+            raise ContactError(
+                "the unit of the poses is not known: give it (--unit, in Python unit=..., in a "
+                "table of poses a column unit)"
+            )
+        return METRES[self.unit]
+
+    def scaled(self, factor: float, unit: Unit | None) -> Self:
+        """The same poses with all lengths multiplied by a factor.
+
+        Args:
+            factor: Such as 1 / `object_scale`, from metres to the numbers of the mesh file.
+            unit: Unit of the result; None: not known.
+        """
+
+        def longer(poses: Floats) -> Floats:
+            poses = poses.copy()
+            poses[:, :3, 3] *= factor
+            return poses
+
+        columns = {
+            name: values * factor ** _power(name) if _power(name) else values
+            for name, values in self.columns.items()
+        }
+        return replace(
+            self,
+            **self._posed(longer),
+            opening=self.opening * factor,
+            pregrasp_opening=self.pregrasp_opening * factor,
+            columns=columns,
+            unit=unit,
+        )
+
+    def changed(self, change: Callable[[Floats], Floats]) -> Self:
+        """The same with other poses, also before and after the grasp.
+
+        Args:
+            change: From poses to others, shape (k, 4, 4) each.
+        """
+        return replace(self, **self._posed(change))
+
+    def _posed(self, change: Callable[[Floats], Floats]) -> dict[str, Any]:
+        names = ("poses", *(f"{stage}_poses" for stage in STAGES))
+        given = {name: getattr(self, name) for name in names}
+        return {name: change(poses) for name, poses in given.items() if poses is not None}
+
+    def moved(self, transform: Floats) -> Self:
+        """The same poses and contacts in another frame.
+
+        Args:
+            transform: From coordinates of this frame to those of the other one, translation in
+                metres, shape (4, 4).
+
+        Raises:
+            ContactError: The unit of these poses is not known.
+        """
+        transform = transform.copy()
+        transform[:3, 3] /= self._metres_per_unit()
+        turned = {
+            name: self.columns[name] @ transform[:3, :3].T
+            for name in VECTOR_COLUMNS
+            if name in self.columns
+        }
+        if "contacts" in turned:
+            turned["contacts"] += transform[:3, 3]
+        return replace(
+            self,
+            **self._posed(lambda poses: transform @ poses),
+            columns={**self.columns, **turned},
+        )
+
+    def poses_in(self, object_pose: ObjectPose | str | ArrayLike) -> Floats:
+        """The poses in the frame of a robot, shape (k, 4, 4), translations in metres.
+
+        Args:
+            object_pose: Pose of the object in it: a 4x4 matrix, translation in metres, or a text;
+                see `ObjectPose`.
+
+        Raises:
+            ContactError: It is no such pose, or the unit of the poses is not known.
+        """
+        return ObjectPose.of(object_pose).matrix @ self.in_unit("m").poses
+
+    def take(self, indices: ArrayLike) -> Self:
+        """The poses with the given indices, or those where a mask is true, in that order."""
+        index = np.asarray(indices)
+        # An empty list has no type of its own.
+        rows = np.arange(self.count)[index if index.size else index.astype(np.int64)]
+        further = (f"{stage}_posture" for stage in STAGES)
+        return replace(
+            self,
+            **self._posed(lambda poses: poses[rows]),
+            **{name: getattr(self, name)[rows] for name in ("posture", *further, *NUMBERS)},
+            names=tuple(self.names[k] for k in rows),
+            columns={name: values[rows] for name, values in self.columns.items()},
+        )
+
+    def _checked_joints(self, count: int) -> dict[str, Any]:
+        """Postures, names of their joints, and poses before and after the grasp."""
+        posture = _checked_posture(self.posture, count, "posture")
+        joints, names = posture.shape[1], tuple(self.joint_names)
+        values: dict[str, Any] = {"posture": posture, "joint_names": names}
+        if names and len(names) != joints:
+            raise ContactError(
+                f"{len(names)} joints are named, but the posture has {joints} values"
+            )
+        if len(set(names)) < len(names) or not _are_printable(names):
+            raise ContactError(
+                f"the names of joints must be different texts; got {ascii(names)[:80]}"
+            )
+        for stage in STAGES:
+            name = f"{stage}_posture"
+            values[name] = _checked_posture(getattr(self, name), count, name)
+            if values[name].shape[1] not in {0, joints}:
+                raise ContactError(
+                    f"the {name} must have {joints} joints, as the posture; got "
+                    f"{values[name].shape[1]}"
+                )
+            if (poses := getattr(self, f"{stage}_poses")) is not None:
+                values[f"{stage}_poses"] = locked(checked_poses(poses))
+                if len(values[f"{stage}_poses"]) != count:
+                    raise ContactError(f"{count} poses need as many {stage}_poses")
+        return values
+
+    def _checked_names(self, count: int) -> tuple[str, ...]:
+        names = tuple(self.names) or tuple(f"grasp_{k + 1}" for k in range(count))
+        if len(names) != count:
+            raise ContactError(f"{count} poses need {count} names; got {len(names)}")
+        if not _are_printable(names):
+            wrong = next(k for k, name in enumerate(names) if not _are_printable([name]))
+            raise ContactError(
+                f"grasp {wrong + 1}: a name must be text that can be printed; "
+                f"got {ascii(names[wrong])[:40]}"
+            )
+        return names
+
+
+def _are_printable(texts: Sequence[object] | npt.NDArray[np.str_]) -> bool:
+    parts = (texts[low : low + PART] for low in range(0, len(texts), PART))
+    return all(
+        all(isinstance(text, str) for text in part) and "".join(map(str, part)).isprintable()
+        for part in parts
+    )
+
+
+def _numbers(name: str, values: ArrayLike, count: int) -> Floats:
+    """Numbers of each pose, shape (k,), from as many or from one for all; nan is allowed."""
+    try:
+        numbers = np.asarray(values, dtype=np.float64)
+        return locked(np.broadcast_to(numbers, (count,)))
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ContactError(
+            f"{name} must be numbers of shape ({count},); got shape {np.shape(values)}"
+        ) from error
+
+
+def _checked_posture(values: ArrayLike, count: int, name: str) -> Floats:
+    """Values of further joints, shape (k, p); none for a hand without any."""
+    joints = np.asarray(values, dtype=np.float64)
+    if not joints.size and joints.shape[:1] != (count,):
+        joints = np.zeros((count, 0))
+    if joints.ndim != 2 or len(joints) != count:
+        raise ContactError(
+            f"the {name} must be finite numbers of shape ({count}, joints); got {joints.shape}"
+        )
+    known = np.isfinite(joints) if name == "posture" else ~np.isinf(joints)
+    if len(bad := np.argwhere(~known)):
+        row, joint = bad[0]
+        raise ContactError(
+            f"grasp {row + 1}: value {joint + 1} of its {name} must be finite; got "
+            f"{joints[row, joint]:g}"
+        )
+    return locked(joints)
+
+
+def _check_values(values: Mapping[str, Floats]) -> None:
+    """Refuse openings and outcomes that are impossible."""
+    for name in ("opening", "pregrasp_opening"):
+        bad = np.flatnonzero((values[name] < 0.0) | np.isinf(values[name]))
+        if len(bad):
+            raise ContactError(
+                f"grasp {bad[0] + 1}: {name} must be a length of at least 0; "
+                f"got {values[name][bad[0]]:g}"
+            )
+    outcome = values["outcome"]
+    bad = np.flatnonzero(~(np.isnan(outcome) | (outcome == 0.0) | (outcome == 1.0)))
+    if len(bad):
+        raise ContactError(
+            f"grasp {bad[0] + 1}: outcome must be 1 (held), 0 (failed) or nan (not tried); "
+            f"got {outcome[bad[0]]:g}"
+        )
+
+
+def _column(name: str, values: ArrayLike, count: int) -> npt.NDArray[Any]:
+    """A further column as numbers or text, shape (k, ...)."""
+    if name in OWN_NAMES:
+        raise ContactError(f"no column of poses can be called {name!r}: files use this name")
+    array = np.asarray(values)
+    if array.dtype.kind == "O":
+        array = np.array(["" if value is None else str(value) for value in array.ravel().tolist()])
+    vectors = name in VECTOR_COLUMNS
+    fits = array.shape[::2] == (count, 3) if vectors and array.ndim == 3 else not vectors
+    if not fits or (not vectors and array.shape != (count,)):
+        shape = f"({count}, contacts, 3)" if vectors else f"({count},)"
+        raise ContactError(f"column {name!r} of poses must have shape {shape}; got {array.shape}")
+    if array.dtype.kind not in ("fiub" if vectors else "fiubU"):
+        kind = "numbers" if vectors else "numbers or text"
+        raise ContactError(f"column {name!r} of poses must be {kind}")
+    if array.dtype.kind == "U" and not _are_printable(array):
+        raise ContactError(f"column {name!r} of poses has text that cannot be printed")
+    return locked(array)

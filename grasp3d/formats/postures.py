@@ -1,0 +1,275 @@
+"""Postures of poses and the joints of a hand: matched by name, never by guessing."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import ContactError
+from grasp3d.formats.poses import STAGES, GraspPoses
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.system.names import printable
+
+MOST_LISTED = 8
+"""Most joints that an error message lists."""
+
+PARALLEL = 0.98
+"""Cosine from which two axes of joints are the same."""
+
+LOOSE = 0.02
+"""Largest difference of a joint that follows another one from what that says [rad or m]."""
+
+ORDER = "joint_order"
+"""Setting of poses whose file does not name the joints: whose order is assumed."""
+
+_X, _Y, _SLANTED = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.5**0.5
+SHADOW = {
+    **{f"{finger}J{k}": _X for finger in ("FF", "MF", "RF", "LF") for k in range(3)},
+    **{f"{finger}J3": _Y for finger in ("FF", "MF", "RF", "LF")},
+    "LFJ4": (0.571, 0.0, 0.821),
+    "THJ0": _Y, "THJ1": _Y,
+    "THJ2": (_SLANTED, 0.0, -_SLANTED), "THJ3": (_SLANTED, 0.0, -_SLANTED),
+    "THJ4": (-_SLANTED, 0.0, -_SLANTED),
+}  # fmt: skip
+"""Axes of the Shadow hand's joints in the MuJoCo model whose joints count from 0 and are called
+robot0:FFJ3 and so on, in the palm's frame where all joints are at 0. In descriptions for ROS they
+count from 1, and some have the opposite axis."""
+
+_MODEL = re.compile(r"robot0:([FMRLT][FH]J\d)")
+
+
+@dataclass(frozen=True)
+class Wrist:
+    """Joints between a hand's base and its palm."""
+
+    joints: tuple[str, ...]
+    """Their names, of those of a posture."""
+    before: str
+    """The link that carries the last of them; without any the base."""
+    beyond: str
+    """The link that the last of them moves; without any the base."""
+
+
+def wrist_of(hand: ArticulatedHand) -> Wrist:
+    """The joints between the base and the palm of a hand."""
+    tree = hand.tree
+    *path, base = tree.chain(hand.palm)
+    moved = [link for link in path if tree.joints[link].name in hand.joint_names]
+    names = tuple(tree.joints[link].name for link in reversed(moved))
+    if not moved:
+        return Wrist((), base, base)
+    return Wrist(names, tree.joints[moved[0]].parent, moved[0])
+
+
+def matched(poses: GraspPoses, hand: ArticulatedHand, *, wrist: Sequence[str] = ()) -> GraspPoses:
+    """Poses whose postures have the joints of a hand, in its order.
+
+    Joints are matched by name; names may all begin with a name of the robot, such as rh_. Those of
+    the Shadow hand in DexGraspNet (robot0:FFJ3) are found in descriptions for ROS (FFJ4), with the
+    signs of its axes. Values of joints that follow others must be those that these say. Where the
+    file does not name joints, it must have as many as the hand, whose order is assumed: the setting
+    `joint_order` says so.
+
+    Args:
+        poses: Poses with postures.
+        hand: The hand.
+        wrist: Joints of it that the poses need not have: those that they lack are at 0.
+
+    Raises:
+        ContactError: There are no postures, joints are missing, unknown or contradict the one that
+            they follow, or their number is another one.
+    """
+    names, count = poses.joint_names, poses.posture.shape[1]
+    if not count:
+        raise ContactError(
+            printable(
+                f"{hand.name} is a hand with joints, but the poses have no values of them"
+                f"{_meant(poses, hand)}"
+            )
+        )
+    if names == hand.joint_names:
+        return poses if poses.hand is hand else replace(poses, hand=hand)
+    settings = dict(poses.settings)
+    if names:
+        found = _named(names, hand, wrist)
+        _check_followers(poses, found, hand)
+    else:
+        found = _in_order(count, hand, wrist)
+        settings[ORDER] = f"not stated: that of {hand.name} is assumed"
+    columns = [found.get(name, (-1, 0.0)) for name in hand.joint_names]
+    at, signs = (np.array(values) for values in zip(*columns, strict=True))
+
+    def of_hand(posture: Floats) -> Floats:
+        return posture[:, at] * signs if posture.size else posture
+
+    postures: dict[str, Any] = {name: of_hand(getattr(poses, name)) for name in POSTURES}
+    joints = hand.joint_names if names else ()
+    return replace(poses, hand=hand, joint_names=joints, settings=settings, **postures)
+
+
+def _meant(poses: GraspPoses, hand: ArticulatedHand) -> str:
+    """How a file states them, which may have them in its other columns."""
+    plain = [name for name in poses.columns if name in hand.joint_names]
+    if plain:
+        return f": call the column {plain[0]} joint:{plain[0]}, and so on"
+    return f": tables have them in columns called joint:{hand.joint_names[0]}, and so on"
+
+
+def as_in_model(poses: GraspPoses, hand: ArticulatedHand) -> tuple[tuple[str, ...], GraspPoses]:
+    """Names of joints, and poses and postures, as DexGraspNet has them of its Shadow hand.
+
+    Args:
+        poses: Poses of the base in metres, with postures of the hand.
+        hand: The hand; of one that is no Shadow hand, all is as it is.
+
+    Returns:
+        The names of the joints, and poses of the palm with postures of them.
+    """
+    found = {} if any(map(_MODEL.fullmatch, hand.joint_names)) else _of_shadow(hand)
+    if len(found) < len(SHADOW):
+        return hand.joint_names, poses
+    columns = [hand.joint_names.index(joint) for joint, _ in found.values()]
+    signs = np.array([sign for _, sign in found.values()])
+    palm = hand.link_names.index(wrist_of(hand).beyond)
+    palms = hand.link_poses(poses.posture)[:, palm]
+    return tuple(found), GraspPoses(
+        poses=poses.poses @ palms, posture=poses.posture[:, columns] * signs, unit=poses.unit
+    )
+
+
+POSTURES = ("posture", *(f"{stage}_posture" for stage in STAGES))
+"""Fields of poses that are values of joints."""
+
+Columns = Mapping[str, tuple[int, float]]
+"""Column of each joint of a hand that is there, and the sign of its axis."""
+
+
+def _in_order(count: int, hand: ArticulatedHand, wrist: Sequence[str]) -> Columns:
+    joints = hand.joint_names
+    if count != len(joints):
+        joints = tuple(name for name in joints if name not in wrist)
+    if count != len(joints):
+        raise ContactError(
+            printable(
+                f"the postures have {count} values without names, but {hand.name} has "
+                f"{len(hand.joint_names)} joints: {_listed(hand.joint_names)}"
+            )
+        )
+    return {name: (k, 1.0) for k, name in enumerate(joints)}
+
+
+def _named(names: tuple[str, ...], hand: ArticulatedHand, wrist: Sequence[str]) -> Columns:
+    """The columns of joints that have these names. Raises ContactError."""
+    followers = tuple(joint.name for joint in hand.tree.joints.values() if joint.follows)
+    known = (*hand.joint_names, *followers)
+    own = {name: (name, 1.0) for name in known}
+    if not {*names} & own.keys():
+        if any(map(_MODEL.fullmatch, names)):  # of another numbering, so before names are cut
+            own = _of_shadow(hand)
+        else:
+            pairs = product((_short(names), names), (known, _short(known)))
+            same = ((given, keys) for given, keys in pairs if {*given} & {*keys})
+            names, keys = next(same, (names, known))
+            own = {key: (joint, 1.0) for key, joint in zip(keys, known, strict=True)}
+    columns = {name: k for k, name in enumerate(names)}
+    found = {own[name][0]: (k, own[name][1]) for name, k in columns.items() if name in own}
+    surplus = [name for name in names if name not in own]
+    missing = [name for name in hand.joint_names if name not in found and name not in wrist]
+    if surplus or missing:
+        raise ContactError(printable(_difference(surplus, missing, hand.name)))
+    return found
+
+
+def _check_followers(poses: GraspPoses, found: Columns, hand: ArticulatedHand) -> None:
+    """Refuse values of joints that contradict the joint that they follow. Raises ContactError."""
+    for joint in hand.tree.joints.values():
+        if joint.follows is None or joint.name not in found:
+            continue
+        source, factor, offset = hand.tree.source_of(joint)
+        (own, _), (at, sign) = found[joint.name], found.get(source, (-1, 0.0))
+        for name in POSTURES:
+            posture = getattr(poses, name)
+            if not posture.size:
+                continue
+            follows = factor * sign * posture[:, at] + offset
+            wrong = np.flatnonzero(np.abs(posture[:, own] - follows) > LOOSE)
+            if len(wrong):
+                first = wrong[0]
+                raise ContactError(
+                    printable(
+                        f"grasp {first + 1}: joint {joint.name} of its {name} is at "
+                        f"{posture[first, own]:.4g}, but it follows {source}, which says "
+                        f"{follows[first]:.4g}; so in {len(wrong)} of {poses.count} grasps: give "
+                        f"the hand that they are of, or leave {joint.name} out"
+                    )
+                )
+
+
+def refuse_joints(poses: GraspPoses, hand: Hand | None) -> None:
+    """Refuse postures where the hand is a gripper of two jaws. Raises ContactError."""
+    joints = poses.posture.shape[1]
+    if joints and isinstance(hand, ParallelGripper):
+        named = f" ({_listed(poses.joint_names)})" if poses.joint_names else ""
+        raise ContactError(
+            printable(
+                f"the poses have values of {joints} joints{named}, but {hand.name} is a gripper "
+                "of two jaws, which has none: give the hand that they are of"
+            )
+        )
+
+
+def _short(names: Sequence[str]) -> tuple[str, ...]:
+    """Names without a name of the robot with which all of them begin, such as rh_."""
+    starts = {re.match(r"(?:[A-Za-z0-9]+[_:/])?", name).group() for name in names}  # type: ignore[union-attr]
+    (start, *others) = starts
+    return tuple(names) if others else tuple(name.removeprefix(start) for name in names)
+
+
+def _of_shadow(hand: ArticulatedHand) -> dict[str, tuple[str, float]]:
+    """Joints of a Shadow hand by their names in MuJoCo's model, with the signs of their axes."""
+    names = hand.link_names
+    (links,) = hand.link_poses(np.zeros((1, len(hand.joint_names))))
+    to_palm = links[names.index(wrist_of(hand).beyond), :3, :3].T
+    found: dict[str, tuple[str, float]] = {}
+    short = dict(zip(hand.joint_names, _short(hand.joint_names), strict=True))
+    for link, joint in hand.tree.joints.items():
+        name = short.get(joint.name, "")
+        model = f"{name[:-1]}{int(name[-1]) - 1}" if re.fullmatch(r"[A-Z]{2}J[1-5]", name) else ""
+        if model in SHADOW:
+            axis = to_palm @ links[names.index(link), :3, :3] @ joint.axis
+            cosine = float(axis @ SHADOW[model])
+            if abs(cosine) < PARALLEL:
+                raise ContactError(
+                    printable(
+                        f"joint {joint.name} of {hand.name} does not turn about the axis that "
+                        f"robot0:{model} has in DexGraspNet: give a description of the Shadow hand"
+                    )
+                )
+            found[f"robot0:{model}"] = (joint.name, float(np.sign(cosine)))
+    return found
+
+
+def _difference(surplus: Sequence[str], missing: Sequence[str], hand: str) -> str:
+    """A sentence on joints that are unknown or missing."""
+    parts = []
+    if surplus:
+        are = "is no joint" if len(surplus) == 1 else "are no joints"
+        parts.append(f"{_listed(surplus)} {are} of {hand}")
+    if missing:
+        parts.append(f"{_listed(missing)} of {hand} {'is' if len(missing) == 1 else 'are'} missing")
+    close = [(name, *get_close_matches(name, missing, 1, 0.6)) for name in surplus]
+    meant = [f"{pair[0]} for {pair[1]}" for pair in close if len(pair) > 1][:MOST_LISTED]
+    hint = f" (misspelt: {', '.join(meant)}?)" if meant else ""
+    return f"joints of the postures: {', and '.join(parts)}{hint}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    return ", ".join(names[:MOST_LISTED]) + more

@@ -1,0 +1,157 @@
+"""What every registered format has, and that a further one needs nothing but its own module."""
+
+import json
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from format_pages import rendered
+from scipy.spatial.transform import Rotation
+
+import grasp3d
+from grasp3d.cli import main
+from grasp3d.errors import ContactError, SettingError
+from grasp3d.formats import Format, GraspPoses, formats, holds_poses, read_poses, write_poses
+from grasp3d.formats import format as registry
+from tests.hand.test_articulated_hand import hand_of
+from tests.helpers import gpd_format
+
+FRANKA = grasp3d.read_hand("franka")
+NAMES = [*formats(), gpd_format.FORMAT.name]
+
+
+@pytest.fixture(autouse=True)
+def added() -> Iterator[None]:
+    """Also the format of the tests is known."""
+    gpd_format.add()
+    yield
+    del registry._REGISTERED[gpd_format.FORMAT.name]  # noqa: SLF001, nobody else forgets one
+
+
+def poses_for(form: Format, count: int = 4) -> GraspPoses:
+    """Poses of a hand that a format has."""
+    of_joints: dict[str, Any] = {"hand": FRANKA, "opening": np.full(count, 0.05)}
+    if form.hands == ("articulated",):
+        hand: Any = hand_of("allegro")
+        posture = np.tile(np.linspace(0.1, 0.4, len(hand.joint_names)), (count, 1))
+        of_joints = {"hand": hand, "posture": posture, "joint_names": hand.joint_names}
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3, :3] = Rotation.random(count, random_state=1).as_matrix()
+    poses[:, :3, 3] = np.arange(3.0 * count).reshape(count, 3) / 50.0
+    known = {"scores": np.linspace(0.0, 1.0, count), "outcome": np.arange(count) % 2.0}
+    return GraspPoses(poses=poses, unit="m", **known, **of_joints)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_poses_return_from_every_format(tmp_path: Path, name: str) -> None:
+    form = formats()[name]
+    poses, path = poses_for(form), tmp_path / f"a{form.suffixes[0]}"
+    write_poses(path, poses, format=name)
+    assert holds_poses(path)
+    back = read_poses(path, hand=poses.hand if form.hands else None, unit=None)
+    np.testing.assert_allclose(back.poses, poses.poses, atol=1e-12)
+    assert str(back.gripper_frame) == form.frame
+    if form.hands == ("articulated",):
+        np.testing.assert_allclose(back.posture, poses.posture, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_content_is_in_one_format_only(tmp_path: Path, name: str) -> None:
+    from grasp3d.formats.reading import _content
+
+    form = formats()[name]
+    path = tmp_path / f"a{form.suffixes[0]}"
+    write_poses(path, poses_for(form), format=name)
+    content = _content(path)
+    same = [one for one in formats().values() if path.suffix in one.suffixes]
+    assert [one.name for one in same if one.sniff(content)] == [name]
+
+
+def test_one_format_of_each_suffix_is_the_main_one() -> None:
+    for suffix in registry.suffixes():
+        fitting = [one for one in formats().values() if suffix in one.suffixes]
+        assert len([one for one in fitting if one.main]) == (len(fitting) > 1) or len(fitting) == 1
+
+
+def test_a_new_format_is_known_everywhere(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert len(Path(gpd_format.__file__).read_text().splitlines()) <= 60
+    poses, path = poses_for(gpd_format.FORMAT), tmp_path / "a.gpd"
+    grasp3d.write_grasps(path, poses)
+    back = grasp3d.read_grasps(path, hand=FRANKA)
+    assert isinstance(back, GraspPoses)
+    np.testing.assert_allclose(back.poses, poses.poses, atol=1e-12)
+    assert (back.unit, str(back.gripper_frame)) == ("m", "gpd")
+    with pytest.raises(ContactError, match=r"Text of GPD files have the pose of the hand's base"):
+        read_poses(path)
+    path.write_text("other")
+    with pytest.raises(ContactError, match=r"expected lines of 7 numbers .* \(Text of GPD\)"):
+        read_poses(path, hand=FRANKA)
+    page = rendered("<!-- formats -->\n<!-- sections of formats -->")
+    assert "| [Text of GPD](#text-of-gpd) | `.gpd` | `gpd_text` | `gpd` | metres |" in page
+    assert "## Text of GPD\n" in page
+    assert "| of a grasp | x y z [m]" in page
+    monkeypatch.setenv("COLUMNS", "200")
+    for command in ("label", "evaluate"):
+        with suppress(SystemExit):
+            main([command, "--help-all"])
+        assert "gpd_text" in capsys.readouterr().out, command
+
+
+def test_names_that_there_are_not_are_refused_with_those_that_there_are(tmp_path: Path) -> None:
+    with pytest.raises(SettingError, match=r"called 'xml'; known: acronym, .*gpd_text.*, parquet"):
+        write_poses(tmp_path / "a.json", poses_for(formats()["json"]), format="xml")
+
+
+# Files by hand
+
+
+def test_matrices_are_read_in_the_frame_that_is_given(tmp_path: Path) -> None:
+    poses = poses_for(formats()["matrices"]).poses
+    np.save(tmp_path / "many.npy", in_millimetres(poses))
+    found = read_poses(tmp_path / "many.npy", unit="mm")
+    assert (str(found.gripper_frame), found.assumes_frame, found.unit) == ("tcp", True, "mm")
+    np.testing.assert_allclose(found.in_unit("m").poses, poses, atol=1e-12)
+    np.save(tmp_path / "one.npy", poses[0])
+    assert read_poses(tmp_path / "one.npy").unit is None
+    found = read_poses(tmp_path / "one.npy", unit="m", hand=FRANKA, frame="graspgen")
+    np.testing.assert_allclose(
+        found.poses[0, :3, 3], poses[0, :3, 3] + 0.1034 * poses[0, :3, 2], atol=1e-12
+    )
+    assert not found.assumes_frame
+
+
+def in_millimetres(poses: np.ndarray) -> np.ndarray:
+    poses = poses.copy()
+    poses[:, :3, 3] *= 1000.0
+    return poses
+
+
+@pytest.mark.parametrize("names", ["x,y,z", "px,py,pz", " x, y, z", "px, py, pz"])
+def test_positions_have_two_names(tmp_path: Path, names: str) -> None:
+    (tmp_path / "a.csv").write_text(f"{names}, qx, qy, qz, qw, note\n1, 2, 3, 0, 0, 0, 1, a b\n")
+    found = read_poses(tmp_path / "a.csv", unit="cm")
+    assert found.poses[0, :3, 3].tolist() == [1.0, 2.0, 3.0]
+    assert {name: one.tolist() for name, one in found.columns.items()} == {"note": ["a b"]}
+    assert found.assumes_frame
+    (tmp_path / "b.csv").write_text("x,y,qx,qy,qz,qw\n1,2,0,0,0,1\n")
+    with pytest.raises(ContactError, match=r"column z is missing of px py pz \(or x y z\) qx"):
+        read_poses(tmp_path / "b.csv")
+
+
+def test_the_frame_that_was_taken_is_printed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    above = np.diag([1.0, -1.0, -1.0, 1.0])[None]
+    np.save(tmp_path / "a.npy", above)
+    (tmp_path / "a.json").write_text(json.dumps({"grasps": [{"pose": above[0].tolist()}]}))
+    mesh = str(Path(__file__).parents[2] / "meshes" / "box.obj")
+    for name in ("a.npy", "a.json"):
+        out = str(tmp_path / f"{name}.csv")
+        main(["evaluate", mesh, str(tmp_path / name), "--unit", "m", "--hand", "franka", "-o", out])
+        said = capsys.readouterr().out
+        assert "poses read in the gripper's frame 'tcp', as the file states none (--frame)" in said
