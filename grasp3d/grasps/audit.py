@@ -12,6 +12,7 @@ from grasp3d.errors import ContactError
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import matched
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.contacts import links_fit
 from grasp3d.hand.frames import GripperFrame, frames_of
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.table import Table
@@ -177,7 +178,10 @@ def _audited(
     def fitting(readings: list[PoseReading], rows: Ints) -> Ints:
         in_object = np.concatenate([one.of(read.poses[rows]) for one in readings])
         posture = np.tile(read.posture[rows], (len(readings), 1))
-        fits = hand.fits(mesh, in_object, posture, table=table)
+        if isinstance(hand, ArticulatedHand):
+            fits = links_fit(mesh, hand, in_object, posture)
+        else:
+            fits = hand.fits(mesh, in_object, posture, table=table)
         return np.asarray(fits.reshape(len(readings), -1).sum(axis=1))
 
     as_stated = PoseReading(given=read, hand=hand, frame=read.gripper_frame)

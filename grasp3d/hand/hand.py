@@ -147,7 +147,7 @@ class Hand(Protocol):
         *,
         table: "Table | None" = None,
     ) -> "Bools":
-        """Whether poses are such as people state, which tells frames apart, shape (k,).
+        """Whether it can close on the object at poses, which tells frames apart, shape (k,).
 
         Args:
             mesh: The object; its unit must be known.

@@ -5,23 +5,19 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
 from grasp3d._kernels.hands import kinematics
 from grasp3d._kernels.hands.link_shapes import LinkShapes
-from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked
+from grasp3d.arrays import ArrayLike, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.link_bodies import link_bodies
 from grasp3d.hand.articulated.presets import FORMAT, VERSION
 from grasp3d.hand.link_tree import Joint, LinkMass, LinkShape, LinkTree
 from grasp3d.hand.triangles import Part, Triangles, triangles_of
 from grasp3d.system.names import printable
-
-if TYPE_CHECKING:
-    from grasp3d.hand.table import Table
-    from grasp3d.mesh import ObjectMesh
 
 _KINDS = {"fixed": kinematics.FIXED, "slides": kinematics.SLIDES, "turns": kinematics.TURNS}
 
@@ -332,15 +328,6 @@ class ArticulatedHand:
     fitting = "at least two links touch the object, and none is deeper than 15 mm in it,"
     """What is the case at poses that fit."""
 
-    def fits(
-        self, mesh: "ObjectMesh", poses: Any, posture: Any, *, table: "Table | None" = None
-    ) -> Bools:
-        """Whether two links touch at poses, and none is too deep, shape (k,); see `Hand.fits`."""
-        from grasp3d.hand.articulated.contacts import links_fit
-
-        del table
-        return links_fit(mesh, self, poses, self.postures(posture))
-
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
         raise SettingError(
             printable(
@@ -349,7 +336,7 @@ class ArticulatedHand:
             )
         )
 
-    check_fingers = distances = reach = close = blocked = opens_to = _refuse
+    check_fingers = distances = reach = close = blocked = opens_to = fits = _refuse
 
     def description(self) -> Mapping[str, Any]:
         """What files state of it; `description` is the file of its links, wherever they are."""

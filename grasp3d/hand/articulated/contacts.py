@@ -146,7 +146,7 @@ def links_fit(mesh: "ObjectMesh", hand: ArticulatedHand, poses: Floats, posture:
         posture: Values of its joints, shape (k, p).
     """
     scene = HandScene(mesh, hand, CONTACT_DISTANCE)
-    frames = scene.frames(poses, posture)
+    frames = scene.frames(poses, hand.postures(posture))
     gaps = scene.link_gaps(scene.touch(frames, contacts=False, search=CONTACT_DISTANCE))
     touching = (gaps <= CONTACT_DISTANCE).sum(axis=1) >= LEAST_LINKS
     return np.asarray(touching & (gaps.min(axis=1) >= -DEEPEST))
