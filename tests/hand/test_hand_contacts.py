@@ -11,14 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from grasp3d._kernels.hands.touching import Touches, make_touch_scratch, touch
-from grasp3d.arrays import Floats
+from grasp3d import read_hand
+from grasp3d._kernels.hands.touching import FACING, Touches, make_touch_scratch, touch
+from grasp3d.arrays import Floats, unit_rows
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
 from grasp3d.hand.articulated.link_bodies import link_bodies
 from grasp3d.hand.link_tree import LinkShape, mesh_shape
 from grasp3d.hand.table import Table
 from grasp3d.mesh import ObjectMesh
 from tests.helpers import shapes as known
+from tests.helpers.hands import HANDS, hand_file
 from tests.helpers.link_scenes import at, core, hand_of, shape, solid
 
 TIP = trimesh.creation.icosphere(2, radius=0.012).apply_scale([1.0, 0.8, 1.6])
@@ -300,3 +303,51 @@ def test_depths_of_a_shape_do_not_depend_on_others_of_its_link() -> None:
     np.testing.assert_allclose(found[1][:, 2], found[0][:, 0], atol=1e-9)
     assert np.isposinf(found[1][:, 1]).all()
     assert found[1][0, 0] == pytest.approx(-0.05, abs=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", HANDS)
+def test_contacts_of_hands_are_means_over_what_is_near(name: str) -> None:
+    """Around a ball, by a slow version in closed form for each point of the links."""
+    radius, near, count = 0.035, 0.005, 300
+    mesh = solid(trimesh.creation.icosphere(5, radius=radius))
+    hand = read_hand(hand_file(name))
+    assert isinstance(hand, ArticulatedHand)
+    rng = np.random.default_rng(0)
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3, :3] = Rotation.random(count, random_state=rng).as_matrix()
+    low, high = np.clip(hand.limits_of_joints, -1.5, 1.5).T
+    postures = rng.uniform(low, high, (count, len(low)))
+    bodies, moved = hand.bodies, hand.link_poses(postures)[..., :3, :]
+    beside = moved[np.arange(count), rng.choice(bodies.links, count), :, 3]  # some link
+    away = (radius + 0.01) * unit_rows(rng.normal(size=(count, 3)))
+    poses[:, :3, 3] = away - (poses[:, :3, :3] @ beside[..., None])[..., 0]
+    found = hand_contacts(mesh, hand, poses, postures, contact_distance=near)
+    gaps = []
+    for row, link in np.ndindex(found.touching.shape):
+        frame = poses[row] @ np.vstack([moved[row, link], [0.0, 0.0, 0.0, 1.0]])
+        points = [np.zeros((0, 6))]
+        for body in np.flatnonzero(bodies.links == link):
+            own = frame[:3] @ np.vstack([bodies.poses[body], [0.0, 0.0, 0.0, 1.0]])
+            rows = bodies.samples[bodies.first_sample[body] : bodies.first_sample[body + 1]]
+            turned = rows.reshape(-1, 2, 3) @ own[:, :3].T
+            turned[:, 0] += own[:, 3]
+            points.append(turned.reshape(-1, 6))
+        at, outward = np.split(np.concatenate(points), 2, axis=1)
+        distance = np.linalg.norm(at, axis=1)
+        inward = -at / distance[:, None]
+        away, facing = np.abs(distance - radius), (outward * inward).sum(axis=1)
+        # Of points on the verge of counting the facets of the ball decide.
+        verge = (np.abs(away - near) < 1e-5) | (np.abs(facing - FACING) < 0.004)
+        chosen = inward[(away <= near) & (facing >= FACING)]
+        mean = chosen.mean(axis=0) if len(chosen) else np.zeros(3)
+        if verge.any() or np.linalg.norm(mean) < 0.55:  # else the nearest side
+            continue
+        mean /= np.linalg.norm(mean)
+        gaps.append([
+            np.linalg.norm(found.points[row, link] + radius * mean),
+            np.linalg.norm(found.normals[row, link] - mean),
+        ])  # fmt: skip
+    assert len(gaps) > 100
+    assert (np.quantile(gaps, 0.95, axis=0) < [1e-4, 0.004]).all()
+    assert (np.max(gaps, axis=0) < [1e-3, 0.03]).all()
