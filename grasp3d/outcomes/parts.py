@@ -13,7 +13,6 @@ from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.run import run
 from grasp3d.errors import GraspError, MeshError, OutputError, SettingError
 from grasp3d.mesh import ObjectMesh
-from grasp3d.outcomes.engine import NEEDS_PHYSICS
 from grasp3d.outcomes.simulation_settings import SimulationSettings
 from grasp3d.system.files import atomic_write
 
@@ -112,7 +111,9 @@ def _decomposed(vertices: Floats, faces: Ints, threshold: float, seed: int) -> P
     try:
         import coacd
     except ImportError as error:
-        raise SettingError(NEEDS_PHYSICS.format("coacd")) from error
+        raise SettingError(
+            "a simulation needs coacd; install it with: pip install 'grasp3d[physics]'"
+        ) from error
     coacd.set_log_level("error")
     # Its threshold is for an object that is scaled to a box from -1 to 1.
     parts: Any = coacd.run_coacd(
