@@ -10,9 +10,9 @@ from grasp3d.arrays import Bools, Bytes, Floats, angles_between
 from grasp3d.grasps.reasons import Reasons
 from grasp3d.grasps.robustness import Robustness
 from grasp3d.hand.closed_jaws import MEANING, ClosedJaws, Closing
-from grasp3d.hand.hand import Hand
+from grasp3d.hand.closing import close_jaws
 from grasp3d.hand.jaw_reach import collides
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts
@@ -42,9 +42,7 @@ class Evaluated(Protocol):
     @property
     def mesh(self) -> ObjectMesh: ...  # noqa: D102
     @property
-    def hand(self) -> Hand: ...  # noqa: D102
-    @property
-    def scene(self) -> Scene | None: ...  # noqa: D102
+    def scene(self) -> Scene: ...  # noqa: D102
     @property
     def poses(self) -> Floats: ...  # noqa: D102
     @property
@@ -73,20 +71,20 @@ class GripperReasons(Reasons):
     def __init__(self, poses: Evaluated) -> None:
         self._size = len(poses.poses)
         super().__init__(self._size)
-        assert isinstance(poses.hand, ParallelGripper)
-        self._poses, self._hand = poses, poses.hand
+        self._poses, jaws = poses, poses.scene.jaws
         # The object yields to the pads, as in the test of the stroke.
-        self._widest = poses.hand.limits[1] + 2.0 * poses.hand.compliance
+        soft = 0.0 if jaws is None else 2.0 * jaws.compliance
+        self._widest = poses.scene.hand.limits[1] + soft
         with unreported():
             self._add_direction()
-            self._add_wide()
-            self._add_parts()
+            if jaws is not None:
+                self._add_wide(jaws)
+                self._add_parts(jaws)
             self._add_states()
             self._add_numbers()
 
     def _add_direction(self) -> None:
         poses, scene = self._poses, self._poses.scene
-        assert scene is not None
         wrong = ~scene.allows(poses.poses)
         limit = math.degrees(scene.approach.within)
         self.add("comes from another direction", wrong, [
@@ -94,34 +92,33 @@ class GripperReasons(Reasons):
             for angle in scene.approach_angles(poses.poses[wrong])
         ])  # fmt: skip
 
-    def _add_wide(self) -> None:
+    def _add_wide(self, hand: Jaws) -> None:
         """Add where fingers start in an object that is wider than the stroke."""
         poses = self._poses
         rows = self.without(poses.jaws.state == Closing.STARTS_INSIDE)
         if not len(rows):
             return
-        wider = self._hand.opening_to(self._hand.max_opening + poses.mesh.size)
-        closed = wider.close(poses.mesh, poses.poses[rows], object_motion="fixed")
+        wider = hand.opening_to(hand.max_opening + poses.mesh.size)
+        closed = close_jaws(poses.mesh, poses.poses[rows], wider)
         excess = closed.opening - self._widest
         wide = excess > 0.0  # nan: they do not close there either
         self.add("wider than the stroke", rows[wide], [
             f"wider than the stroke by {self.length(value)}" for value in excess[wide]
         ])  # fmt: skip
 
-    def _add_parts(self) -> None:
+    def _add_parts(self, hand: Jaws) -> None:
         """Add which part of the open gripper is in the object, or else in the table."""
         poses, jaws, scene = self._poses, self._poses.jaws, self._poses.scene
-        assert scene is not None
         inside = poses.jaws.state == Closing.STARTS_INSIDE
         rows = self.without(inside | (poses.collides & jaws.closed))
         if not len(rows):
             return
-        at, wide = poses.poses[rows], self._hand.limits[1]
+        at, wide = poses.poses[rows], hand.limits[1]
         meets = np.stack(
-            [collides(poses.mesh, at, wide, self._hand, only=part) for part in range(len(PARTS))],
+            [collides(poses.mesh, at, wide, hand, only=part) for part in range(len(PARTS))],
             axis=1,
         )
-        depths = self._depths(at)  # (r, 3)
+        depths = self._depths(at, hand)  # (r, 3)
         for part, name in enumerate(PARTS):
             kind = name.split()[0]
             mine = (depths.argmax(axis=1) == part) & (depths[:, part] > 0.0)
@@ -136,7 +133,7 @@ class GripperReasons(Reasons):
             return
         heights = np.full((len(rows), len(PARTS)), math.inf)
         for part in range(len(PARTS)):
-            corners = np.array(list(product(*np.transpose(self._box(part)))))  # (8, 3)
+            corners = np.array(list(product(*np.transpose(_box(hand, part)))))  # (8, 3)
             points = corners @ at[:, :3, :3].swapaxes(1, 2) + at[:, None, :3, 3]
             heights[:, part] = (points @ scene.table.normal - scene.table.offset).min(axis=1)
         for part, name in enumerate(PARTS):
@@ -146,23 +143,7 @@ class GripperReasons(Reasons):
                 for height in heights[mine, part]
             ])  # fmt: skip
 
-    def _box(self, part: int) -> tuple[Floats, Floats]:
-        """Lowest and highest corner of a part of the open gripper in its frame."""
-        hand = self._hand
-        top = 0.0 if hand.round_tips else 0.5 * hand.pad_height
-        bottom = top - hand.finger_length
-        if part == len(PARTS) - 1:
-            half = 0.5 * np.array([hand.palm_thickness, hand.palm_width])
-            low, high = [*-half, bottom - hand.palm_length], [*half, bottom]
-        else:
-            inner = 0.5 * hand.limits[1] + hand.compliance
-            outer = 0.5 * hand.limits[1] + hand.finger_thickness
-            near, far = (-outer, -inner) if part == 0 else (inner, outer)
-            half_width = 0.5 * hand.finger_width
-            low, high = [near, -half_width, bottom], [far, half_width, top]
-        return np.array(low), np.array(high)
-
-    def _depths(self, poses: Floats) -> Floats:
+    def _depths(self, poses: Floats, hand: Jaws) -> Floats:
         """How deep each part is in the object at poses (r, 4, 4), shape (r, 3).
 
         Measured at points of a grid; 0 where none is inside, or the object is open.
@@ -171,7 +152,7 @@ class GripperReasons(Reasons):
         if not mesh.report.closed:
             return depths
         for part in range(len(PARTS)):
-            low, high = self._box(part)
+            low, high = _box(hand, part)
             axes = [np.linspace(0.0, 1.0, count) for count in SAMPLES]
             grid = low + np.array(list(product(*axes))) * (high - low)  # (s, 3)
             points = grid @ poses[:, :3, :3].swapaxes(1, 2) + poses[:, None, :3, 3]
@@ -192,8 +173,9 @@ class GripperReasons(Reasons):
             if state != Closing.CLOSED:
                 self.add(meaning, poses.jaws.state == state)
         jaws = poses.jaws
-        shut = jaws.closed & ~self._hand.opens_to(jaws)
-        least, most = self._hand.limits[0], self._widest
+        hand = poses.scene.hand
+        shut = jaws.closed & ~hand.opens_to(jaws)
+        least, most = hand.limits[0], self._widest
         texts = [
             f"wider than the stroke by {self.length(opening - most)}"
             if opening > most
@@ -229,7 +211,6 @@ class GripperReasons(Reasons):
 
     def _off_pads(self) -> Bools:
         scene, robust = self._poses.scene, self._poses.robustness
-        assert scene is not None
         if robust.pad_margin is None:
             return np.zeros(self._size, dtype=np.bool_)
         return np.asarray(robust.pad_margin < scene.pose_error.position)
@@ -247,3 +228,19 @@ class GripperReasons(Reasons):
         self.add("needs more force", short, [
             f"needs {short_number(force)} N of {at_hand} N" for force in needed[short]
         ])  # fmt: skip
+
+
+def _box(hand: Jaws, part: int) -> tuple[Floats, Floats]:
+    """Lowest and highest corner of a part of the open gripper in its frame."""
+    top = 0.0 if hand.round_tips else 0.5 * hand.pad_height
+    bottom = top - hand.finger_length
+    if part == len(PARTS) - 1:
+        half = 0.5 * np.array([hand.palm_thickness, hand.palm_width])
+        low, high = [*-half, bottom - hand.palm_length], [*half, bottom]
+    else:
+        inner = 0.5 * hand.limits[1] + hand.compliance
+        outer = 0.5 * hand.limits[1] + hand.finger_thickness
+        near, far = (-outer, -inner) if part == 0 else (inner, outer)
+        half_width = 0.5 * hand.finger_width
+        low, high = [near, -half_width, bottom], [far, half_width, top]
+    return np.array(low), np.array(high)
