@@ -66,7 +66,7 @@ ENGINES = {
     "trame": {"viewer"},
     "trame_rca": {"viewer"},
     "aiohttp": {"viewer"},
-    "mujoco": {"hand.mujoco_model", "outcomes.engine"},
+    "mujoco": {"hand.mujoco_model", "outcomes"},
     "coacd": {"outcomes.parts"},
     "yaml": {"formats"},
     "h5py": {"formats"},

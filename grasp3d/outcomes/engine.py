@@ -2,12 +2,9 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import ModuleType
 from typing import Any
 
-from grasp3d.errors import SettingError
-
-NEEDS_PHYSICS = "a simulation needs {}; install it with: pip install 'grasp3d[physics]'"
+import mujoco
 
 TIME_STEP = 1e-3
 """Default step of the simulation [s]."""
@@ -25,26 +22,12 @@ NOSLIP_ITERATIONS = 10
 """Iterations of the solver that removes the creep that is left, of soft friction."""
 
 
-def mujoco_module() -> ModuleType:
-    """MuJoCo, which is imported only where something is simulated.
-
-    Raises:
-        SettingError: It is not installed.
-    """
-    try:
-        import mujoco
-    except ImportError as error:
-        raise SettingError(NEEDS_PHYSICS.format("mujoco")) from error
-    return mujoco  # type: ignore[no-any-return]
-
-
 @contextmanager
 def without_log() -> Iterator[None]:
     """Keep MuJoCo from writing a file of warnings into the working folder.
 
     A simulation that diverges is a result, which states it.
     """
-    mujoco = mujoco_module()
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(_ignore)
     try:
@@ -68,7 +51,6 @@ def new_spec(time_step: float = TIME_STEP) -> Any:
     Args:
         time_step: Step [s].
     """
-    mujoco = mujoco_module()
     spec = mujoco.MjSpec()
     option = spec.option
     option.timestep = time_step

@@ -13,7 +13,6 @@ from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.run import run
 from grasp3d.errors import GraspError, MeshError, OutputError, SettingError
 from grasp3d.mesh import ObjectMesh
-from grasp3d.outcomes.engine import NEEDS_PHYSICS
 from grasp3d.outcomes.simulation_settings import SimulationSettings
 from grasp3d.system.files import atomic_write
 
@@ -108,11 +107,18 @@ def convex_parts(vertices: Floats, faces: Ints, *, threshold: float = 0.02, seed
     return parts
 
 
-def _decomposed(vertices: Floats, faces: Ints, threshold: float, seed: int) -> Parts:
+def coacd_module() -> Any:
+    """CoACD, of the extra `physics`. Raises SettingError if it is not installed."""
     try:
         import coacd
     except ImportError as error:
-        raise SettingError(NEEDS_PHYSICS.format("coacd")) from error
+        text = "a simulation needs coacd; install it with: pip install 'grasp3d[physics]'"
+        raise SettingError(text) from error
+    return coacd
+
+
+def _decomposed(vertices: Floats, faces: Ints, threshold: float, seed: int) -> Parts:
+    coacd = coacd_module()
     coacd.set_log_level("error")
     # Its threshold is for an object that is scaled to a box from -1 to 1.
     parts: Any = coacd.run_coacd(

@@ -14,10 +14,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from grasp3d.arrays import Floats, short_repr
-from grasp3d.outcomes.engine import mujoco_module, without_log
+from grasp3d.outcomes.engine import without_log
 from grasp3d.outcomes.scene import CLOSING, JOINTS, OBJECT, Stage, lay_object, put_object
 from grasp3d.outcomes.simulation_settings import SimulationSettings
 
@@ -99,7 +100,7 @@ def simulate_attempt(model: Any, data: Any, attempt: Attempt, stage: Stage) -> O
         attempt: The grasp.
         stage: The gripper of the model, and forces, times and limits.
     """
-    mujoco, settings = mujoco_module(), stage.settings
+    settings = stage.settings
     put_object(model, data, attempt.pose, attempt.friction)
     data.qpos[7:9] = -0.5 * attempt.opening
     mujoco.mj_forward(model, data)
@@ -127,7 +128,7 @@ def _give_way(model: Any, data: Any, settings: SimulationSettings) -> float:
 
     inf: the gripper is in it by more than it gives way, or it has no way out.
     """
-    mujoco, body = mujoco_module(), model.body(OBJECT).id
+    body = model.body(OBJECT).id
     if _depth(data) > settings.give_way + settings.pose_error.position:
         return math.inf
     start, fingers = np.array(data.xipos[body]), np.array(data.qpos[7:])
@@ -152,7 +153,6 @@ def _depth(data: Any) -> float:
 
 def _pulls(model: Any, data: Any, watch: "_Watch", settings: SimulationSettings) -> int:
     """Pull in every direction, each time from the squeezed state; number of pulls that hold."""
-    mujoco = mujoco_module()
     kind = mujoco.mjtState.mjSTATE_INTEGRATION
     state = np.empty(mujoco.mj_stateSize(model, kind))
     mujoco.mj_getState(model, data, state, kind)
@@ -195,7 +195,7 @@ class _Watch:
             seconds: For how long.
             anywhere: Whether it may move as far as it likes.
         """
-        mujoco, data, step = mujoco_module(), self._data, self._stage.settings.time_step
+        data, step = self._data, self._stage.settings.time_step
         left, every = math.ceil(seconds / step), max(1, round(CHECKED / step))
         while left > 0:
             data.ctrl[:] = self._stage.force * min(1.0, (data.time + step) / RAMP)
@@ -236,7 +236,6 @@ class _Watch:
 
     def _turn(self) -> float:
         """Turn that counts since the touch [rad]."""
-        mujoco = mujoco_module()
         back, relative = np.zeros(4), np.zeros(4)
         mujoco.mju_negQuat(back, self._turned)
         mujoco.mju_mulQuat(relative, self._data.qpos[3:7], back)

@@ -8,11 +8,12 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from grasp3d.arrays import Floats, short_repr
 from grasp3d.mesh import ObjectMesh
-from grasp3d.outcomes.engine import IMPEDANCE, STIFFNESS, contact_fields, mujoco_module, new_spec
+from grasp3d.outcomes.engine import IMPEDANCE, STIFFNESS, contact_fields, new_spec
 from grasp3d.outcomes.fingers import Fingers
 from grasp3d.outcomes.simulation_settings import SimulationSettings
 
@@ -92,7 +93,6 @@ def add_fingers(spec: Any, centres: Floats, fingers: Fingers, force: float) -> N
         fingers: Their shape.
         force: Force at which they are damped to their speed [N].
     """
-    mujoco = mujoco_module()
     hard, balls = contact_fields(), contact_fields(fingers.torsion_radius)
     for number, (name, side) in enumerate(zip(JOINTS, (1.0, -1.0), strict=True)):
         body = spec.worldbody.add_body(name=name, pos=centres[number])
@@ -124,7 +124,6 @@ def add_fingers(spec: Any, centres: Floats, fingers: Fingers, force: float) -> N
 
 def _add_convex(spec: Any, body: Any, name: str, vertices: Floats, **fields: Any) -> None:
     """Add a convex part of corners (n, 3) [m] to a body, with fields of its geom."""
-    mujoco = mujoco_module()
     mesh = spec.add_mesh(name=name, uservert=vertices.ravel().tolist())
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **fields)
@@ -155,7 +154,7 @@ def grasp_model(stage: Stage) -> tuple[Any, Any]:
     model = spec.compile()
     model.dof_damping[3:6] = SPIN_LEVER * settings.weight
     _give_way(model, stage.fingers.stiffness)
-    return model, mujoco_module().MjData(model)
+    return model, mujoco.MjData(model)
 
 
 def _give_way(model: Any, stiffness: float) -> None:
@@ -166,7 +165,6 @@ def _give_way(model: Any, stiffness: float) -> None:
     both bodies; its acceleration is `stiffness x depth / d`. The impedance is as near to 1/2 as
     the time step allows.
     """
-    mujoco = mujoco_module()
     inverse = sum(model.body_invweight0[model.body(name).id, 0] for name in (OBJECT, JOINTS[0]))
     fastest = (FASTEST / model.opt.timestep) ** 2
     impedance = max(0.5, 1.0 / (1.0 + fastest / (stiffness * inverse)))
@@ -185,7 +183,6 @@ def put_object(model: Any, data: Any, pose: Floats, friction: float) -> None:
         pose: Matrix that takes the gripper's coordinates to the object's [m], shape (4, 4).
         friction: Coulomb coefficient.
     """
-    mujoco = mujoco_module()
     model.geom_friction[:, 0] = friction
     mujoco.mj_resetData(model, data)
     rotation, origin = pose[:3, :3], pose[:3, 3]

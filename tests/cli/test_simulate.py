@@ -44,6 +44,6 @@ def test_given_poses_are_simulated(folder: Path) -> None:
 
 
 def test_without_the_extra_it_is_named(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "mujoco", None)
+    monkeypatch.setitem(sys.modules, "coacd", None)
     error = refusal("simulate box.stl --unit cm --hand franka", folder)
-    assert "a simulation needs mujoco; install it with: pip install 'grasp3d[physics]'" in error
+    assert "a simulation needs coacd; install it with: pip install 'grasp3d[physics]'" in error

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, unit_rows
@@ -20,7 +21,6 @@ from grasp3d.errors import ContactError, SettingError
 from grasp3d.outcomes.engine import (
     TIME_STEP,
     contact_fields,
-    mujoco_module,
     new_spec,
     without_log,
 )
@@ -120,7 +120,6 @@ def facet_slip(normals: ArrayLike, friction: float, press: FacetPress | None = N
     inward = unit_rows(np.array(normals, dtype=np.float64))
     if inward.shape != (2, 3) or not (inward[:, 0] * (1.0, -1.0) > 0.0).all():
         raise SettingError("facets must face their tips: normals of shape (2, 3), inward along x")
-    mujoco = mujoco_module()
     model = plates_model(
         inward,
         setup.opening,
@@ -233,7 +232,7 @@ def tilt_at_random(normals: Floats, tilt: Floats, random: np.random.Generator) -
 def _shift(data: Any, opening: float) -> float:
     """The farther shift of the contacts' points of the object, across x [m]."""
     turned = np.zeros(9)
-    mujoco_module().mju_quat2Mat(turned, data.qpos[3:7])
+    mujoco.mju_quat2Mat(turned, data.qpos[3:7])
     end = 0.5 * opening * turned.reshape(3, 3)[:, 0]
     ends = data.qpos[:3] + np.array([[-1.0], [1.0]]) * end
     return float(np.hypot(ends[:, 1], ends[:, 2]).max())
@@ -260,7 +259,6 @@ def plates_model(
         center: Centre of mass of the body [m], shape (3,); None: the origin.
         dry_friction: Whether contacts behave as dry friction; otherwise MuJoCo's defaults.
     """
-    mujoco = mujoco_module()
     spec = new_spec() if dry_friction else _default_spec()
     touch = contact_fields(tip.torsion_radius)
     points = 0.5 * opening * np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
@@ -296,7 +294,7 @@ def plates_model(
 
 def _default_spec() -> Any:
     """An empty model without gravity, with MuJoCo's defaults."""
-    spec = mujoco_module().MjSpec()
+    spec = mujoco.MjSpec()
     spec.option.timestep, spec.option.gravity = TIME_STEP, (0.0, 0.0, 0.0)
     return spec
 
@@ -393,7 +391,6 @@ def holding_force(
 @without_log()
 def _normal_if_held(model: Any, wrench: Floats, force: float) -> float | None:
     """Normal force of the harder pressed contact [N]; None: the load is not held."""
-    mujoco = mujoco_module()
     data, step = mujoco.MjData(model), model.opt.timestep
     body, before = model.body(PLATES).id, None
     for number in range(math.ceil(WATCHED / step)):
@@ -418,7 +415,7 @@ def _distance(before: Floats, after: Floats) -> float:
 
 def _largest_normal(model: Any, data: Any) -> float:
     """Normal component of the harder pressed contact [N]; 0: nothing touches."""
-    mujoco, force, largest = mujoco_module(), np.zeros(6), 0.0
+    force, largest = np.zeros(6), 0.0
     for number in range(data.ncon):
         mujoco.mj_contactForce(model, data, number, force)
         largest = max(largest, float(force[0]))

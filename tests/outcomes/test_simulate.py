@@ -169,8 +169,8 @@ def test_what_cannot_be_simulated_is_refused(
         simulate_grasps(mesh(), hand=slider_hand.hand(tmp_path), cluster=HERE)
     with pytest.raises(SettingError, match=r"only parallel grippers are simulated; none is given"):
         simulate_grasps(mesh(), hand=None, cluster=HERE)
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(SettingError, match=r"needs mujoco.*pip install 'grasp3d\[physics\]'"):
+    monkeypatch.setitem(sys.modules, "coacd", None)
+    with pytest.raises(SettingError, match=r"needs coacd.*pip install 'grasp3d\[physics\]'"):
         simulate_grasps(mesh(), hand="franka", cluster=HERE)
 
 
