@@ -233,7 +233,7 @@ def hands(shared: Path) -> Iterator[Row]:
     def payloads() -> None:
         found = grasp3d.evaluate_grasps(mesh, given, hand=hand, load=grasp3d.Load(mass=0.1))
         _ = found.reason
-        _ = found.hand_load_result
+        _ = found.payload
 
     plain = best_time(letters, 1) / count
     yield Row("pose with its payload", best_time(payloads, 1) / count, plain)

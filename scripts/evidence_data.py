@@ -6,7 +6,7 @@ WORST and PERCEIVED are tables that `grasp3d validate -o` wrote for the same gra
 with `--sensor-resolution 0`. Epsilon is drawn beside them.
 """
 
-import sys
+import argparse
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -42,5 +42,10 @@ def draw(files: list[Path], path: Path) -> None:
 
 
 if __name__ == "__main__":
-    worst, perceived, picture = map(Path, sys.argv[1:])
-    draw([worst, perceived], picture)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    for name in ("worst", "perceived", "picture"):
+        parser.add_argument(name, type=Path)
+    words = parser.parse_args()
+    draw([words.worst, words.perceived], words.picture)

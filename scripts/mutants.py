@@ -54,8 +54,8 @@ MUTANTS = (
     ),
     Mutant(
         "cone edges with the tangent",
-        "[np.cos(friction_angle), np.sin(friction_angle)]",
-        "[np.cos(friction_angle), np.tan(friction_angle)]",
+        "np.sin(friction_angle, out=parts[..., 1])",
+        "np.tan(friction_angle, out=parts[..., 1])",
         "test_wrenches.py test_ferrari_canny.py",
     ),
     Mutant(

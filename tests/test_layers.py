@@ -68,8 +68,8 @@ ENGINES = {
     "aiohttp": {"viewer"},
     "mujoco": {"hand.mujoco_model", "outcomes"},
     "coacd": {"outcomes.parts"},
-    "yaml": {"grasps.pose_files"},
-    "h5py": {"grasps.pose_files"},
+    "yaml": {"formats"},
+    "h5py": {"formats"},
     "rich": {"cli"},
 }
 
@@ -171,6 +171,8 @@ def test_what_may_point_upward_still_does() -> None:
 
 
 def test_each_engine_has_modules_of_its_own() -> None:
+    allowed_at_all = {f"grasp3d.{name}" for names in ENGINES.values() for name in names}
+    assert allowed_at_all <= modules()
     for module, name in imports():
         allowed = ENGINES.get(name.split(".")[0])
         inside = module.removeprefix("grasp3d.")

@@ -58,7 +58,8 @@ def run(command: Evaluate) -> int:
     of_poses = command.reach.hand, command.contact_rule, command.reach.pose_error
     poses = any(of_poses) or holds_poses(command.contacts)
     if poses and command.reach.hand is None:
-        raise SettingError(f"{command.contacts}: of poses give their gripper with --hand NAME|FILE")
+        needed = "poses need a gripper or hand: give it with --hand NAME|FILE"
+        raise SettingError(f"{command.contacts}: {needed}")
     if poses and command.max_distance is not None:
         raise SettingError("max_distance applies to contacts, not to poses of a gripper")
     mask = getattr(command.mesh.region, "path", None)

@@ -17,6 +17,7 @@ from grasp3d.hand.frames import AUTO
 from grasp3d.hand.hand import touching
 from grasp3d.mesh import load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
+from grasp3d.outcomes.parts import coacd_module
 from grasp3d.outcomes.simulate import simulate_grasps
 from grasp3d.outcomes.success import success_rate
 from grasp3d.stability.label import Label
@@ -29,6 +30,7 @@ def run(command: Simulate) -> int:
     inputs = [command.file, command.grasps]
     check_output(output, suffixes(), "pose", overwrite=command.overwrite, inputs=inputs)
     check_hand(format_of(output), command.hand)
+    coacd_module()  # before anything is read
     tried = _simulate(command)
     write_poses(output, tried)
     report = Report(quiet=command.quiet)

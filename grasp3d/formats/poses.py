@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.errors import ContactError
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
@@ -160,9 +161,13 @@ class GraspPoses:
 
     @property
     def frame_words(self) -> str:
-        """The gripper's frame in which the poses were read, and whether the file states it."""
+        """The frame in which the poses were read, and whether the file states it."""
         why = ", as the file states none" if self.assumes_frame else ""
-        return f"the gripper's frame '{self.gripper_frame}'{why} (--frame)"
+        frame, words = self.gripper_frame, f"the gripper's frame '{self.gripper_frame}'"
+        if isinstance(self.hand, ArticulatedHand):
+            is_base = np.array_equal(frame.to_tcp(self.hand), np.eye(4))
+            words = "the frame of the hand's base" if is_base else f"the frame '{frame}'"
+        return f"{words}{why} (--frame)"
 
     def in_unit(self, unit: Unit) -> Self:
         """The same poses with all lengths in another unit.

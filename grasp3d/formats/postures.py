@@ -118,7 +118,7 @@ def _meant(poses: GraspPoses, hand: ArticulatedHand) -> str:
     """How a file states them, which may have them in its other columns."""
     plain = [name for name in poses.columns if name in hand.joint_names]
     if plain:
-        return f": call the column {plain[0]} joint:{plain[0]}, and so on"
+        return f": rename the column '{plain[0]}' to 'joint:{plain[0]}', and so on"
     return f": tables have them in columns called joint:{hand.joint_names[0]}, and so on"
 
 

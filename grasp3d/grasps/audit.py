@@ -39,6 +39,9 @@ READING, SUSPECTED = "pose_reading", "suspected_reading"
 READINGS = {READING: "--frame auto", SUSPECTED: "warning"}
 """What people are told of these settings."""
 
+UNCHANGED = "nothing is changed: no other reading stands out"
+"""That sentence where poses were read as stated."""
+
 UNITS = {
     0.001: "mm instead of m", 0.01: "cm instead of m", 0.0254: "inches instead of m",
     1000.0: "m instead of mm", 25.4: "inches instead of mm",
@@ -144,11 +147,12 @@ def audit_poses(
 ) -> PoseReading | None:
     """Count how many poses fit their object as stated and in other readings of their file.
 
-    Whether a pose fits, `Hand.fits` says. Where nothing is found so, a gripper must not meet the
-    table either. Tried are the frames by name, their axes with the TCP or the base as origin, and
-    the stated frame turned by a quarter about the approach direction, each with quaternions in
-    another order and with transposed rotations; and where the TCPs are far apart or all at one
-    point, lengths in other units.
+    Whether a pose fits, `Hand.fits` says, of hands with joints `links_fit`. Where nothing is found
+    so, a gripper must not meet the table either. Tried are the frames by name, their axes with the
+    TCP or the base as origin, and the stated frame turned by a quarter about the approach
+    direction, of hands with joints the frames of links; each with quaternions in another order and
+    with transposed rotations; and where the TCPs are far apart or all at one point, lengths in
+    other units.
 
     Args:
         mesh: The object; its unit is known.
@@ -219,8 +223,7 @@ def explained(
     reading = audit_poses(mesh, poses, hand, table=table)
     if reading and reading.stands_out:
         return reading.applied(poses.on(mesh))
-    kept = f"kept '{poses.gripper_frame}', as stated: no other reading stands out"
-    return replace(poses, settings={**poses.settings, READING: kept})
+    return replace(poses, settings={**poses.settings, READING: UNCHANGED})
 
 
 def _others(stated: PoseReading, mesh: ObjectMesh) -> Iterator[PoseReading]:

@@ -107,13 +107,18 @@ def convex_parts(vertices: Floats, faces: Ints, *, threshold: float = 0.02, seed
     return parts
 
 
-def _decomposed(vertices: Floats, faces: Ints, threshold: float, seed: int) -> Parts:
+def coacd_module() -> Any:
+    """CoACD, of the extra `physics`. Raises SettingError if it is not installed."""
     try:
         import coacd
     except ImportError as error:
-        raise SettingError(
-            "a simulation needs coacd; install it with: pip install 'grasp3d[physics]'"
-        ) from error
+        text = "a simulation needs coacd; install it with: pip install 'grasp3d[physics]'"
+        raise SettingError(text) from error
+    return coacd
+
+
+def _decomposed(vertices: Floats, faces: Ints, threshold: float, seed: int) -> Parts:
+    coacd = coacd_module()
     coacd.set_log_level("error")
     # Its threshold is for an object that is scaled to a box from -1 to 1.
     parts: Any = coacd.run_coacd(

@@ -20,7 +20,7 @@ from grasp3d.hand.hand_files import GivenHand, given_hand
 from grasp3d.hand.jaws import Jaws
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.outcomes.fingers import Fingers
-from grasp3d.outcomes.parts import parts_of
+from grasp3d.outcomes.parts import coacd_module, parts_of
 from grasp3d.outcomes.pulling import Attempt, Fate, Outcome, simulate_attempt
 from grasp3d.outcomes.scene import Stage, grasp_model
 from grasp3d.outcomes.simulation_settings import SimulationSettings
@@ -124,6 +124,7 @@ def simulate_grasps(
         >>> tried.outcome.tolist(), tried.columns["fate"].tolist()
         ([1.0, 0.0], ['held', 'missed'])
     """
+    coacd_module()
     hand = given_hand(hand)
     jaws = _needed_jaws(hand)
     settings = SimulationSettings.given("simulation", simulation) or SimulationSettings()

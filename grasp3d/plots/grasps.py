@@ -1,7 +1,6 @@
 """Figure of grasps: one small picture each, in the view that shows it best."""
 
 import math
-from collections.abc import Sequence
 from textwrap import wrap
 
 from matplotlib.axes import Axes
@@ -32,15 +31,12 @@ LONGEST = 48
 
 
 @styled
-def grasp_figure(
-    grasps: GraspTable | EvaluatedPoses, pictures: list[Bytes], numbers: Sequence[int] = ()
-) -> Figure:
+def grasp_figure(grasps: GraspTable | EvaluatedPoses, pictures: list[Bytes]) -> Figure:
     """Lay out the pictures of grasps, with the legend of their colours.
 
     Args:
         grasps: The grasps.
         pictures: Pictures of the first grasps, at least one.
-        numbers: What they are called; empty: 1, 2 and so on.
     """
     model = grasps.model
     fingers = f"{model.fingers} fingers" if grasps.scene is None else grasps.scene.hand.name
@@ -49,8 +45,8 @@ def grasp_figure(
     below = max(map(len, texts))
     figure, grid = _sheet(grasps.mesh.report.source, settings, len(pictures), below)
     for row, (axes, picture) in enumerate(zip(grid, pictures, strict=True)):
-        name, label = numbers[row] if numbers else row + 1, Label(int(grasps.letter[row]))
-        title = rf"$\bf{{{name}}}$  {label.name}   {grasps.score[row]:.2f}"
+        label = Label(int(grasps.letter[row]))
+        title = rf"$\bf{{{row + 1}}}$  {label.name}   {grasps.score[row]:.2f}"
         show_picture(axes, picture, title, "\n".join(texts[row]))
     figure.legend(
         handles=label_patches(MEANING["scan"]), loc="outside lower center", ncols=len(Label)
@@ -62,7 +58,8 @@ def _lines(grasps: GraspTable | EvaluatedPoses, row: int) -> list[str]:
     """What is written below the picture of a grasp."""
     angle, lines = float(grasps.critical_angle[row]), []
     if math.isfinite(angle):
-        lines = [rf"$\beta^*$ {_degrees(angle)}   $\varepsilon$ {grasps.epsilon[row]:.3f}"]
+        beta = rf"$\beta^*$ {math.degrees(angle):.1f}°"
+        lines = [rf"{beta}   $\varepsilon$ {grasps.epsilon[row]:.3f}"]
     if isinstance(grasps, EvaluatedPoses):
         load = []
         if grasps.grip_force is not None and math.isfinite(grasps.grip_force[row]):
@@ -87,11 +84,6 @@ def _sheet(source: str, settings: str, count: int, below: int) -> tuple[Figure, 
     for axes in grid[count:]:
         axes.set_axis_off()
     return figure, list(grid[:count])
-
-
-def _degrees(angle: float) -> str:
-    """An angle with a typographic minus sign."""
-    return f"{round(math.degrees(angle), 1) + 0.0:.1f}°".replace("-", "−")  # never -0
 
 
 def _short(name: str) -> str:

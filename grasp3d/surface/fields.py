@@ -348,13 +348,11 @@ def given_poses(fingers: int = 2) -> tuple[Field, ...]:
     )  # fmt: skip
 
 
-ANGLE_HAND = Allowed(-math.pi, math.pi, unknown=True)
-
 HAND_GRASPS = (
     CLOSING,
     STATED_LABEL,
     SCORE,
-    replace(CRITICAL_ANGLE, allowed=ANGLE_HAND),
+    replace(CRITICAL_ANGLE, allowed=Allowed(0.0, math.pi, math.inf, unknown=True)),
     MAX_RESOLUTION,
     replace(MARGIN, allowed=Allowed(infinite=-math.inf, unknown=True)),
     EPSILON,

@@ -79,7 +79,7 @@ evaluate box.stl pair.json -o pair.json | pair.json: is read by this command; na
 evaluate box.stl far.json | grasp 1, contact 2 at (-5000, 0, 0)
 evaluate box.stl three.json --fingers 4 | have 3 fingers
 evaluate box.stl pair.json --metrics min_weight,beauty | 'beauty'; known: all, epsilon_l1
-evaluate box.stl poses.csv --unit mm | give their gripper with --hand NAME
+evaluate box.stl poses.csv --unit mm | poses need a gripper or hand: give it with --hand NAME
 evaluate box.stl poses.csv --unit mm --hand franka --max-distance 1 | max_distance applies to
 evaluate box.stl pair.json -o task.csv --task 'weight + task.csv' --overwrite | is read by
 evaluate box.stl pair.json -o task.csv --task 'pushes.csv + ./task.csv' --overwrite | is read by

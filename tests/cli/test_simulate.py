@@ -1,12 +1,13 @@
 """`grasp3d simulate`."""
 
+import sys
 from pathlib import Path
 
 import pytest
 import trimesh
 
 from grasp3d.system.tables import read_columns
-from tests.helpers.commands import printed
+from tests.helpers.commands import printed, refusal
 from tests.helpers.commands import run_here as grasp3d
 
 QUICK = ("--unit", "cm", "--pull-time", "0.05", "--time-step", "0.002", "--workers", "0")
@@ -40,3 +41,9 @@ def test_given_poses_are_simulated(folder: Path) -> None:
     assert "S surely stable         1  100 %" in text
     assert "1 held, 1 missed\n" in text
     assert read_columns(folder / "tried.csv")["outcome"].tolist() == [1, 0]
+
+
+def test_without_the_extra_it_is_named(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "coacd", None)
+    error = refusal("simulate box.stl --unit cm --hand franka", folder)
+    assert "a simulation needs coacd; install it with: pip install 'grasp3d[physics]'" in error

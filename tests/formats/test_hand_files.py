@@ -290,7 +290,8 @@ def test_columns_that_are_called_as_the_joints_are_said_to_lack_their_prefix(
     write_poses(tmp_path / "a.csv", grasps_of("allegro"))
     text = (tmp_path / "a.csv").read_text().replace('"joint:', '"')
     (tmp_path / "a.csv").write_text(text)
-    with pytest.raises(ContactError, match=r"call the column joint_0\.0 joint:joint_0\.0, and so"):
+    words = r"rename the column 'joint_0\.0' to 'joint:joint_0\.0', and so on"
+    with pytest.raises(ContactError, match=words):
         matched(read_poses(tmp_path / "a.csv", hand=hand), hand)
 
 

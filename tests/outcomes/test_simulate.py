@@ -2,6 +2,7 @@
 
 import math
 import os
+import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -156,7 +157,9 @@ def test_processes_do_not_matter() -> None:
     np.testing.assert_array_equal(one.columns["slip_m"], other.columns["slip_m"])
 
 
-def test_what_cannot_be_simulated_is_refused(tmp_path: Path) -> None:
+def test_what_cannot_be_simulated_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     no_unit = load_mesh(trimesh.creation.box([4.0, 6.0, 10.0]))
     with pytest.raises(
         SettingError, match=r"a simulation is in metres, but the unit of .* is not known"
@@ -166,6 +169,9 @@ def test_what_cannot_be_simulated_is_refused(tmp_path: Path) -> None:
         simulate_grasps(mesh(), hand=slider_hand.hand(tmp_path), cluster=HERE)
     with pytest.raises(SettingError, match=r"only parallel grippers are simulated; none is given"):
         simulate_grasps(mesh(), hand=None, cluster=HERE)
+    monkeypatch.setitem(sys.modules, "coacd", None)
+    with pytest.raises(SettingError, match=r"needs coacd.*pip install 'grasp3d\[physics\]'"):
+        simulate_grasps(mesh(), hand="franka", cluster=HERE)
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,8 @@ def torques_of(hand: ArticulatedHand, torque_limits: float | None = None) -> Flo
     if torque_limits is None and missing:
         raise SettingError(
             f"the description of {hand.name} states no torque of the motor of "
-            f"{', '.join(missing)}: state it there, or give torque_limits, that of every motor"
+            f"{', '.join(missing)}: state it there, or give that of "
+            "every motor (--torque-limits, in Python torque_limits=...)"
         )
     torques = np.where(hand.torques == 0.0, np.nan, torque_limits or hand.torques)
     if torque_limits is not None and np.isnan(torques).all():

@@ -332,7 +332,8 @@ class ArticulatedHand:
         raise SettingError(
             printable(
                 f"{self.name} is a hand with joints: poses with values of its joints are evaluated "
-                "object by object (grasp3d evaluate MESH GRASPS --hand FILE), and nothing else yet"
+                "object by object (grasp3d evaluate MESH GRASPS --hand FILE), and grasps are found "
+                "for grippers only"
             )
         )
 
