@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grasp3d._kernels.hands.overlaps import self_overlaps
+from grasp3d._kernels.hands.overlaps import OVERLAPS, self_overlaps
 from grasp3d._kernels.hands.touching import Touches, make_touch_scratch, touch
 from grasp3d.arrays import Floats, Ints
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
@@ -21,9 +21,6 @@ SEARCH = 2.0
 
 CHUNK = 16
 """Poses that a thread takes at once."""
-
-OVERLAPS = 5e-4
-"""Overlap of two links at the open preshape from which on they are meant to overlap [m]."""
 
 
 class HandScene:
