@@ -7,7 +7,6 @@ from grasp3d._kernels.hands.closing import close as close_hands
 from grasp3d._kernels.hands.touching import TouchScratch, make_touch_scratch
 from grasp3d.arrays import Floats
 from grasp3d.hand.articulated.hand_scene import CHUNK, HandScene
-from grasp3d.hand.articulated.link_bodies import half_widths
 from grasp3d.system.context import in_threads
 
 SMALLEST_STEP, LARGEST_STEP = 1e-3, 0.03
@@ -57,7 +56,7 @@ def _largest_steps(scene: HandScene) -> Floats:
     thickest shape of its link, may pass.
     """
     steps = np.zeros(len(scene.hand.link_names))
-    np.maximum.at(steps, scene.bodies.links, 0.75 * half_widths(scene.bodies))
+    np.maximum.at(steps, scene.bodies.links, 0.75 * scene.hand.half_widths)
     return np.clip(steps, SMALLEST_STEP, LARGEST_STEP)
 
 
