@@ -8,7 +8,6 @@ import numpy as np
 from grasp3d._kernels.array_types import Bools2, Floats1, Floats2, Floats3, Ints2
 from grasp3d._kernels.compiling import kernel, part
 from grasp3d._kernels.hands.kinematics import place_links
-from grasp3d._kernels.hands.link_shapes import LinkShapes
 from grasp3d._kernels.hands.overlaps import OVERLAPS, overlap
 from grasp3d._kernels.hands.rigid_motions import compose, moved
 from grasp3d._kernels.hands.touched_surface import least_distance
@@ -36,22 +35,22 @@ FAR = 0.03
 
 
 class Closing(NamedTuple):
-    """How a hand closes; p joints, L links."""
+    """How a hand closes; p joints, m shapes."""
 
     speeds: Floats1
     """Of the joints (p,)."""
     limits: Floats2
     """(p, 2)."""
     reaches: Floats2
-    """Largest distance of a link's points from each joint's axis (L, p); 0: not moved."""
+    """Largest distance of a shape's points from each joint's axis (m, p); 0: not moved."""
     most: Floats1
-    """Steps of links with which no two pass through each other unseen [m] (L,)."""
+    """Steps of shapes with which no two pass through each other unseen [m] (m,)."""
     pairs: Ints2
     """Shapes of different links that are not to overlap (n, 2)."""
 
 
 class ClosingScratch(NamedTuple):
-    """Arrays of one thread; m shapes."""
+    """Arrays of one thread; L links, n pairs."""
 
     frames: Floats3
     """Frames of the links (L, 4, 4)."""
@@ -60,7 +59,7 @@ class ClosingScratch(NamedTuple):
     joints: Floats2
     """Values that are tried, and speeds, 0: stopped (2, p)."""
     fastest: Floats1
-    """Largest speed of each link's points (L,)."""
+    """Largest speed of each shape's points (m,)."""
     gaps: Floats2
     """Lower bounds of the gaps of the shapes, and those after the step that is tried (2, m)."""
     measured: Bools2
@@ -69,24 +68,30 @@ class ClosingScratch(NamedTuple):
     """Lower bounds of the distances of pairs, and those after the step (2, n); inf: any."""
 
 
-def make_closing_scratch(closing: Closing, shapes: LinkShapes) -> ClosingScratch:
+def make_closing_scratch(closing: Closing, links: int) -> ClosingScratch:
     """Allocate the arrays of one thread."""
-    links, joints = closing.reaches.shape
+    count, joints = closing.reaches.shape
     return ClosingScratch(
-        np.zeros((links, 4, 4)), np.zeros((5, 3, 4)), np.zeros((2, joints)), np.zeros(links),
-        np.zeros((2, len(shapes.kinds))),
-        np.zeros((2, len(shapes.kinds)), np.bool_), np.zeros((2, len(closing.pairs))),
+        np.zeros((links, 4, 4)), np.zeros((5, 3, 4)), np.zeros((2, joints)), np.zeros(count),
+        np.zeros((2, count)), np.zeros((2, count), np.bool_), np.zeros((2, len(closing.pairs))),
     )  # fmt: skip
 
 
 @part
-def _gap(i, shapes, surface, own, scratch):
-    """Signed distance of a shape from the object, or a lower bound that is at least `FAR`."""
+def _least_gap(i, shapes, surface, own, scratch):
+    """Rough lower bound of the signed distance of a shape from the object; its pose is written."""
     compose(own.frames[shapes.links[i]], shapes.poses[i], scratch.pose)
-    low = least_distance(moved(scratch.pose, shapes.boxes[i]), surface)[0] - shapes.boxes[i, 6]
-    if low >= FAR:
-        return low
-    return min(shape_gap(i, shapes.first_sample[i], FAR, shapes, surface, scratch), FAR)
+    return least_distance(moved(scratch.pose, shapes.boxes[i]), surface)[0] - shapes.boxes[i, 6]
+
+
+@part
+def _raise(i, row, least, shapes, surface, own, scratch):
+    """Write a better bound of a shape's gap: a rough one above the least, else the gap itself."""
+    gap = _least_gap(i, shapes, surface, own, scratch)
+    own.measured[row, i] = gap <= least
+    if gap <= least:
+        gap = min(shape_gap(i, shapes.first_sample[i], FAR, shapes, surface, scratch), FAR)
+    own.gaps[row, i] = gap
 
 
 @part
@@ -111,8 +116,8 @@ def _begin(closing, shapes, surface, own, scratch):
     for i in range(shapes.kinds.shape[0]):
         own.gaps[0, i], own.measured[0, i] = math.inf, True
         for c in range(closing.speeds.shape[0]):
-            if closing.speeds[c] != 0.0 and closing.reaches[shapes.links[i], c] > 0.0:
-                own.gaps[0, i] = _gap(i, shapes, surface, own, scratch)
+            if closing.speeds[c] != 0.0 and closing.reaches[i, c] > 0.0:
+                _raise(i, 0, TOUCHES, shapes, surface, own, scratch)
                 break
     pairs, links, apart = closing.pairs, shapes.links, own.apart[0]
     for n in range(pairs.shape[0]):
@@ -128,13 +133,13 @@ def _begin(closing, shapes, surface, own, scratch):
 
 
 @part
-def _stop(i, j, closing, shapes, pace):
+def _stop(i, j, closing, pace):
     """Stop the joints that move a shape (j < 0), or one of two alone; whether any was moving."""
     stopped = False
     for c in range(pace.shape[0]):
-        moves = closing.reaches[shapes.links[i], c] > 0.0
+        moves = closing.reaches[i, c] > 0.0
         if j >= 0:
-            moves = moves != (closing.reaches[shapes.links[j], c] > 0.0)
+            moves = moves != (closing.reaches[j, c] > 0.0)
         if moves and pace[c] != 0.0:
             stopped, pace[c] = True, 0.0
     return stopped
@@ -151,13 +156,13 @@ def _times(closing, shapes, surface, own, scratch):
         highest = max(highest, abs(pace[c]))
     if highest == 0.0:
         return 0.0, 0.0
-    for link in range(fastest.shape[0]):
-        fastest[link] = 0.0
+    for i in range(fastest.shape[0]):
+        fastest[i] = 0.0
         for c in range(pace.shape[0]):
-            fastest[link] += abs(pace[c]) * closing.reaches[link, c]
+            fastest[i] += abs(pace[c]) * closing.reaches[i, c]
     longest = JOINT_STEP / highest
     for n in range(closing.pairs.shape[0]):
-        one, other = shapes.links[closing.pairs[n, 0]], shapes.links[closing.pairs[n, 1]]
+        one, other = closing.pairs[n, 0], closing.pairs[n, 1]
         both = fastest[one] + fastest[other]
         if both > 0.0 and own.apart[0, n] < both * longest:
             seen = math.inf
@@ -169,14 +174,14 @@ def _times(closing, shapes, surface, own, scratch):
     while True:
         safe, least, first = longest, longest, -1
         for i in range(gaps.shape[0]):
-            speed, way = fastest[shapes.links[i]], gaps[i] - 0.5 * TOUCHES
+            speed, way = fastest[i], gaps[i] - 0.5 * TOUCHES
             if speed > 0.0:
                 safe = min(safe, way / speed)
             if speed > 0.0 and least * speed > way + CREEP:
                 least, first = (way + CREEP) / speed, i
         if first < 0 or own.measured[0, first]:
             break
-        gaps[first], own.measured[0, first] = _gap(first, shapes, surface, own, scratch), True
+        _raise(first, 0, gaps[first] + CREEP, shapes, surface, own, scratch)
     return safe, least
 
 
@@ -185,11 +190,10 @@ def _meeting(time, closing, shapes, own):
     """The pair that meets after a step, -1: none; distances after it are written."""
     pace, reaches = own.joints[1], closing.reaches
     for n in range(closing.pairs.shape[0]):
-        i, j = closing.pairs[n, 0], closing.pairs[n, 1]
-        one, other = shapes.links[i], shapes.links[j]
+        one, other = closing.pairs[n, 0], closing.pairs[n, 1]
         left = own.apart[0, n] - time * (own.fastest[one] + own.fastest[other])
         if left <= 0.0:
-            left = _apart(i, j, shapes, own)
+            left = _apart(one, other, shapes, own)
             if left < -OVERLAPS:
                 for c in range(pace.shape[0]):
                     if pace[c] != 0.0 and (reaches[one, c] > 0.0) != (reaches[other, c] > 0.0):
@@ -199,19 +203,17 @@ def _meeting(time, closing, shapes, own):
 
 
 @part
-def _share(time, closing, shapes, surface, own, scratch):
+def _share(time, shapes, surface, own, scratch):
     """Share of a step after which no shape is too deep, as foreseen; gaps after it are written."""
     share = 1.0
     for i in range(shapes.kinds.shape[0]):
-        before, way = own.gaps[0, i], time * own.fastest[shapes.links[i]]
-        after = before - way
-        own.measured[1, i] = way == 0.0
-        if way > 0.0 and after <= TOUCHES:
-            after = _gap(i, shapes, surface, own, scratch)
-            own.measured[1, i] = True
+        before, way = own.gaps[0, i], time * own.fastest[i]
+        own.gaps[1, i], own.measured[1, i] = before - way, way == 0.0
+        if way > 0.0 and before - way <= TOUCHES:
+            _raise(i, 1, TOUCHES, shapes, surface, own, scratch)
+            after = own.gaps[1, i]
             if after < -TOUCHES:
                 share = min(share, 0.9, max(0.1, before / (before - after)))
-        own.gaps[1, i] = after
     return share
 
 
@@ -221,7 +223,7 @@ def _step(pose, values, cap, closing, chain, shapes, surface, own, scratch):
     tried, pace, cap_after = own.joints[0], own.joints[1], 2.0 * cap
     for i in range(shapes.kinds.shape[0]):
         if own.gaps[0, i] <= TOUCHES:
-            _stop(i, -1, closing, shapes, pace)
+            _stop(i, -1, closing, pace)
     safe, time = _times(closing, shapes, surface, own, scratch)
     if time == 0.0:
         return 0.0
@@ -238,13 +240,13 @@ def _step(pose, values, cap, closing, chain, shapes, surface, own, scratch):
         met = _meeting(time, closing, shapes, own)
         if met >= 0:
             if way <= LINKS_STEP:
-                _stop(closing.pairs[met, 0], closing.pairs[met, 1], closing, shapes, pace)
+                _stop(closing.pairs[met, 0], closing.pairs[met, 1], closing, pace)
                 place_links(pose, values, chain, own.placed[3], own.placed[4], own.frames)
                 return cap_after
             time *= 0.5
             cap_after = 2.0 * time
             continue
-        share = _share(time, closing, shapes, surface, own, scratch)
+        share = _share(time, shapes, surface, own, scratch)
         if share == 1.0 or time <= safe:
             break
         time = max(safe, share * time)

@@ -31,25 +31,28 @@ def close(scene: HandScene, poses: Floats, postures: Floats) -> Floats:
     hand, bodies, values = scene.hand, scene.bodies, postures.copy()
     speeds, limits, reach = hand.closing, hand.limits_of_joints, reaches(scene)
     moves = (reach > 0.0) & (speeds != 0.0)
-    apart = (moves[:, None] != moves).any(axis=2) & (scene.may_overlap == 0)
-    pairs = np.argwhere(np.triu(apart[np.ix_(bodies.links, bodies.links)]))
+    apart = scene.may_overlap[np.ix_(bodies.links, bodies.links)] == 0
+    pairs = np.argwhere(np.triu(apart & (moves[:, None] != moves).any(axis=2))).copy(order="C")
     closing = Closing(speeds.copy(), limits.copy(), reach, _largest_steps(scene), pairs)
+    matrices = np.array(poses, order="C")  # kernels are compiled for arrays that can be written to
 
     def run(rows: slice, scratch: tuple[ClosingScratch, TouchScratch]) -> None:
         close_hands(
-            poses, values, rows.start, rows.stop, closing, hand.chain, bodies, scene.surface,
+            matrices, values, rows.start, rows.stop, closing, hand.chain, bodies, scene.surface,
             *scratch,
         )  # fmt: skip
 
+    links = len(hand.link_names)
+
     def make_scratch() -> tuple[ClosingScratch, TouchScratch]:
-        return make_closing_scratch(closing, bodies), make_touch_scratch(bodies)
+        return make_closing_scratch(closing, links), make_touch_scratch(bodies)
 
     in_threads(run, len(poses), CHUNK, make_scratch)
     return values
 
 
 def _largest_steps(scene: HandScene) -> Floats:
-    """Steps of links with which no two pass through each other unseen [m], shape (L,).
+    """Steps of shapes with which no links pass through each other unseen [m], shape (m,).
 
     Of two alike `self_collisions` sees the way from touching to filling the same place, except its
     ends: both together move by three quarters of that. What is thinner than 3 mm, or than the
@@ -57,27 +60,22 @@ def _largest_steps(scene: HandScene) -> Floats:
     """
     steps = np.zeros(len(scene.hand.link_names))
     np.maximum.at(steps, scene.bodies.links, 0.75 * scene.hand.half_widths)
-    return np.clip(steps, SMALLEST_STEP, LARGEST_STEP)
+    return np.clip(steps[scene.bodies.links], SMALLEST_STEP, LARGEST_STEP)
 
 
 def reaches(scene: HandScene) -> Floats:
-    """Largest distance of a link's points from each joint's axis, shape (L, p); 0: not moved."""
+    """Largest distance of a shape's points from each joint's axis, shape (m, p); 0: not moved."""
     hand, bodies, chain = scene.hand, scene.bodies, scene.hand.chain
-    around = np.full(len(hand.link_names), -1.0)
+    reach = np.zeros((len(bodies.links), len(hand.joint_names)))
     for body, link in enumerate(bodies.links):
         middle = bodies.poses[body, :, :3] @ bodies.boxes[body, :3] + bodies.poses[body, :, 3]
-        around[link] = max(around[link], float(np.linalg.norm(middle)) + bodies.boxes[body, 6])
-    reach = np.zeros((len(around), len(hand.joint_names)))
-    for link, radius in enumerate(around):
-        if radius < 0.0:
-            continue
-        length, at = radius, link
+        length, at = float(np.linalg.norm(middle)) + bodies.boxes[body, 6], int(link)
         while chain.parents[at] >= 0:
             column = chain.columns[at]
             arm = length + float(np.linalg.norm(chain.positions[at]))
             if column >= 0:
                 sliding = hand.chain.kinds[at] == 1
-                reach[link, column] += abs(chain.factors[at]) * (1.0 if sliding else arm)
+                reach[body, column] += abs(chain.factors[at]) * (1.0 if sliding else arm)
             length += float(np.linalg.norm(chain.origins[at][:3, 3]))
             at = int(chain.parents[at])
     return reach

@@ -88,9 +88,10 @@ class HandScene:
 
     def self_collisions(self, frames: Floats) -> tuple[Floats, Ints]:
         """How deep the two links that overlap most do [m], (k,), and which they are (k, 2)."""
-        return self._overlaps(frames, self.may_overlap)
+        return self.overlaps(frames, self.may_overlap)
 
-    def _overlaps(self, frames: Floats, allowed: Ints) -> tuple[Floats, Ints]:
+    def overlaps(self, frames: Floats, allowed: Ints) -> tuple[Floats, Ints]:
+        """As `self_collisions`, with 1 for links that may overlap (L, L)."""
         depths, pairs = np.zeros(len(frames)), np.full((len(frames), 2), -1)
 
         def run(rows: slice, _: object) -> None:
@@ -115,7 +116,7 @@ class HandScene:
         allowed = np.ascontiguousarray(allowed[np.ix_(rigid, rigid)])
         frames = self.frames(np.eye(4)[None], hand.preshapes["open"][None])
         while True:
-            (depth,), (pair,) = self._overlaps(frames, allowed)
+            (depth,), (pair,) = self.overlaps(frames, allowed)
             if depth <= OVERLAPS:
                 return allowed
             allowed[pair[0], pair[1]] = allowed[pair[1], pair[0]] = 1
