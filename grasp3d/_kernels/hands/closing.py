@@ -27,8 +27,8 @@ JOINT_STEP = 0.1
 """Largest step of a joint [rad or m]."""
 
 CREEP = 5e-4
-"""Way of a link [m] that it goes however near it is: a step that ends too deep is repeated, and
-what it grazes in between is at most half as deep."""
+"""Way of a shape [m] in a step beyond what its gap allows: a step that ends too deep is repeated,
+shorter, and what it grazes in between is about half as deep at most."""
 
 FAR = 0.03
 """Gap [m] that is measured no more exactly."""
@@ -50,7 +50,7 @@ class Closing(NamedTuple):
 
 
 class ClosingScratch(NamedTuple):
-    """Arrays of one thread; L links, n pairs."""
+    """Arrays of one thread; L links, m shapes, n pairs."""
 
     frames: Floats3
     """Frames of the links (L, 4, 4)."""
