@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from grasp3d import read_hand
+from grasp3d._kernels.hands.overlaps import OVERLAPS
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.closing import reaches
 from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
 from grasp3d.hand.articulated.hand_scene import HandScene
 from grasp3d.hand.link_tree import Joint, LinkShape, mesh_shape
@@ -86,6 +89,18 @@ def test_the_distal_joint_goes_on_where_the_proximal_link_touches() -> None:
     assert distal > 0.8
     assert np.abs(found.gaps[0, 1:]).max() < 1e-4
     assert found.touching.tolist() == [[False, True, True]]
+
+
+@pytest.mark.parametrize("away", [0.0105, 0.013, 0.017, 0.0222, 0.03])
+@pytest.mark.parametrize("thick", [0.0, 2e-5])
+def test_a_finger_does_not_pass_through_a_thin_wall(thick: float, away: float) -> None:
+    wall = trimesh.creation.box([thick, 0.1, 0.1], at(away + 0.5 * thick))
+    if not thick:  # a sheet without an inside
+        wall.update_faces(wall.face_normals[:, 0] < -0.5)
+    found = found_at(finger(), solid(wall), np.eye(4), [0.0, 0.0], rule="closed")
+    assert np.abs(found.gaps[0, 1:]).min() < 1e-4
+    assert found.gaps[0, 1:].min() > -1e-4
+    assert 0.04 * math.sin(found.posture[0, 0]) < away - 0.006 + 2e-4
 
 
 def test_a_finger_inside_does_not_close() -> None:
@@ -166,6 +181,73 @@ def test_links_that_overlap_at_the_start_do_not_stop_others() -> None:
     hand = replace(hand, preshapes={"open": np.array([0.0, 0.0, 0.1])})
     found = found_at(hand, ball(), np.eye(4), [0.0, 0.0, 0.0], rule="closed")
     np.testing.assert_allclose(found.posture, [[0.03, 0.03, 0.0]], atol=2e-4)
+
+
+def around_ball(hand: ArticulatedHand, size: int) -> tuple[Floats, Floats]:
+    """Poses at which the palm faces the ball from about 70 mm, turned at random, and postures."""
+    rng = np.random.default_rng(1)
+    opened = hand.preshapes["open"]
+    palm = hand.link_poses(opened)[0, hand.link_names.index(hand.palm), :3, 3]
+    poses = np.tile(np.eye(4), (size, 1, 1))
+    poses[:, :3, :3] = Rotation.random(size, rng=rng).as_matrix()
+    poses[:, :3, 3] = rng.normal(0.0, 0.015, (size, 3)) - poses[:, :3, :3] @ (
+        palm + 0.07 * hand.approach
+    )
+    return poses, np.tile(opened, (size, 1))
+
+
+@pytest.mark.parametrize("name", HANDS)
+def test_joints_stop_at_touches_limits_or_where_links_meet(name: str) -> None:
+    """And no link that moves gets deeper than it was."""
+    hand = read_hand(hand_file(name))
+    poses, postures = around_ball(hand, 20)
+    found = hand_contacts(ball(), hand, poses, postures, rule="closed")
+    scene = HandScene(ball(), hand, 0.005)
+    before = scene.link_gaps(scene.touch(scene.frames(poses, postures)))
+    links = [np.flatnonzero(scene.bodies.links == link) for link in range(len(hand.link_names))]
+    moves = np.array([(reaches(scene)[some] > 0.0).any(axis=0) for some in links])
+    moved = (moves & (hand.closing != 0.0)).any(axis=1) & np.array(list(map(len, links)), bool)
+    depth = np.minimum(before[:, moved] - 1e-6, -1e-4)
+    assert (found.gaps[:, moved] >= depth).all()
+    assert (found.self_depth <= OVERLAPS).all()
+    low, high = hand.limits_of_joints.T
+    forward = hand.closing > 0.0
+    ended = np.where(forward, found.posture >= high, found.posture <= low) | (hand.closing == 0.0)
+    stopped = ended | ((found.gaps <= 1e-4)[:, :, None] & moves).any(axis=1)
+    for row in np.flatnonzero(~stopped.all(axis=1)):
+        further = found.posture[row] + np.where(stopped[row], 0.0, 5e-3 * np.sign(hand.closing))
+        frames, left = scene.frames(poses[row : row + 1], further[None]), ~stopped[row]
+        allowed = scene.may_overlap.copy()
+        while left.any():
+            (overlap,), (pair,) = scene.overlaps(frames, allowed)
+            assert overlap > OVERLAPS, (row, np.flatnonzero(left))
+            left &= moves[pair[0]] == moves[pair[1]]
+            allowed[pair[0], pair[1]] = allowed[pair[1], pair[0]] = 1
+
+
+@pytest.mark.parametrize("name", ["allegro", "barrett"])
+def test_hands_close_as_in_small_steps_of_all_joints(name: str) -> None:
+    """Steps of 2 mrad, without bounds; the ball is too large to slip through between two."""
+    hand, mesh = read_hand(hand_file(name)), ball()
+    poses, values = around_ball(hand, 3)
+    found = hand_contacts(mesh, hand, poses, values, rule="closed").posture
+    scene = HandScene(mesh, hand, 0.005)
+    reach = reaches(scene) > 0.0
+    low, high = hand.limits_of_joints.T
+    going = np.tile(hand.closing != 0.0, (len(poses), 1))
+    while going.any():
+        touches = scene.touch(scene.frames(poses, values), contacts=False, search=1e-3)
+        going &= ~((touches.gaps <= 0.0)[:, :, None] & reach).any(axis=1)
+        tried = np.clip(values + 2e-3 * going * np.sign(hand.closing), low, high)
+        depth, pairs = scene.self_collisions(scene.frames(poses, tried))
+        for row in np.flatnonzero(depth > OVERLAPS):
+            one, other = (reach[scene.bodies.links == link].any(axis=0) for link in pairs[row])
+            going[row] &= one == other
+            tried[row] = values[row]
+        going &= (tried != values) | (depth > OVERLAPS)[:, None]
+        values = tried
+    # Where a link comes near along the surface, it is within the tolerance for some time.
+    assert np.abs(found - values).max() < 0.03
 
 
 def test_links_that_overlap_are_named_with_their_depth() -> None:

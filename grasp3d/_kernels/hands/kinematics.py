@@ -60,31 +60,46 @@ def _write_product(one, two, product):
             product[i, j] = total
 
 
+@part
+def place_links(base, posture, chain, motion, moved, poses):
+    """Write the poses (L, 4, 4) of all links, of which only three rows are read.
+
+    Args:
+        base: That of the first link (4, 4).
+        posture: Values of the joints (p,).
+        chain: `Chain`.
+        motion: Scratch (3, 4).
+        moved: Scratch (3, 4).
+        poses: Written.
+    """
+    for link in range(chain.parents.shape[0]):
+        pose, parent = poses[link], chain.parents[link]
+        if parent < 0:
+            for i in range(3):
+                for j in range(4):
+                    pose[i, j] = base[i, j]
+            continue
+        value = chain.offsets[link]
+        if chain.columns[link] >= 0:
+            value += chain.factors[link] * posture[chain.columns[link]]
+        if chain.kinds[link] == FIXED:
+            _write_product(poses[parent], chain.origins[link], pose)
+            continue
+        axis, position = chain.axes[link], chain.positions[link]
+        _write_motion(chain.kinds[link], axis, position, value, motion)
+        _write_product(chain.origins[link], motion, moved)
+        _write_product(poses[parent], moved, pose)
+
+
 @kernel("Floats2, Chain")
 def link_poses(postures, chain):
     """Poses of all links in the frame of the first, at postures (k, p): (k, L, 4, 4)."""
     count, links = postures.shape[0], chain.parents.shape[0]
     poses = np.zeros((count, links, 4, 4))
-    motion, moved = np.empty((3, 4)), np.empty((3, 4))
+    poses[:, :, 3, 3] = 1.0
+    base, motion, moved = np.eye(4), np.empty((3, 4)), np.empty((3, 4))
     for row in range(count):
-        for link in range(links):
-            pose = poses[row, link]
-            pose[3, 3] = 1.0
-            parent = chain.parents[link]
-            if parent < 0:
-                for i in range(3):
-                    pose[i, i] = 1.0
-                continue
-            value = chain.offsets[link]
-            if chain.columns[link] >= 0:
-                value += chain.factors[link] * postures[row, chain.columns[link]]
-            if chain.kinds[link] == FIXED:
-                _write_product(poses[row, parent], chain.origins[link], pose)
-                continue
-            axis, position = chain.axes[link], chain.positions[link]
-            _write_motion(chain.kinds[link], axis, position, value, motion)
-            _write_product(chain.origins[link], motion, moved)
-            _write_product(poses[row, parent], moved, pose)
+        place_links(base, postures[row], chain, motion, moved, poses[row])
     return poses
 
 

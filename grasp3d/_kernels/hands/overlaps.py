@@ -9,10 +9,16 @@ from grasp3d._kernels.hands.link_shapes import COARSE, point_depth
 from grasp3d._kernels.hands.rigid_motions import compose, moved, moved_back, turned_back
 from grasp3d._kernels.surface.vectors import copy, difference
 
+OVERLAPS = 5e-4
+"""Depth from which on two links meet, or, at the open preshape, are meant to overlap [m]."""
+
 
 @part
-def _overlap(i, j, one, other, deepest, relative, shapes):
-    """Depth of the deepest point of shape i in shape j, if more than another; -inf: apart."""
+def overlap(i, j, one, other, deepest, relative, shapes):
+    """Depth of the deepest point of shape i in shape j, or another that is at least as deep.
+
+    Where the boxes around them are apart, minus a lower bound of their distance instead.
+    """
     kind, size, box, own = shapes.kinds[j], shapes.sizes[j], shapes.boxes[j], shapes.boxes[i]
     first_plane = shapes.first_plane[j]
     planes = shapes.planes[first_plane : min(first_plane + COARSE, shapes.first_plane[j + 1])]
@@ -20,20 +26,22 @@ def _overlap(i, j, one, other, deepest, relative, shapes):
         copy(turned_back(other, (one[0, c], one[1, c], one[2, c])), relative[:, c])
     copy(moved_back(other, (one[0, 3], one[1, 3], one[2, 3])), relative[:, 3])
     away = difference(moved(relative, own), box)
-    # The boxes around both are apart along an axis of one of them.
+    apart = -math.inf  # the boxes around both, along an axis of one of them
     for k in range(3):
         mine, its, along = own[3 + k], box[3 + k], 0.0
         for c in range(3):
             mine += abs(relative[c, k]) * box[3 + c]
             its += abs(relative[k, c]) * own[3 + c]
             along += relative[c, k] * away[c]
-        if abs(away[k]) >= its or abs(along) >= mine:
-            return -math.inf
+        apart = max(apart, abs(away[k]) - its, abs(along) - mine)
+    if apart > 0.0:
+        return -apart
     for k in range(shapes.first_sample[i], shapes.first_sample[i + 1]):
         p = difference(moved(relative, shapes.samples[k]), box)
-        if max(abs(p[0]) - box[3], abs(p[1]) - box[4], abs(p[2]) - box[5]) < -deepest:
+        inside = min(box[3] - abs(p[0]), box[4] - abs(p[1]), box[5] - abs(p[2]))
+        if inside > deepest:
             p = moved(relative, shapes.samples[k])
-            deepest = max(deepest, -point_depth(p, kind, size, box, planes))
+            deepest = max(deepest, min(inside, -point_depth(p, kind, size, box, planes)))
     return deepest
 
 
@@ -69,8 +77,8 @@ def self_overlaps(frames, begin, end, allowed, shapes, depths, pairs):
                 if square >= (shapes.boxes[i, 6] + shapes.boxes[j, 6]) ** 2:
                     continue
                 depth = depths[pose]
-                depth = _overlap(i, j, poses[i], poses[j], depth, relative, shapes)
-                if depth > -math.inf:
-                    depth = _overlap(j, i, poses[j], poses[i], depth, relative, shapes)
+                depth = overlap(i, j, poses[i], poses[j], depth, relative, shapes)
+                if depth >= 0.0:
+                    depth = overlap(j, i, poses[j], poses[i], depth, relative, shapes)
                 if depth > depths[pose]:
                     depths[pose], pairs[pose, 0], pairs[pose, 1] = depth, one, other

@@ -214,7 +214,7 @@ def _surface_distance(i, limit, shapes, surface, scratch):
 
 
 @part
-def _shape_gap(i, start, search, shapes, surface, scratch):
+def shape_gap(i, start, search, shapes, surface, scratch):
     """Signed distance of a shape at its pose from the object; where is written to the scratch.
 
     Bounds of the distances of its points are written from `start` on, unless it is far away.
@@ -444,7 +444,7 @@ def touch(frames, distance, search, begin, end, shapes, surface, touches, scratc
             gaps, start = touches.gaps[pose], shapes.first_sample[first]
             for i in range(first, last):
                 compose(frame, shapes.poses[i], scratch.pose)
-                gaps[i] = _shape_gap(i, start, search, shapes, surface, scratch)
+                gaps[i] = shape_gap(i, start, search, shapes, surface, scratch)
                 copy(scratch.point, touches.points[pose, i])
                 nearest = i if gaps[i] < gaps[nearest] else nearest
             if touches.contacts.shape[1] > 0 and gaps[nearest] <= distance:

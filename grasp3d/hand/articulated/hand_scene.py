@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grasp3d._kernels.hands.overlaps import self_overlaps
+from grasp3d._kernels.hands.overlaps import OVERLAPS, self_overlaps
 from grasp3d._kernels.hands.touching import Touches, make_touch_scratch, touch
 from grasp3d.arrays import Floats, Ints
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
@@ -21,9 +21,6 @@ SEARCH = 2.0
 
 CHUNK = 16
 """Poses that a thread takes at once."""
-
-OVERLAPS = 5e-4
-"""Overlap of two links at the open preshape from which on they are meant to overlap [m]."""
 
 
 class HandScene:
@@ -91,9 +88,10 @@ class HandScene:
 
     def self_collisions(self, frames: Floats) -> tuple[Floats, Ints]:
         """How deep the two links that overlap most do [m], (k,), and which they are (k, 2)."""
-        return self._overlaps(frames, self.may_overlap)
+        return self.overlaps(frames, self.may_overlap)
 
-    def _overlaps(self, frames: Floats, allowed: Ints) -> tuple[Floats, Ints]:
+    def overlaps(self, frames: Floats, allowed: Ints) -> tuple[Floats, Ints]:
+        """As `self_collisions`, with 1 for links that may overlap (L, L)."""
         depths, pairs = np.zeros(len(frames)), np.full((len(frames), 2), -1)
 
         def run(rows: slice, _: object) -> None:
@@ -118,7 +116,7 @@ class HandScene:
         allowed = np.ascontiguousarray(allowed[np.ix_(rigid, rigid)])
         frames = self.frames(np.eye(4)[None], hand.preshapes["open"][None])
         while True:
-            (depth,), (pair,) = self._overlaps(frames, allowed)
+            (depth,), (pair,) = self.overlaps(frames, allowed)
             if depth <= OVERLAPS:
                 return allowed
             allowed[pair[0], pair[1]] = allowed[pair[1], pair[0]] = 1
