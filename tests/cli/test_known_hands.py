@@ -85,8 +85,7 @@ def normals(name: str, folder: Path) -> tuple[Any, Any]:
     poses = read_grasps(folder / "poses.csv")
     mesh = load_mesh(folder / "object.stl", unit="m")
     hand = read_hand(folder / f"{name}.json")
-    contacts = evaluate_grasps(mesh, poses, hand=hand).contacts
-    return contacts.points, contacts.normals
+    return evaluate_grasps(mesh, poses, hand=hand).contacts_of(0)
 
 
 @pytest.mark.slow
@@ -102,16 +101,17 @@ def test_allegro_around_a_ball(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_leap_on_a_box_from_above(tmp_path: Path) -> None:
     row, _ = evaluated("leap", tmp_path, *FINE, "0.8")
-    assert row["label"] == "S"
+    assert row["label"] == "U"
     assert row["reason"].endswith("inside the object")
+    assert row["margin"] > 0.0  # what the contacts are, if it could be there
     assert {"fingertip", "thumb_fingertip"} <= set(row["links"].split())
     points, inward = normals("leap", tmp_path)
-    # On the edge of two faces a contact has the normal of one of them.
     axis = np.abs(inward).argmax(axis=1)
     along = np.take_along_axis(points, axis[:, None], axis=1)[:, 0]
     half = np.array(trimesh.load_mesh(tmp_path / "object.stl").extents)[axis] / 2.0
-    np.testing.assert_allclose(np.abs(inward), np.eye(3)[axis], atol=1e-6)
-    np.testing.assert_allclose(along, -half * inward.sum(axis=1), atol=1e-6)
+    flat = np.abs(inward).max(axis=1) > 1.0 - 1e-6  # others are over an edge, between two faces
+    sides = -half * np.sign(np.take_along_axis(inward, axis[:, None], axis=1)[:, 0])
+    np.testing.assert_allclose(along[flat], sides[flat], atol=1e-6)
     assert {-1.0, 1.0} == set(np.sign(along[axis == 1]))
     assert (axis == 1).sum() >= 4
 

@@ -6,7 +6,9 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
+import pyvista
 import trimesh
 
 from grasp3d import GraspModel, Label, Sampling, label_surface, load_mesh, read_labels
@@ -68,7 +70,7 @@ def test_epsilon_is_written_and_printed_as_the_options_define(tmp_path: Path, na
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["ply", "glb", "npz", "vtp", "parquet"])
-def test_every_format_is_read_again(tmp_path: Path, suffix: str) -> None:
+def test_every_format_has_the_labels(tmp_path: Path, suffix: str) -> None:
     source, output = export(tmp_path / "cone.ply", shapes.cone(0.35)), tmp_path / f"out.{suffix}"
     words = ("--friction", "0.75", "--max-edge", "0.2", "--max-opening", "0.3", "-q")
     assert printed("label", source, "-o", output, *words, cwd=tmp_path) == ""
@@ -79,6 +81,11 @@ def test_every_format_is_read_again(tmp_path: Path, suffix: str) -> None:
         colors = trimesh.load_scene(output, process=False).to_mesh().visual.vertex_colors
         shown = {(label, *color) for label, color in zip(expected, colors.tolist(), strict=True)}
         assert len(shown) == len({color[1:] for color in shown}) == 3
+    elif suffix == "vtp":
+        assert np.array_equal(pyvista.read(output).point_data["label"], expected)
+    elif suffix == "parquet":
+        letters = pq.read_table(output)["label"].to_pylist()
+        assert letters == ["UMS"[code] for code in expected]
     else:
         assert np.array_equal(read_labels(output).label, expected)
 

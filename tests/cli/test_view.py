@@ -51,7 +51,7 @@ def test_a_picture_without_a_display(box: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", ["ply", "npz", "vtp", "parquet"])
+@pytest.mark.parametrize("suffix", ["ply", "npz"])
 def test_the_page_of_a_labelled_file_has_the_fractions_that_were_printed(
     box: Path, suffix: str
 ) -> None:
