@@ -22,7 +22,8 @@ import numpy as np
 import trimesh
 
 import grasp3d
-from grasp3d.formats import formats, read_object_pose, read_poses, write_poses
+from grasp3d.formats import read_object_pose, read_poses, write_poses
+from grasp3d.formats.format import formats
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.surfaces.files import READERS as LABELLED
 from grasp3d.formats.surfaces.files import WRITERS

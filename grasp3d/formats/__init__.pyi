@@ -1,6 +1,5 @@
 from .format import Format as Format
 from .format import Given as Given
-from .format import formats as formats
 from .format import register as register
 from .frames import read_object_pose as read_object_pose
 from .poses import GraspPoses as GraspPoses

@@ -87,7 +87,7 @@ class LinkGrasps(EvaluatedPoses):
         scene: Scene,
         *,
         contact_rule: ContactRule = "given",
-        contact_distance: GivenLength = f"{CONTACT_DISTANCE} m",
+        contact_distance: GivenLength = CONTACT_DISTANCE,
         load: Load | None = None,
     ) -> Self:
         """Find what the links touch at given poses; see `evaluate_grasps`.

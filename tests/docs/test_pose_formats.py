@@ -16,7 +16,8 @@ import yaml
 from format_pages import rendered
 
 from grasp3d import GraspModel, Load, ParallelGripper, best_grasps, label_surface, load_mesh
-from grasp3d.formats import formats, write_poses
+from grasp3d.formats import write_poses
+from grasp3d.formats.format import formats
 from grasp3d.formats.poses import STAGES, GraspPoses
 from grasp3d.formats.postures import POSTURES
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses

@@ -14,8 +14,9 @@ from scipy.spatial.transform import Rotation
 import grasp3d
 from grasp3d.cli import main
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.formats import Format, GraspPoses, formats, holds_poses, read_poses, write_poses
+from grasp3d.formats import Format, GraspPoses, holds_poses, read_poses, write_poses
 from grasp3d.formats import format as registry
+from grasp3d.formats.format import formats
 from tests.hand.test_articulated_hand import hand_of
 from tests.helpers import gpd_format
 

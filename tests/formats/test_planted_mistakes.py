@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 import grasp3d
 from grasp3d import ObjectMesh, load_mesh
-from grasp3d.formats import Format, GraspPoses, formats, read_poses, write_poses
+from grasp3d.formats import Format, GraspPoses, read_poses, write_poses
+from grasp3d.formats.format import formats
 from grasp3d.grasps.audit import audit_poses
 from grasp3d.hand.frames import FRAMES
 from grasp3d.hand.parallel_gripper import preset

@@ -248,7 +248,7 @@ def test_which_of_several_mistakes_is_named_does_not_depend_on_chance(tmp_path: 
         for seed in range(4)
     }
     assert len(found) == 1
-    assert len(found.pop().splitlines()) == 3
+    assert len(found.pop().splitlines()) == 2
 
 
 AT = f"{BOX}</geometry></collision><collision><origin {{}}/><geometry>{BOX}"
