@@ -82,7 +82,7 @@ def test_the_list_and_every_file_are_in_the_order_of_the_score(
 
 @pytest.mark.slow
 def test_no_file_ranks_a_grasp_first_that_drops_the_object(tmp_path: Path) -> None:
-    """A hammer that is too heavy for some: sorted by the scores that formats state, they come last."""
+    """A hammer that is too heavy for some: sorted by the scores in files, they come last."""
     mesh = load_mesh("meshes/hammer.ply", unit="m")
     hand, load = ParallelGripper.preset("franka"), Load(mass=0.67, grip_force=70.0)
     found = pool_of(label_surface(mesh, hand=hand, load=load))
