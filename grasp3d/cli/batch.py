@@ -67,7 +67,10 @@ def run(command: Batch) -> int:
 
 @contextmanager
 def _interrupted_once() -> Iterator[None]:
-    """End the run in order at the first Ctrl-C, or the signal by which clusters end a job."""
+    """End the run in order at the first Ctrl-C, or the signal by which clusters end a job.
+
+    From then on the process, which ends, is not interrupted again.
+    """
     signals = (signal.SIGINT, signal.SIGTERM)
 
     def interrupt(_number: int, _frame: FrameType | None) -> None:
@@ -80,7 +83,8 @@ def _interrupted_once() -> Iterator[None]:
         yield
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, handler)
 
 
 class ProgressDisplay:
