@@ -112,6 +112,8 @@ def test_leap_on_a_box_from_above(tmp_path: Path) -> None:
     flat = np.abs(inward).max(axis=1) > 1.0 - 1e-6  # others are over an edge, between two faces
     sides = -half * np.sign(np.take_along_axis(inward, axis[:, None], axis=1)[:, 0])
     np.testing.assert_allclose(along[flat], sides[flat], atol=1e-6)
+    assert flat.sum() >= 3
+    assert ((inward * points)[np.abs(inward) > 1e-6] < 0.0).all()  # into the box
     assert {-1.0, 1.0} == set(np.sign(along[axis == 1]))
     assert (axis == 1).sum() >= 4
 

@@ -93,7 +93,7 @@ def test_no_point_of_a_face_is_better_than_the_best_one(seed: int, shape: str, l
         angle = math.acos(min(found, 1.0))
         assert angle <= math.acos(min(best, 1.0)) + 5e-7
         again = cosine_at(scratch[0], vertex, face, lines, normals, own, domain)
-        assert again == pytest.approx(found, abs=1e-7)
+        assert again == pytest.approx(found, abs=1e-12)
         below = math.cos(max(angle - 1e-6, 0.0))
         assert best_of_face(face, vertex, below, own, domain, scratch) == below
 
