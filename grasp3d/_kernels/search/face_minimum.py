@@ -222,9 +222,9 @@ def best_on_face(weights, cosine, lines, normals, own, limits, polygon, nearest)
             better = _best_in_region(
                 weights, own_cosine, *others, smallest, limits.largest, BEYOND, polygon, nearest
             )
-            if not better > own_cosine + RESOLVED:
+            gain, own_cosine = better - own_cosine, better  # the cosine of `weights`, to the last
+            if not gain > RESOLVED:
                 break
-            own_cosine = better
         if own_cosine > cosine:
             cosine, found = own_cosine, triple(weights, 0)
     copy(found, weights)
