@@ -24,6 +24,7 @@ from .mesh.object_mesh import ObjectMesh as ObjectMesh
 from .mesh.preparing import load_mesh as load_mesh
 from .outcomes.simulate import simulate_grasps as simulate_grasps
 from .outcomes.validate import validate_grasps as validate_grasps
+from .pictures.view_settings import ViewSettings as ViewSettings
 from .quality.closure import force_closure as force_closure
 from .quality.critical_angle import critical_friction_angle as critical_friction_angle
 from .quality.ferrari_canny import Epsilon as Epsilon
@@ -44,6 +45,5 @@ from .surface.labels import SurfaceLabels as SurfaceLabels
 from .surface.scanning import scan_surface as scan_surface
 from .surface.sweeps import sweep as sweep
 from .system.context import running as running
-from .viewer.view_settings import ViewSettings as ViewSettings
 
 __version__: str

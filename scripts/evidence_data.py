@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from grasp3d.outcomes.ranking import roc_auc, roc_curve
-from grasp3d.plots.figures import styled
+from grasp3d.pictures.figures import styled
 
 CURVES = (
     (0, "quality", "payload of the patches, worst case of the sensor", "#0072B2", "-"),

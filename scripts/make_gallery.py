@@ -54,10 +54,13 @@ from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, grow
 from grasp3d._kernels.hull.polytope import Polytope, make_polytope
 from grasp3d._kernels.hull.support_functions import ROWS, WrenchSpace
 from grasp3d.arrays import Bytes, Floats
+from grasp3d.outcomes.figure import validation_figure
 from grasp3d.outcomes.success import success_rate
 from grasp3d.paper.figures import FIGURES
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.plots.figures import (
+from grasp3d.pictures.camera import MARGIN, View
+from grasp3d.pictures.captions import BOLD, PLAIN
+from grasp3d.pictures.figures import (
     LABEL_COLORS,
     LINES,
     bare,
@@ -67,19 +70,14 @@ from grasp3d.plots.figures import (
     show_picture,
     styled,
 )
-from grasp3d.plots.validations import validation_figure
+from grasp3d.pictures.stills import draw_colors, draw_grasps, draw_labels
+from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.quality.loads import Load
-from grasp3d.rendering.opengl import View
 from grasp3d.settings import with_fingers
 from grasp3d.stability.label import COLORS, MEANING
 from grasp3d.system.tables import read_columns
-from grasp3d.viewer.scene.framing import MARGIN
-from grasp3d.viewer.scene.overlays import BOLD, PLAIN
-from grasp3d.viewer.scene.pictures import open_renderer
-from grasp3d.viewer.scene.sheets import draw_grasps
-from grasp3d.viewer.scene.stills import draw_colors, draw_labels
+from grasp3d.viewer.screenshots import open_renderer
 from grasp3d.viewer.session.collection import collection_of
-from grasp3d.viewer.view_settings import ViewSettings
 
 ROOT = Path(__file__).parents[1]
 MESHES = ROOT / "meshes"

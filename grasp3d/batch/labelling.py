@@ -207,8 +207,8 @@ def _angle_values(labels: "SurfaceLabels") -> dict[str, Any]:
 
 
 def _verdict_values(labels: "SurfaceLabels") -> dict[str, Any]:
-    from grasp3d.grasps.causes import causes_text
-    from grasp3d.grasps.verdict import verdict_of
+    from grasp3d.describe.causes import causes_text
+    from grasp3d.describe.verdict import verdict_of
 
     verdict, load = verdict_of(labels), {}
     if (load_result := verdict.load_result) is not None:
@@ -312,7 +312,7 @@ def _flat(pose: Floats) -> tuple[float, ...]:
 
 def _further_values(best: "GraspTable | JawGrasps") -> dict[str, Floats]:
     """How far the approach may turn, and what is held: by name in `BestGrasp`, shape (k,) each."""
-    from grasp3d.grasps.verdict import needed_force
+    from grasp3d.describe.verdict import needed_force
 
     values = {"approach_margin": getattr(best, "approach_margin", None)}
     if best.load is not None:

@@ -127,7 +127,7 @@ def _module(command: object) -> Any:
     are wanted, what tests rendering starts before, as its own imports take a second.
     """
     if getattr(command, "best", None) and getattr(command, "file", None):
-        from grasp3d.rendering.opengl import begin_render_test
+        from grasp3d.pictures.opengl import begin_render_test
 
         begin_render_test()
     gc.disable()

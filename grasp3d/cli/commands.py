@@ -31,11 +31,11 @@ from grasp3d.hand.hand import Hand as AnyHand
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.outcomes.simulation_settings import SimulationSettings
+from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.quality.loads import Load
 from grasp3d.settings import DEGREE, GraspModel, MeshOptions, Radians, Sampling
 from grasp3d.settings.friction import friction_interval
 from grasp3d.settings.units import Metres, parse_lengths
-from grasp3d.viewer.view_settings import ViewSettings
 
 ModelOfJaws = Annotated[GraspModel, Without(["fingers", "method"])]
 """A model of grasps between two jaws."""

@@ -19,6 +19,7 @@ from grasp3d.cli.report import (
     load_line,
     percent_text,
 )
+from grasp3d.describe.verdict import verdict_of
 from grasp3d.errors import SettingError
 from grasp3d.formats import holds_poses
 from grasp3d.formats.contacts import SUFFIXES, contacts_in
@@ -33,7 +34,6 @@ from grasp3d.grasps.evaluation import (
     poses_on,
 )
 from grasp3d.grasps.ranking import ranked_rows
-from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.frames import AUTO
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh, load_mesh

@@ -33,9 +33,9 @@ def run(command: Hand) -> int:
     if not command.hand:
         print_known(report)
         return 0
-    from grasp3d.plots.figures import METADATA, save_as
-    from grasp3d.plots.grippers import frames_figure, gripper_figure
-    from grasp3d.plots.hands import hand_figure
+    from grasp3d.pictures.figures import METADATA, save_as
+    from grasp3d.pictures.grippers import frames_figure, gripper_figure
+    from grasp3d.pictures.hands import hand_figure
 
     # The description that was read is replaced only with --overwrite.
     check_output(command.output, [".json"], "gripper", overwrite=command.overwrite)

@@ -17,18 +17,18 @@ from grasp3d.cli.report import (
     percent_text,
     quantiles_text,
 )
+from grasp3d.describe.causes import causes_text
+from grasp3d.describe.verdict import verdict_of
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.formats.contacts import SUFFIXES
 from grasp3d.formats.format import format_called, format_of, suffixes
 from grasp3d.formats.surfaces.files import writer_for
 from grasp3d.formats.writing import check_frame, check_hand, write_grasps
 from grasp3d.grasps.best import best_grasps, check_external
-from grasp3d.grasps.causes import causes_text
 from grasp3d.grasps.distinct import distance_of_distinct
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.verdict import verdict_of
 from grasp3d.mesh.surface_points import nearest_vertex
-from grasp3d.rendering import opengl
+from grasp3d.pictures import opengl
 from grasp3d.settings.model_text import model_line
 from grasp3d.settings.units import parse_lengths
 from grasp3d.stability.label import Label as Letter
@@ -137,8 +137,9 @@ def _labels(command: Label) -> tuple[SurfaceLabels, list[int]]:
 
 def _print_at(labels: SurfaceLabels, text: str, vertex: int) -> None:
     """Print the label, the grasp and the reason at a vertex, as the viewer shows them."""
-    from grasp3d.viewer.session.inspection import inspect, position_text
-    from grasp3d.viewer.subjects.subject import subject_of
+    from grasp3d.describe.facts import position_text
+    from grasp3d.pictures.subject import subject_of
+    from grasp3d.viewer.session.inspection import inspect
 
     report, shown = Report(), inspect(subject_of(labels), vertex, labels.model)
     report.heading(f"at {text}", escaped(shown.reason))
@@ -154,9 +155,9 @@ def _write_best(
     command: Label, labels: SurfaceLabels, output: Path, grasps: GraspTable | EvaluatedPoses
 ) -> list[Path]:
     """Write and, if OpenGL is available, draw the best grasps; returns what was written."""
-    from grasp3d.plots.figures import save_as
-    from grasp3d.plots.grasps import grasp_figure
-    from grasp3d.viewer.scene.sheets import draw_grasps
+    from grasp3d.pictures.figures import save_as
+    from grasp3d.pictures.grasps import grasp_figure
+    from grasp3d.pictures.stills import draw_grasps
 
     written, picture = [], output.with_suffix(".png")
     for old in (output, picture):  # of other settings

@@ -24,8 +24,8 @@ from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.options import number, typed_angle
 from grasp3d.cli.report import FAILED, Report, angle_text, escaped
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.plots.figures import METADATA, save_as
-from grasp3d.plots.fractions import meaning_in, sweep_figure
+from grasp3d.pictures.figures import METADATA, save_as
+from grasp3d.pictures.fractions import meaning_in, sweep_figure
 from grasp3d.settings.friction import friction_interval
 from grasp3d.settings.parsing import plain_values
 from grasp3d.surface.sweeps import Sweep as Fractions

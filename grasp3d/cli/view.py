@@ -9,7 +9,7 @@ from grasp3d.grasps.evaluation import evaluate_poses, poses_on
 from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.scene import Scene
 from grasp3d.system.context import refuse_warnings
-from grasp3d.viewer.scene.pictures import check_picture, save_picture
+from grasp3d.viewer.screenshots import check_picture, save_picture
 from grasp3d.viewer.session.collection import (
     Collection,
     collection_of_grasps,

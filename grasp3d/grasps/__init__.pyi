@@ -2,14 +2,8 @@ from .audit import PoseReading as PoseReading
 from .audit import audit_poses as audit_poses
 from .best import best_grasps as best_grasps
 from .best import distinct_grasps as distinct_grasps
-from .causes import Cause as Cause
-from .causes import cause_fractions as cause_fractions
 from .evaluated_poses import EvaluatedPoses as EvaluatedPoses
 from .evaluation import evaluate_grasps as evaluate_grasps
 from .jaw_grasps import JawGrasps as JawGrasps
 from .link_grasps import LinkGrasps as LinkGrasps
 from .ranking import ranked_rows as ranked_rows
-from .verdict import LoadVerdict as LoadVerdict
-from .verdict import Remedy as Remedy
-from .verdict import Verdict as Verdict
-from .verdict import verdict_of as verdict_of

@@ -17,16 +17,16 @@ from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.planar import Circle, Square, scan
-from grasp3d.plots.cones import combinations_figure, cone_figure, tips_figure
-from grasp3d.plots.curves import curves_figure
-from grasp3d.plots.figures import Drawing
-from grasp3d.plots.fractions import (
+from grasp3d.pictures.camera import View
+from grasp3d.pictures.cones import combinations_figure, cone_figure, tips_figure
+from grasp3d.pictures.curves import curves_figure
+from grasp3d.pictures.figures import Drawing
+from grasp3d.pictures.fractions import (
     ceiling_figure,
     fractions_figure,
     surface_figure,
 )
-from grasp3d.rendering.opengl import View
+from grasp3d.planar import Circle, Square, scan
 from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
 from grasp3d.surface.labelling import label_surface
@@ -170,7 +170,7 @@ def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: 
         settings: Friction and resolutions.
         pictures: Whether pictures can be rendered; otherwise only the fractions are drawn.
     """
-    from grasp3d.viewer.scene.stills import draw_labels
+    from grasp3d.pictures.stills import draw_labels
 
     images = [
         draw_labels(scan, view=scanned.view, size=PIXELS, fixed=scan.partners[scan.distinct[0]])

@@ -16,8 +16,8 @@ from grasp3d.paper.figures import (
 )
 from grasp3d.paper.numbers import numbers_page
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.plots.figures import save
-from grasp3d.rendering.opengl import can_render
+from grasp3d.pictures.figures import save
+from grasp3d.pictures.opengl import can_render
 from grasp3d.system.context import report_progress, unreported, within
 from grasp3d.system.files import atomic_write, check_writable
 

@@ -84,6 +84,8 @@ class Field:
     """Whether these are normals, which point into the object in Python, and outward in files."""
     heading: str = ""
     """Of its column in tables that people read; empty: it is not there."""
+    listed: str = ""
+    """Name among the numbers of one grasp; empty: its heading, if it has one."""
     meaning: str = ""
     """What it is, for the legend of such a table; empty: the heading says it."""
 
@@ -212,28 +214,31 @@ CRITICAL_ANGLE = Field(
     "critical_angle", RADIANS, (), ANGLE_OR_INF, ply=DOUBLE, heading="β*",
     meaning="critical friction angle",
 )  # fmt: skip
-CRITICAL_ANGLE_BEST = replace(CRITICAL_ANGLE, name="critical_angle_best", heading="")
+CRITICAL_ANGLE_BEST = replace(
+    CRITICAL_ANGLE, name="critical_angle_best", heading="", listed="β* of the best normals"
+)
 MAX_RESOLUTION = Field(
     "max_resolution", RADIANS, (), ANGLE, ply=FLOAT, heading="α*",
     meaning="the grasp is surely stable with any finer sensor",
 )  # fmt: skip
-MARGIN = Field("margin", RADIANS, (), Allowed(infinite=-math.inf), ply=FLOAT)
+MARGIN = Field("margin", RADIANS, (), Allowed(infinite=-math.inf), ply=FLOAT, listed="margin")
 EPSILON = Field("epsilon", "", (), POSITIVE_OR_NAN, ply=DOUBLE, heading="ε")
 ANGLES = (CRITICAL_ANGLE, CRITICAL_ANGLE_BEST, MAX_RESOLUTION, MARGIN)
 DECIDED = (LABEL, *ANGLES)
 EPSILONS = (
     EPSILON,
     replace(EPSILON, name="epsilon_min", heading="ε_min", meaning="that at the worst normals"),
-    replace(EPSILON, name="epsilon_max", heading=""),
+    replace(EPSILON, name="epsilon_max", heading="", listed="ε_max"),
 )
 OPENING = Field("opening", LENGTH, (), POSITIVE_OR_NAN, ply=FLOAT, heading="opening")
 APPROACH_MARGIN = Field(
     "approach_margin", RADIANS, (), ANGLE_OR_NAN, of=of_part("reach", "approach_margin"),
-    when="gripper", ply=DOUBLE,
+    when="gripper", ply=DOUBLE, listed="approach margin",
 )  # fmt: skip
 DEPTH = Field(
-    "depth", LENGTH, (), KNOWN_OR_NAN, of=of_part("reach", "depth"), when="gripper", ply=DOUBLE
-)
+    "depth", LENGTH, (), KNOWN_OR_NAN, of=of_part("reach", "depth"), when="gripper", ply=DOUBLE,
+    listed="inserted depth",
+)  # fmt: skip
 _of_load = partial(of_part, "load_result")
 GRIP_FORCE = Field(
     "grip_force", NEWTONS, (), HELD, of=_of_load("grip_force"), when="load", ply=DOUBLE
@@ -285,6 +290,9 @@ GRASPS = (
     *LOAD_NUMBERS,
 )
 """Grasps in tables."""
+
+OF_ONE = (*GRASPS, APPROACH_MARGIN, DEPTH)
+"""What is listed of one of them."""
 
 CONTACTS = (
     Field("point", LENGTH, ("n", 3), columns=XYZ, of=attrgetter("contacts.points")),
@@ -357,7 +365,7 @@ HAND_GRASPS = (
     replace(MARGIN, allowed=Allowed(infinite=-math.inf, unknown=True)),
     EPSILON,
     Field("rank", kind="i8"),
-    Field("links", kind="U"),
+    Field("links", kind="U", listed="links"),
     Field("gap", LENGTH, (), POSITIVE_OR_NAN, heading="gap",
           meaning="largest one of a link that touches"),
     Field("penetration", LENGTH, (), Allowed(0.0), heading="depth",

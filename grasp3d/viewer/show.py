@@ -10,6 +10,7 @@ from importlib import import_module
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.mesh import MeshSource, load_mesh
+from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
@@ -20,7 +21,6 @@ from grasp3d.viewer.session.collection import (
     collection_of_mesh,
 )
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.page import background_server
 
 HUB = "JUPYTERHUB_SERVICE_PREFIX"

@@ -18,8 +18,8 @@ from grasp3d.batch.limits import NeedsMemory
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.storage.folder import Folder
+from grasp3d.describe import verdict_of
 from grasp3d.errors import SettingError
-from grasp3d.grasps import verdict_of
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.settings.pose_error import PoseError
 from grasp3d.surface.labels import SurfaceLabels

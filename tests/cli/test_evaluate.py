@@ -11,12 +11,12 @@ import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
-from grasp3d.rendering import opengl
+from grasp3d.pictures import opengl
 from tests.helpers import shapes
 from tests.helpers.commands import export, printed
 from tests.helpers.commands import run_here as grasp3d
 from tests.helpers.commands import run_process as real_grasp3d
-from tests.rendering.test_opengl import needs_opengl
+from tests.pictures.test_opengl import needs_opengl
 
 BOX = (1.0, 0.7, 0.5)
 PAIR = [[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]]

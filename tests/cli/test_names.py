@@ -8,7 +8,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from grasp3d.rendering import opengl
+from grasp3d.pictures import opengl
 from grasp3d.system.names import as_unicode, safe_stem, short_hash
 from tests.helpers import shapes
 from tests.helpers.commands import export

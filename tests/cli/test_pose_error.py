@@ -65,7 +65,7 @@ def test_without_an_error_reasons_say_what_is_wrong(folder: Path) -> None:
 
 
 def test_the_best_grasps_say_it_too(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("grasp3d.rendering.opengl.can_render", lambda: False)
+    monkeypatch.setattr("grasp3d.pictures.opengl.can_render", lambda: False)
     options = ("--unit", "m", "--max-edge", "12mm", "--hand", "hand.json")
     text = printed("label", "box.stl", *options, "--best", "2", "--pose-error", "2mm", cwd=folder)
     assert len(rows_of(text)) == 2

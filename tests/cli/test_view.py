@@ -14,7 +14,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from grasp3d.rendering import opengl
+from grasp3d.pictures import opengl
 from grasp3d.viewer.session.collection import open_collection
 from grasp3d.viewer.web.page import PORT
 from grasp3d.viewer.web.page_state import page_state

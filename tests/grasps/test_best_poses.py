@@ -42,11 +42,11 @@ from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows, matched
 from grasp3d.hand.jaw_reach import collides
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
-from grasp3d.rendering.opengl import can_render
+from grasp3d.pictures.opengl import can_render
+from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.viewer.scene.pictures import save_picture
+from grasp3d.viewer.screenshots import save_picture
 from grasp3d.viewer.session.collection import collection_of
-from grasp3d.viewer.view_settings import ViewSettings
 from tests.helpers import shapes
 from tests.helpers.commands import export
 from tests.helpers.random_search import random_poses_on

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 import grasp3d
 from grasp3d import Label
 from grasp3d.arrays import unit_rows
+from grasp3d.describe.verdict import verdict_of
 from grasp3d.errors import SettingError
 from grasp3d.formats import GraspPoses
 from grasp3d.grasps.link_grasps import LinkGrasps
-from grasp3d.grasps.verdict import verdict_of
 from grasp3d.quality.tasks import STANDARD_GRAVITY
 from tests.helpers import shapes, slider_hand
 from tests.helpers.slider_hand import BOX, TOUCHING

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from grasp3d.plots.figures import DPI, SAVING, STYLE
+from grasp3d.pictures.figures import DPI, SAVING, STYLE
 
 SLACK = 1.0
 """Pixels by which texts may overlap vertically, or leave the figure."""

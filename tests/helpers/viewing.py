@@ -19,10 +19,10 @@ from grasp3d import (
 )
 from grasp3d.formats.surfaces.files import read_labels
 from grasp3d.mesh.object_mesh import MeshReport
+from grasp3d.pictures.subject import Subject, subject_of
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.viewer.session.collection import Collection, collection_of
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.subjects.subject import Subject, subject_of
 from tests.helpers import shapes
 from tests.helpers.vertex_labels import with_arrays
 
@@ -101,9 +101,9 @@ def ready_session(collection: Collection | SurfaceLabels) -> Session:
 
 
 def has_begun(session: Session, text: str) -> bool:
-    """Whether a job is under way; it runs in another thread, and may have made progress."""
+    """Whether a job runs, or waits to be polled; it may be done already, in another thread."""
     working = session.working
-    return working is not None and working[0] == text and 0.0 <= working[1] < 1.0
+    return working is not None and working[0] == text and 0.0 <= working[1] <= 1.0
 
 
 def wait_until_idle(session: Session) -> None:

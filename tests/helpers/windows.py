@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from PIL import ImageGrab
 from scipy.ndimage import label
 
-from grasp3d.rendering.opengl import WINDOW
+from grasp3d.pictures.opengl import WINDOW
 
 TIMEOUT = 90.0
 """Longest wait for any condition [s]."""

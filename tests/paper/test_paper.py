@@ -31,8 +31,8 @@ from grasp3d.paper.figures import (
 from grasp3d.paper.markdown import percent
 from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page, quoted_numbers
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.plots.fractions import surface_figure
-from grasp3d.rendering.opengl import WINDOW, can_render
+from grasp3d.pictures.fractions import surface_figure
+from grasp3d.pictures.opengl import WINDOW, can_render
 from tests.helpers import shapes
 from tests.helpers.figures import check_texts
 from tests.helpers.solids import box_mesh

@@ -21,6 +21,8 @@ from grasp3d import (
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.pictures.colors import coloring_of
+from grasp3d.pictures.subject import subject_of
 from grasp3d.stability.thresholds import label_angles, unstable_from
 from grasp3d.surface import Reason
 from grasp3d.surface import labelling as search_module
@@ -28,8 +30,6 @@ from grasp3d.surface.contacts import grasps_at
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.sampling.antipodal import FoundGrasps
 from grasp3d.surface.sweeps import mean_sweep, sweep
-from grasp3d.viewer.session.painting import corner_coordinates
-from grasp3d.viewer.subjects.subject import subject_of
 from tests.helpers import shapes
 
 S, M, U = Label.S, Label.M, Label.U
@@ -185,8 +185,9 @@ def test_no_grasp_of_three_fingers_is_u_from_90_degrees_on(beta: float, alpha: f
     )
     assert fractions == pytest.approx(scan.fractions())
     assert fractions["U"] == pytest.approx(scan.fractions()["U"])
-    across, up = corner_coordinates(subject_of(scan), "label", scan.model).T
-    assert not ((across > 0.5) & (up > 0.5)).any()  # none has the colour of U
+    coloring = coloring_of(subject_of(scan), "label", scan.model)
+    of_u = coloring.low + (coloring.high - coloring.low) * 2.0 / 3.0
+    assert not (coloring.values >= of_u).any()  # none has the colour of U
 
 
 def test_fractions_are_those_of_the_labels_at_any_setting() -> None:

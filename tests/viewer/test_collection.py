@@ -30,6 +30,8 @@ from grasp3d.errors import MeshError, OutputError, SettingError
 from grasp3d.formats.surfaces.files import READERS, writer_for
 from grasp3d.formats.surfaces.stored import Stored
 from grasp3d.mesh.reading.sources import Source
+from grasp3d.pictures.colors import labels_at
+from grasp3d.pictures.subject import Subject, subject_of
 from grasp3d.surface import Reason
 from grasp3d.surface.sampling.antipodal import OPENING_SLACK
 from grasp3d.system.context import running
@@ -40,8 +42,6 @@ from grasp3d.viewer.session.collection import (
     collection_of,
     open_collection,
 )
-from grasp3d.viewer.session.painting import labels_at
-from grasp3d.viewer.subjects.subject import Subject, subject_of
 from tests.helpers import shapes, viewing
 from tests.helpers.mesh_files import FACES, VERTICES
 from tests.helpers.viewing import read_subject

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import GraspModel, Label, Sampling, SurfaceLabels, label_surface, load_mesh, write_ply
+from grasp3d.pictures.subject import subject_of
 from grasp3d.settings import DEGREE
 from grasp3d.viewer.session import planning
 from grasp3d.viewer.session.collection import open_collection
@@ -18,7 +19,6 @@ from grasp3d.viewer.session.controls import handle_key
 from grasp3d.viewer.session.inspection import inspect
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.subjects.subject import subject_of
 from tests.helpers import viewing
 from tests.helpers.viewing import read_subject, ready_session
 

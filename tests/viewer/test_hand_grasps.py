@@ -13,19 +13,18 @@ from grasp3d import GraspModel, Label, Load
 from grasp3d.formats import GraspPoses
 from grasp3d.grasps import LinkGrasps
 from grasp3d.hand.triangles import COLORS, Part
-from grasp3d.plots.figures import save_as
-from grasp3d.plots.grasps import grasp_figure
-from grasp3d.rendering.grasp_views import grasp_view
-from grasp3d.rendering.opengl import view_axes
+from grasp3d.pictures.camera import grasp_view, view_axes
+from grasp3d.pictures.figures import save_as
+from grasp3d.pictures.grasps import grasp_figure
+from grasp3d.pictures.marks import MarkedContacts
+from grasp3d.pictures.stills import draw_grasps
 from grasp3d.stability.label import COLORS as LABEL_COLORS
-from grasp3d.viewer.scene.sheets import draw_grasps
 from grasp3d.viewer.session.collection import collection_of_grasps
-from grasp3d.viewer.session.pose_inspection import marked_pose
 from tests.helpers import shapes, slider_hand
 from tests.helpers.figures import check_texts, drawn_texts
 from tests.helpers.slider_hand import BOX, TOUCHING
 from tests.helpers.viewing import ready_session, wait_until_idle
-from tests.rendering.test_opengl import needs_opengl
+from tests.pictures.test_opengl import needs_opengl
 
 Bytes = NDArray[np.uint8]
 FINE = GraspModel(sensor_resolution=math.radians(10.0))
@@ -58,7 +57,7 @@ def pixels_of(picture: Bytes, color: object) -> int:
 @needs_opengl
 def test_links_that_touch_have_the_colour_of_the_letter(tmp_path: Path) -> None:
     felt = grasps(tmp_path, [TOUCHING, TOUCHING, TOUCHING, 0.0])
-    held = marked_pose(felt, 0).held
+    held = MarkedContacts.of_pose(felt, 0).held
     assert held is not None
     touching = [felt.hand.link_names.index(f"finger_{number}") for number in range(3)]
     color = LABEL_COLORS[Label(int(felt.letter[0]))]
@@ -72,7 +71,7 @@ def test_links_that_touch_have_the_colour_of_the_letter(tmp_path: Path) -> None:
 
 def test_view_shows_the_contacts_and_not_the_palm(tmp_path: Path) -> None:
     found = grasps(tmp_path, TOUCHING)
-    pose, up = marked_pose(found, 0).held, found.scene.up
+    pose, up = MarkedContacts.of_pose(found, 0).held, found.scene.up
     toward = view_axes(grasp_view(found.contacts_of(0)[0], up, pose), up)[2]
     assert toward @ pose.approach > -0.2  # the palm is below, and would hide all
     assert pose.triangles(found.hand).links.max() == len(found.hand.link_names) - 1

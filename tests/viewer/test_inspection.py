@@ -8,12 +8,12 @@ import pytest
 from numpy.typing import NDArray
 
 from grasp3d import GraspModel, Label, SurfaceLabels, evaluate_grasps, scan_surface
-from grasp3d.grasps.causes import Cause
-from grasp3d.grasps.explanations import Case, angle_text, explain
+from grasp3d.describe.causes import Cause
+from grasp3d.describe.explanations import Case, angle_text, explain
+from grasp3d.pictures.colors import UNSEARCHED, labels_at
+from grasp3d.pictures.subject import subject_of
 from grasp3d.surface import Reason
 from grasp3d.viewer.session.inspection import inspect
-from grasp3d.viewer.session.painting import UNSEARCHED, labels_at
-from grasp3d.viewer.subjects.subject import subject_of
 from tests.helpers import viewing
 from tests.helpers.vertex_labels import with_arrays
 
@@ -52,7 +52,7 @@ def test_numbers_of_two_fingers_follow_from_the_contacts(code: Label) -> None:
     assert numbers["β*"] == f"{max(first, second):.1f}°"
     assert numbers["normals off the line"] == f"{first:.1f}° and {second:.1f}°"
     assert (
-        numbers["opening"] == f"{1000.0 * np.linalg.norm(seen.points[1] - seen.points[0]):.4g} mm"
+        numbers["opening"] == f"{1000.0 * np.linalg.norm(seen.points[1] - seen.points[0]):.3g} mm"
     )
     alpha = 2.0 * (math.degrees(math.atan(0.75)) - max(first, second))
     assert numbers["α*"] == f"{alpha:.1f}°"
@@ -82,17 +82,7 @@ def test_epsilon_of_one_grasp_agrees_with_evaluate_grasps(fingers: int) -> None:
     numbers = dict(seen.numbers)
     for name in ("epsilon", "epsilon_min", "epsilon_max"):
         key = {"epsilon": "ε", "epsilon_min": "ε_min", "epsilon_max": "ε_max"}[name]
-        assert float(numbers[key]) == pytest.approx(getattr(grasp, name)[0], rel=0.02), name
-
-
-def test_tilts_of_three_fingers_are_not_sampled() -> None:
-    labels = viewing.three_fingers()
-    vertex = int(np.flatnonzero(labels.critical_angle < 0.3)[0])
-    sampled = replace(labels.model, method="extremes")
-    numbers = dict(inspect(subject_of(labels), vertex, sampled).numbers)
-    assert numbers["ε_min"] == numbers["ε_max"] == "–"
-    exact = dict(inspect(subject_of(labels), vertex, labels.model).numbers)
-    assert numbers["ε"] == exact["ε"]
+        assert float(numbers[key]) == pytest.approx(getattr(grasp, name)[0], abs=1e-3), name
 
 
 def test_a_vertex_without_a_grasp_has_one_contact() -> None:

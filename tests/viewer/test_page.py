@@ -23,7 +23,7 @@ from plyfile import PlyData
 
 from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d.errors import OutputError
-from grasp3d.rendering.opengl import can_render
+from grasp3d.pictures.opengl import can_render
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS, Label
 from grasp3d.viewer.session.collection import collection_of
@@ -58,7 +58,7 @@ from grasp3d import GraspModel, Sampling, label_surface, load_mesh
 from tests.helpers.solids import box_mesh
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.web.page import serve
-from grasp3d.viewer.view_settings import ViewSettings
+from grasp3d.pictures.view_settings import ViewSettings
 model = GraspModel(friction=0.3, sensor_resolution=radians(20.0))
 sampling = Sampling(rays=8, search_angle=radians(80.0))
 meshes = [*map(load_mesh, sys.argv[1:]), box_mesh((0.1, 0.2, 0.3), max_edge=0.1)]

@@ -9,37 +9,26 @@ from functools import cache
 
 import numpy as np
 import pytest
-import pyvista
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from grasp3d import GraspModel, Label, Sampling, SurfaceLabels, label_surface, scan_surface
 from grasp3d.mesh import load_mesh
-from grasp3d.rendering.opengl import can_render, choose_window
+from grasp3d.pictures.camera import axes_of
+from grasp3d.pictures.captions import ACROSS, DOWN, MAX_SIZE, MIN_SIZE, round_length
+from grasp3d.pictures.opengl import can_render, choose_window, new_plotter
+from grasp3d.pictures.pane import Pane
+from grasp3d.pictures.subject import Subject, subject_of
+from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.stability.label import COLORS
-from grasp3d.viewer.scene.captions import Captions, round_length
-from grasp3d.viewer.scene.framing import axes_of
-from grasp3d.viewer.scene.marks import Marks, cones, cylinders, spheres
-from grasp3d.viewer.scene.overlays import (
-    Rectangle,
-    TextArea,
-    TextLine,
-    contact_numbers,
-    shortened,
-    text_size,
-    text_width,
-)
-from grasp3d.viewer.scene.scene import Scene, new_plotter, vertex_at
+from grasp3d.viewer.scene import Scene, captions_of, vertex_at
 from grasp3d.viewer.session.collection import Collection, Item, collection_of
 from grasp3d.viewer.session.inspection import inspect
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Section
-from grasp3d.viewer.subjects.subject import Subject, subject_of
-from grasp3d.viewer.view_settings import ViewSettings
 from tests.helpers import shapes, viewing
 from tests.helpers.solids import box_mesh, cylinder_mesh, sphere_mesh
-from tests.helpers.vertex_labels import with_critical_angles
 from tests.helpers.viewing import ready_session
 
 Image = NDArray[np.uint8]
@@ -89,7 +78,7 @@ def viewed(
     how = {"azimuth": 0.0, "elevation": 0.0} | how
     session = Session(collection, ViewSettings(width=width, height=height, **how))
     ready(session)
-    plotter = new_plotter(session.settings, off_screen=True)
+    plotter = new_plotter(width, height, off_screen=True)
     try:
         scene = Scene(plotter, legend=legend)
         scene.update(session)
@@ -180,14 +169,16 @@ def test_a_grasp_is_marked_and_its_hidden_part_is_faint() -> None:
         plain = scene.screenshot().astype(int)
         subject = session.subject
         assert subject is not None
-        marks = Marks(scene.plotter.renderers[0])
+        pane = Pane(scene.plotter.renderers[0])
+        pane.show(subject, "label", session.model)
+        pane.cut(None)
         front, back = np.array([0.5, 0.8, 0.3]), np.array([-0.5, -0.6, -0.3])
         front, back = front / np.linalg.norm(front), back / np.linalg.norm(back)
         grasp = replace(
             inspect(subject, 0, session.model), points=np.array([front, back]),
             normals=np.array([back, front]),
         )  # fmt: skip
-        marks.show(subject, grasp, np.empty((0, 3)))
+        pane.hold(grasp, None, None)
         image = scene.screenshot().astype(int)
         assert image[pixel_of(scene, front)].min() > 240
         hidden = image[pixel_of(scene, back)]
@@ -197,45 +188,22 @@ def test_a_grasp_is_marked_and_its_hidden_part_is_faint() -> None:
         assert (np.abs(image - plain).max(axis=2) > 25).sum() > 300
         wide = (np.abs(image - plain).max(axis=2) > 25).sum()
         lone = replace(grasp, points=front[None], normals=back[None])
-        marks.show(subject, lone, np.empty((0, 3)))
+        pane.hold(lone, None, None)
         image = scene.screenshot().astype(int)
         assert image[pixel_of(scene, front)].min() > 240
         assert 20 < (np.abs(image - plain).max(axis=2) > 25).sum() < 0.4 * wide
-        marks.show(subject, None, np.empty((0, 3)))
+        pane.hold(None, None, None)
         assert (scene.screenshot() == plain).all()
 
 
-def test_contact_numbers_do_not_overlap_and_are_beside_their_contacts() -> None:
-    area = TextArea(400.0, 300.0, 12)
-    random = np.random.default_rng(3)
-    for _ in range(200):
-        count = int(random.integers(2, 6))
-        positions = random.uniform((40.0, 40.0), (360.0, 260.0), (count, 2))
-        positions[1] = positions[0] + random.uniform(-2.0, 2.0, 2)  # one behind the other
-        tips = positions + random.normal(size=(count, 2)) * 5.0
-        items = contact_numbers(area, positions, tips, 6.0)
-        texts = [item for item in items if isinstance(item, TextLine)]
-        assert [one.text for one in texts] == [f"{n}" for n in range(1, count + 1)]
-        boxes = [box_of(item) for item in items[1::3]]
-        assert apart(boxes[0], boxes[1])
-        for box, text, position in zip(boxes, texts, positions, strict=True):
-            assert 0.0 <= box[0] < box[2] <= 400.0
-            assert 0.0 <= box[1] < box[3] <= 300.0
-            middle = 0.5 * (box[:2] + box[2:])
-            assert 12.0 < np.linalg.norm(middle - position) < 40.0
-            assert box[0] <= text.x
-            assert text.x + text_width(text.text, 12, bold=True) <= box[2] + 1.0
-            assert apart(box, np.r_[position, position])
-
-
-def test_captions_contain_the_largest_opening_if_it_is_limited() -> None:
-    for labels, caption in (
-        (viewing.labels(), ["α 22.6°", "μ 0.75", "two fingers", "opening ≤ 3 mm"]),
-        (viewing.box(), ["α 22.6°", "μ 0.5", "two fingers"]),
-        (viewing.scan(), ["α 22.6°", "μ 0.5", "two fingers"]),
+def test_settings_contain_the_largest_opening_if_it_is_limited() -> None:
+    for labels, settings in (
+        (viewing.labels(), "α 22.6°   μ 0.75   two fingers   opening ≤ 3 mm"),
+        (viewing.box(), "α 22.6°   μ 0.5   two fingers"),
+        (viewing.scan(), "α 22.6°   μ 0.5   two fingers"),
     ):
         session = ready_session(labels)
-        assert list(Captions.of(session, legend=True).caption) == caption
+        assert captions_of(session, None, legend=True).settings == settings
         session.close()
 
 
@@ -300,12 +268,12 @@ def test_the_object_fills_its_pane_without_overlapping_texts(size: tuple[int, in
         bottom, right = corners.max(axis=0)
         assert 0 < left < right < width
         assert 0 < top < bottom < height
-        area = TextArea(width, height, text_size(width, height, 1.0))
-        above, below = Captions.of(session, legend=True).margins(area)
-        filled = max(wide / (width - 2.0 * area.margin), tall / (height - above - below))
+        text = min(MAX_SIZE, max(MIN_SIZE, min(width / ACROSS, height / DOWN)))
+        free = captions_of(session, None, legend=True).free_area(width, height, text)
+        filled = max(wide / free.free[0], tall / free.free[1])
         assert 0.93 < filled <= 1.0
-        assert above - 1 < top
-        assert bottom < height - below + 1
+        assert free.top - 1 < top
+        assert bottom < height - free.bottom + 1
         box = np.zeros(image.shape[:2], dtype=bool)
         box[top : bottom + 1, left : right + 1] = True
         rows = np.nonzero((image < 250).any(axis=2).any(axis=1))[0]
@@ -351,51 +319,6 @@ def test_the_view_is_reset_for_another_object_only() -> None:
         assert scene.camera.parallel_scale == pytest.approx(first)
 
 
-def apart(first: Floats, second: Floats) -> bool:
-    """Whether two rectangles (left, bottom, right, top) do not overlap."""
-    return bool(
-        first[2] <= second[0] or second[2] <= first[0]
-        or first[3] <= second[1] or second[3] <= first[1]
-    )  # fmt: skip
-
-
-def box_of(item: TextLine | Rectangle) -> Floats:
-    if isinstance(item, Rectangle):
-        return np.array([item.x, item.y, item.x + item.width, item.y + item.height])
-    wide = text_width(item.text, item.size, bold=item.bold)
-    return np.array([item.x, item.y, item.x + wide, item.y + 1.1 * item.size])
-
-
-@pytest.mark.parametrize("size", [(320, 240), (321, 900), (800, 240), (1280, 800), (1600, 1200)])
-@pytest.mark.parametrize("paint", ["label", "critical_angle", "max_resolution", "epsilon_min"])
-def test_texts_do_not_overlap_and_fit_into_the_pane(size: tuple[int, int], paint: str) -> None:
-    labels = scanned(subdivisions=1)
-    known = labels.critical_angle.copy()
-    known[:9] = math.inf
-    some = with_critical_angles(labels, known)
-    name = "an object with quite a long name, as they have them in data sets.ply"
-    subject = subject_of(some, name)
-    session = Session(Collection((Item(name, lambda: subject),), labels.model, Sampling()))
-    ready(session)
-    session.change(paint=paint)
-    captions = Captions.of(session, legend=True)
-    session.close()
-    area = TextArea(*size, text_size(*size, 1.0))
-    items = captions.items(area, 0.01)
-    boxes = [box_of(item) for item in items]
-    assert len(boxes) > 5
-    for index, one in enumerate(boxes):
-        assert (one >= -1e-6).all()
-        assert one[2] <= area.width
-        assert one[3] <= area.height
-        bar = isinstance(items[index], Rectangle)
-        for item, other in zip(items[index + 1 :], boxes[index + 1 :], strict=True):
-            if not (bar and isinstance(item, Rectangle)):
-                assert apart(one, other), (items[index], item)
-    above, below = captions.margins(area)
-    assert all(one[3] <= below + 1e-6 or one[1] >= area.height - above - 1e-6 for one in boxes)
-
-
 @given(st.floats(1e-9, 1e9))
 def test_a_round_length_is_the_largest_that_fits(most: float) -> None:
     length = round_length(most)
@@ -403,28 +326,6 @@ def test_a_round_length_is_the_largest_that_fits(most: float) -> None:
     assert min(abs(digit - one) for one in (1.0, 2.0, 5.0)) < 1e-6
     assert length <= most * (1.0 + 1e-8)
     assert most < 2.5 * length * (1.0 + 1e-8)
-
-
-@given(st.text(alphabet="abcdefgh ", max_size=40), st.floats(0.0, 400.0))
-def test_texts_are_shortened_to_a_width(text: str, width: float) -> None:
-    short = shortened(text, width, 12)
-    assert short == text or text_width(short, 12) <= width
-    assert short.rstrip("…").strip() in text
-
-
-@pytest.mark.parametrize(
-    ("solid", "volume"),
-    [
-        (spheres(np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]]), 0.5), 2 * 4 / 3 * math.pi * 0.125),
-        (cylinders(np.zeros((1, 3)), np.array([[1.0, 2.0, 2.0]]), 0.5), math.pi * 0.25 * 3.0),
-        (cones(np.zeros((1, 3)), np.array([[1.0, 2.0, 2.0]]), 0.5), math.pi * 0.25),
-    ],
-)
-def test_solids_are_closed_and_have_their_volume(
-    solid: list[pyvista.PolyData], volume: float
-) -> None:
-    assert all(one.triangulate().clean().is_manifold for one in solid)
-    assert sum(one.triangulate().volume for one in solid) == pytest.approx(volume, rel=0.05)
 
 
 def hit_vertex(

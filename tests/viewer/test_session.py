@@ -19,18 +19,18 @@ from grasp3d import (
     write_ply,
 )
 from grasp3d.errors import MeshError, OutputError, SettingError
+from grasp3d.pictures.colors import UNSEARCHED
+from grasp3d.pictures.subject import Subject, subject_of
+from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.surface import Reason
 from grasp3d.surface.vertex_grasps import SearchReport
 from grasp3d.system.context import report_progress
 from grasp3d.viewer.session import planning
 from grasp3d.viewer.session.background import Job, Worker
 from grasp3d.viewer.session.collection import Collection, Item, collection_of, open_collection
-from grasp3d.viewer.session.painting import UNSEARCHED
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Section
-from grasp3d.viewer.subjects.subject import Subject, subject_of
-from grasp3d.viewer.view_settings import ViewSettings
 from tests.helpers import viewing
 from tests.helpers.viewing import has_begun, read_subject, ready_session, wait_until_idle
 
@@ -56,7 +56,6 @@ def test_a_session_begins_with_its_settings() -> None:
     assert session.subject is None
     assert panel_text(session).fractions == ()
     wait_until_idle(session)
-    assert session.state.max_opening == 0.003
     assert session.model == viewing.labels().model
     assert session.state.paint == "critical_angle"
     assert session.name == viewing.labels().mesh.report.source
@@ -86,7 +85,6 @@ def test_sliders_change_the_labels_without_a_search() -> None:
         ({"sensor_resolution": 4.0}, "below 180 degrees"),
         ({"fingers": 6}, "fingers must be from 2 to 5"),
         ({"paint": "red"}, "no paint is called 'red'"),
-        ({"max_opening": 0.0}, "opening must be above 0"),
         ({"fixed": ((0.0, 0.0, math.nan),)}, "three finite coordinates"),
         ({"fixed": ((0.0, 0.0, 0.0),) * 2}, "of 2 fingers at most 1 can be fixed; got 2"),
         ({"colour": 1}, "has no setting 'colour'"),
@@ -163,19 +161,6 @@ def test_a_wider_search_does_not_change_known_fractions() -> None:
     assert np.array_equal(np.isinf(grasps.critical_angle), grasps.reason != Reason.FOUND)
 
 
-def test_another_opening_is_searched_once() -> None:
-    session = ready_session(viewing.labels())
-    session.change(max_opening=0.005)
-    wait_until_idle(session)
-    subject = session.subject
-    assert subject is not None
-    assert subject.labels.sampling is not None
-    assert subject.labels.sampling.max_opening == 0.005
-    assert np.nanmax(subject.labels.opening) > 0.003
-    session.change(friction=0.7)
-    assert session.working is None
-
-
 def test_other_fingers_are_searched_without_the_limits_of_two() -> None:
     session = ready_session(viewing.box())
     session.change(fingers=3)
@@ -193,15 +178,14 @@ def test_other_fingers_are_searched_without_the_limits_of_two() -> None:
 
 
 def test_a_newer_choice_replaces_a_running_search() -> None:
-    session = ready_session(viewing.labels())
-    session.change(max_opening=0.5)
-    session.change(max_opening=0.4)
+    session = ready_session(viewing.box())
+    session.change(fingers=3)
+    session.change(fingers=4)
     wait_until_idle(session)
     assert session.subject is not None
-    assert session.subject.labels.sampling is not None
-    assert session.subject.labels.sampling.max_opening == 0.4
-    session.change(max_opening=0.5)
-    session.change(max_opening=0.4)
+    assert session.subject.labels.model.fingers == 4
+    session.change(fingers=3)
+    session.change(fingers=4)
     assert session.working is None
 
 
@@ -239,7 +223,6 @@ def test_a_failed_job_is_reported_and_not_repeated() -> None:
     ("choice", "missing"),
     [
         ({"fingers": 3}, "grasps for 3 fingers"),
-        ({"max_opening": 0.7}, "grasps for this largest opening"),
         ({"fixed": ((0.5, 0.0, 0.0),)}, "labels for 1 fixed finger"),
         ({"fingers": 3, "fixed": ((0.5, 0.0, 0.0),) * 2}, "labels for 2 fixed fingers"),
     ],
@@ -290,31 +273,31 @@ def test_the_surface_stays_stale_if_the_search_fails(
 def test_the_last_searches_are_cached() -> None:
     session = ready_session(viewing.box())
     first = session.subject
-    session.change(max_opening=0.7)
+    session.change(fingers=3)
     wait_until_idle(session)
     second = session.subject
-    session.change(max_opening=math.inf)
+    session.change(fingers=2)
     assert (session.working, session.subject, session.stale) == (None, first, False)
-    session.change(max_opening=0.6)
+    session.change(fingers=4)
     wait_until_idle(session)
-    session.change(max_opening=0.7)
+    session.change(fingers=3)
     assert (session.working, session.subject) == (None, second)
-    session.change(max_opening=0.5)
+    session.change(fingers=5)
     wait_until_idle(session)
-    session.change(max_opening=math.inf)  # three others were searched since
+    session.change(fingers=2)  # three others were searched since
     assert session.working is not None
-    session.change(max_opening=0.6)
+    session.change(fingers=4)
     assert session.working is None
     session.close()
 
 
-def test_epsilon_of_one_opening_is_not_used_for_another() -> None:
+def test_epsilon_of_other_fingers_is_not_used() -> None:
     session = ready_session(viewing.box())
-    session.change(max_opening=0.7)
+    session.change(fingers=3)
     wait_until_idle(session)
     session.change(paint="epsilon")
     assert has_begun(session, "computing ε")
-    session.change(max_opening=math.inf)
+    session.change(fingers=2)
     wait_until_idle(session)
     assert session.subject is not None
     assert session.subject.epsilons is not None
@@ -438,7 +421,7 @@ def test_a_click_on_a_batch_needs_no_job(batched: Subject) -> None:
     seen = session.inspection
     assert seen is not None
     assert len(seen.points) == 2
-    assert dict(seen.numbers)["ε"] == f"{labels.epsilon[vertex]:.3g}"
+    assert dict(seen.numbers)["ε"] == f"{labels.epsilon[vertex]:.3f}"
     session.change(friction=0.6)
     assert session.working is None
     assert session.inspection is not None
@@ -522,7 +505,7 @@ def test_the_object_can_be_changed_during_a_job() -> None:
         (Item("one", lambda: one), Item("two", slow)), one.labels.model, Sampling()
     )
     session = Session(collection)
-    session.change(max_opening=0.3)
+    session.change(fingers=3)
     wait_until_idle(session)
     session.click(3)
     session.step(1)

@@ -14,7 +14,7 @@ from nbclient import NotebookClient
 from PIL import Image
 
 from grasp3d import SurfaceLabels, label_surface
-from grasp3d.rendering.opengl import can_render
+from grasp3d.pictures.opengl import can_render
 from grasp3d.viewer import show
 from tests.helpers.solids import box_mesh
 from tests.viewer.test_page import BROWSER, CI, OPTIONS, coloured

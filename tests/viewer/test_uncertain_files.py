@@ -15,8 +15,8 @@ from grasp3d import (
     write_ply,
 )
 from grasp3d.formats.surfaces.files import read_labels
-from grasp3d.viewer.session.painting import labels_at
-from grasp3d.viewer.subjects.subject import subject_of
+from grasp3d.pictures.colors import labels_at
+from grasp3d.pictures.subject import subject_of
 from tests.helpers import shapes
 from tests.helpers.viewing import read_subject
 

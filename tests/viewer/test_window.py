@@ -32,7 +32,7 @@ from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.window.desktop import show_window
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.view_settings import ViewSettings
+from grasp3d.pictures.view_settings import ViewSettings
 sampling = Sampling(rays=8, search_angle={cone})
 labels = label_surface(load_mesh({mesh!r}), GraspModel(), sampling=sampling)
 session = Session(collection_of(labels), ViewSettings(width={width}, height={height}))

@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from grasp3d.arrays import Bools, Bytes, Floats, Ints
-from grasp3d.rendering.opengl import AMBIENT, LIGHT, UPRIGHT, View, turn_to
+from grasp3d.pictures.camera import AMBIENT, LIGHT, UPRIGHT, View, turn_to
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS, GREY, Label
 

@@ -21,6 +21,7 @@ from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
+from grasp3d.pictures.subject import Subject, subject_of, subject_of_poses
 from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
 from grasp3d.settings.units import Unit
@@ -32,9 +33,6 @@ from grasp3d.system.documents import is_file, is_folder
 from grasp3d.system.names import as_unicode, printable
 from grasp3d.system.ply_files import ply_header, settings_of_header
 from grasp3d.viewer.session.computations import scan_of_grasp, search_grasps
-from grasp3d.viewer.session.inspection import warm_up
-from grasp3d.viewer.session.pose_inspection import subject_of_poses
-from grasp3d.viewer.subjects.subject import Subject, subject_of
 
 READ = 0.2
 """Fraction of the work of opening a mesh after which it is read and prepared."""
@@ -96,7 +94,7 @@ def collection_of(labels: SurfaceLabels) -> Collection:
     """Collection of one surface that is already labelled."""
     subject = subject_of(labels)
     sampling = labels.sampling or Sampling()
-    return _single(subject.name, lambda: warm_up(subject), labels.model, sampling)
+    return _single(subject.name, lambda: subject, labels.model, sampling)
 
 
 def collection_of_mesh(
@@ -333,11 +331,11 @@ def _open_mesh(
     report_progress(READ)
     with within(READ, 1.0):
         labels = task.labels()
-    return warm_up(subject_of(labels))
+    return subject_of(labels)
 
 
 def _label_mesh(mesh: ObjectMesh, model: GraspModel, sampling: Sampling) -> Subject:
-    return warm_up(subject_of(label_surface(mesh, model, sampling=sampling)))
+    return subject_of(label_surface(mesh, model, sampling=sampling))
 
 
 def _merged(

@@ -9,8 +9,9 @@ import numpy as np
 from grasp3d.arrays import chosen_rows, locked
 from grasp3d.errors import SettingError
 from grasp3d.formats.surfaces.files import writer_for
-from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.scene import Scene
+from grasp3d.pictures.colors import ROUNDING
+from grasp3d.pictures.subject import NO_LABELS, Subject, subject_of
 from grasp3d.settings import GraspModel, Sampling, search_cone
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import label_surface
@@ -18,10 +19,7 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.context import report_progress, within
-from grasp3d.viewer.session.inspection import warm_up
-from grasp3d.viewer.session.painting import ROUNDING
 from grasp3d.viewer.session.state import FixedPoints
-from grasp3d.viewer.subjects.subject import NO_LABELS, GivenGrasp, Subject, subject_of
 
 WIDEST = math.pi / 2.0
 
@@ -51,7 +49,7 @@ def search_grasps(
         subject.mesh, model, sampling=replace(sampling, search_angle=cone),
         load=subject.labels.load, scene=scene or subject.labels.scene,
     )  # fmt: skip
-    return warm_up(subject_of(labels, subject.name))
+    return subject_of(labels, subject.name)
 
 
 def search_wider(subject: Subject, model: GraspModel, sampling: Sampling) -> Subject:
@@ -74,7 +72,7 @@ def search_wider(subject: Subject, model: GraspModel, sampling: Sampling) -> Sub
         narrow.mesh, replace(model, fingers=narrow.model.fingers),
         sampling=replace(sampling, search_angle=WIDEST), load=narrow.load, scene=narrow.scene,
     )  # fmt: skip
-    return warm_up(subject_of(with_known_grasps(wide, narrow), subject.name))
+    return subject_of(with_known_grasps(wide, narrow), subject.name)
 
 
 def with_known_grasps(wide: SurfaceLabels, narrow: SurfaceLabels) -> SurfaceLabels:
@@ -101,20 +99,14 @@ def scan_with_fixed(subject: Subject, model: GraspModel, fixed: FixedPoints) -> 
     """
     model = replace(model, fingers=len(fixed) + 1)
     labels = scan_surface(subject.mesh, model, fixed=np.array(fixed))
-    return warm_up(subject_of(labels, subject.name))
+    return subject_of(labels, subject.name)
 
 
 def scan_of_grasp(grasps: GraspTable, row: int) -> Subject:
     """The surface with all fingers of a grasp fixed but the first."""
-    contacts = grasps.contacts.take(slice(row, row + 1))
-    labels = scan_surface(grasps.mesh, grasps.model, fixed=contacts.points[0, 1:])
-    given = GivenGrasp(
-        contacts,
-        float(grasps.critical_angle[row]),
-        float(grasps.critical_angle_best[row]),
-        GripperPose.of(grasps.reach, row),
-    )
-    return warm_up(replace(subject_of(labels.using(scene=grasps.scene)), given=given))
+    given = grasps.take(np.array([row]))
+    labels = scan_surface(grasps.mesh, grasps.model, fixed=given.contacts.points[0, 1:])
+    return replace(subject_of(labels.using(scene=grasps.scene)), given=given)
 
 
 def compute_epsilon(subject: Subject, model: GraspModel) -> Subject:

@@ -8,12 +8,12 @@ from operator import attrgetter, not_
 from typing import Any, get_args
 
 from grasp3d.errors import SettingError
+from grasp3d.pictures.view_settings import Paint
 from grasp3d.quality.wrenches import MAX_FRICTION
 from grasp3d.settings import DEGREE
 from grasp3d.settings.model_text import EPSILON_MIN
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import OF_MODEL, Axis, Section
-from grasp3d.viewer.view_settings import Paint
 
 LEAST_FRICTION = 0.01
 """Smallest friction that can be true within the friction error that is chosen."""
@@ -168,16 +168,6 @@ def _write_axis(session: Session, value: Any) -> None:
     session.change(section=None if value == "off" else replace(section, axis=value))
 
 
-def _read_opening(session: Session) -> float | None:
-    limit = session.state.max_opening
-    return limit if math.isfinite(limit) else None
-
-
-def _write_opening(session: Session, value: Any) -> None:
-    limit = math.inf if value in {None, ""} else _number(value, above=0.0)
-    session.change(max_opening=limit)
-
-
 def _degrees(angle: float) -> float:
     return round(math.degrees(angle), 9)
 
@@ -265,9 +255,6 @@ CONTROLS: dict[str, Control] = {
         keys={"t": not_}, of_keys="show or hide the table",
     ),
     "fingers": _chosen("fingers", int),
-    "opening": Control(
-        _read_opening, _write_opening, "the largest opening must be a number above 0"
-    ),
     "number": Control(
         lambda session: session.number,
         lambda session, value: session.step(int(value) - session.number),

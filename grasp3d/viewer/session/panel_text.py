@@ -4,21 +4,15 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from grasp3d.grasps.explanations import UNSEARCHED
+from grasp3d.describe.explanations import UNSEARCHED
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.pictures.colors import HEX_PALETTE, Ramp, area_fractions, labels_at, ramp_of
+from grasp3d.pictures.subject import Subject
 from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import SAFE_LABELS
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.system.counts import counted, noun
-from grasp3d.viewer.session.painting import (
-    HEX_PALETTE,
-    Ramp,
-    area_fractions,
-    labels_at,
-    ramp_of,
-)
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.subjects.subject import Subject
 
 HINTS = {
     "inspect": "Click the surface to see the best grasp there, and why it is S, M or U.",

@@ -5,6 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+from grasp3d.pictures.colors import QUANTITIES, same_settings
+from grasp3d.pictures.subject import Subject
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.system.counts import noun
 from grasp3d.viewer.session.background import Job
@@ -16,9 +18,7 @@ from grasp3d.viewer.session.computations import (
     search_wider,
     write_labels,
 )
-from grasp3d.viewer.session.painting import FORCE_PAINTS, same_settings
 from grasp3d.viewer.session.state import FixedPoints, ViewState
-from grasp3d.viewer.subjects.subject import Subject
 
 if TYPE_CHECKING:
     from grasp3d.viewer.session.collection import Item
@@ -27,6 +27,12 @@ DELAY = 0.4
 """Delay between the last change of a slider and the search for it [s]."""
 
 SubjectJob: TypeAlias = Job[Subject]
+
+COMPUTED = {
+    "epsilons": ("computing ε", compute_epsilon),
+    "forces": ("computing grip forces", compute_forces),
+}
+"""How what colours show is computed, by the field of the subject that holds it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +69,7 @@ def next_job(
     """The next job; None: everything is computed.
 
     The first word of a job's key is its kind: open, save, scan, search, wider,
-    bounds, epsilon or forces; the rest is all that its result depends on.
+    epsilons or forces; the rest is all that its result depends on.
 
     Args:
         viewed: The current object.
@@ -99,7 +105,7 @@ def needs_search(subject: Subject, state: ViewState, sampling: Sampling) -> bool
         return True
     if subject.labels.sampling is None:  # a scan, whose grasps are given
         return False
-    needed, searched = limited_sampling(sampling, state), subject.labels.sampling
+    needed, searched = sampling_for(sampling, state), subject.labels.sampling
     return _limits(subject, needed) != _limits(subject, searched)
 
 
@@ -141,32 +147,24 @@ def model_for(subject: Subject, state: ViewState) -> GraspModel:
     return model if model.fingers == fingers else replace(model, fingers=fingers)
 
 
-def missing_result(subject: Subject, state: ViewState) -> str:
+def missing_result(state: ViewState) -> str:
     """Name of the result that a stale surface lacks, for messages."""
     fingers = state.model.fingers
     if state.fixed:
         return f"labels for {len(state.fixed)} fixed {noun(len(state.fixed), 'fingers')}"
-    if subject.labels.model.fingers != fingers:
-        return f"grasps for {fingers} fingers"
-    return "grasps for this largest opening"
+    return f"grasps for {fingers} fingers"
 
 
-def limited_sampling(sampling: Sampling, state: ViewState) -> Sampling:
-    """Search settings with the chosen limit; more than two fingers squeeze."""
-    most = state.max_opening
-    return replace(
-        sampling,
-        grip=sampling.grip if state.model.fingers == 2 else "squeeze",
-        min_opening=min(sampling.min_opening, most),
-        max_opening=most,
-    )
+def sampling_for(sampling: Sampling, state: ViewState) -> Sampling:
+    """Search settings for the chosen fingers; more than two squeeze."""
+    return sampling if state.model.fingers == 2 else replace(sampling, grip="squeeze")
 
 
 def _search_job(
     subject: Subject, state: ViewState, sampling: Sampling, number: int
 ) -> SubjectJob | None:
     """Search for other fingers or limits, or a wider cone."""
-    search = limited_sampling(sampling, state)
+    search = sampling_for(sampling, state)
     wide = not subject.covers(state.model)
     if needs_search(subject, state, sampling):
         key = ("search", number, state.model.fingers, search, wide)
@@ -180,16 +178,13 @@ def _search_job(
 
 def _numbers_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
     """Compute epsilon or grip forces, if they are shown and not known for the chosen model."""
-    if state.paint in {"epsilon", "epsilon_min"}:
-        kind, text, compute, known = "epsilon", "computing ε", compute_epsilon, subject.epsilons
-    elif state.paint in FORCE_PAINTS and subject.labels.load is not None:
-        kind, text, compute, known = (
-            "forces", "computing grip forces", compute_forces, subject.forces
-        )  # fmt: skip
-    else:
+    source = "" if state.paint == "label" else QUANTITIES[state.paint].source
+    if not source or QUANTITIES[state.paint].problem_of(subject):
         return None
+    text, compute = COMPUTED[source]
+    known = getattr(subject, source)
     if known is not None and same_settings(known.model, state.model):
         return None
     model = model_for(subject, state)
-    key = (kind, number, model, state.fixed, state.max_opening)
+    key = (source, number, model, state.fixed)
     return Job(key, text, partial(compute, subject, model), DELAY)

@@ -10,17 +10,15 @@ from grasp3d.errors import SettingError
 from grasp3d.grasps.best import best_grasps, first_vertices, has_poses
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.scene import Scene
+from grasp3d.pictures.colors import QUANTITIES
+from grasp3d.pictures.subject import NO_LABELS, Subject
+from grasp3d.pictures.view_settings import Paint, ViewSettings
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.viewer.session.background import Run, Worker
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.computations import check_savable
-from grasp3d.viewer.session.inspection import (
-    Inspection,
-    inspect,
-    inspect_given,
-)
-from grasp3d.viewer.session.painting import FORCE_PAINTS
+from grasp3d.viewer.session.inspection import Inspection, inspect, inspect_given, inspect_pose
 from grasp3d.viewer.session.planning import (
     SaveRequest,
     SubjectJob,
@@ -31,15 +29,12 @@ from grasp3d.viewer.session.planning import (
     needs_search,
     next_job,
 )
-from grasp3d.viewer.session.pose_inspection import inspect_pose
 from grasp3d.viewer.session.state import ViewState, changed_state
-from grasp3d.viewer.subjects.subject import NO_LABELS, Subject
-from grasp3d.viewer.view_settings import Paint, ViewSettings
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
 
-OF_FINGERS = frozenset({"fingers", "max_opening", "fixed"})
+OF_FINGERS = frozenset({"fingers", "fixed"})
 """Choices that do not apply to them."""
 
 BEST = 20
@@ -79,7 +74,6 @@ class Session:
         self.settings = settings
         self.state = state or ViewState(
             model=collection.model,
-            max_opening=collection.sampling.max_opening,
             paint=settings.paint,
             vertex=settings.vertex,
         )
@@ -292,30 +286,16 @@ class Session:
         Raises:
             SettingError: It has no gripper, or no load.
         """
-        if paint == "approach_margin":
-            self.check_gripper()
         subject = self.subject
-        if subject is None or paint not in FORCE_PAINTS:
-            return
-        case = subject.labels.load_case
-        if case is None:
-            raise SettingError(
-                "there is no load; open the object with one (--mass, --density or --grip-force)"
-                if not self.state.fixed
-                else "with fixed fingers no grip forces are computed"
-            )
-        if paint == "payload" and case.available is None:
-            raise SettingError(
-                "the force at hand is not known; open the object with one (--grip-force, or a "
-                "gripper that states its force)"
-            )
-        if paint == "payload" and not case.by_mass:
-            raise SettingError("the task does not depend on the mass, so there is no payload")
+        if subject is not None and paint != "label" and subject.poses is None:
+            problem = QUANTITIES[paint].problem_of(subject)
+            if problem:
+                raise SettingError(problem)
 
     def offers(self, paint: Paint) -> bool:
         """Whether the current object has what colours show."""
         if self.subject is None:
-            return paint not in {"approach_margin", *FORCE_PAINTS}
+            return paint == "label" or QUANTITIES[paint].problem is None
         try:
             self.check_paint(paint)
         except SettingError:
@@ -381,7 +361,7 @@ class Session:
             raise SettingError("there is nothing to save yet; wait until the grasps are searched")
         if not self.stale:
             return
-        missing = missing_result(self.subject, self.state)
+        missing = missing_result(self.state)
         if self.working is None:
             raise SettingError(f"there are no {missing}; change the settings before saving")
         raise SettingError(
@@ -413,7 +393,7 @@ class Session:
             self._failed[finished.job.key] = finished.error or "it cannot be computed"
         elif kind == "scan":
             self._viewed = replace(self._viewed, scan=result, fixed=self.state.fixed)
-        elif kind in {"epsilon", "forces", "bounds"}:
+        elif kind in {"epsilons", "forces"}:
             self._replace(result)
         else:
             self._show(result)

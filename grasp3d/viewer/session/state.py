@@ -8,8 +8,8 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
+from grasp3d.pictures.view_settings import Paint
 from grasp3d.settings import GraspModel, check_choice
-from grasp3d.viewer.view_settings import Paint
 
 Axis = Literal["x", "y", "z"]
 Click = Literal["inspect", "fix"]
@@ -54,9 +54,6 @@ class ViewState:
 
     model: GraspModel
     """Chosen friction, resolution and number of fingers."""
-    max_opening: float
-    """Largest distance between contacts [m]: the gripper's stroke for two fingers,
-    the largest distance of two contacts for more."""
     paint: Paint = "label"
     section: Section | None = None
     click: Click = "inspect"
@@ -75,8 +72,6 @@ class ViewState:
     def __post_init__(self) -> None:
         check_choice("paint", self.paint, Paint)
         check_choice("click action", self.click, Click)
-        if not self.max_opening > 0.0:
-            raise SettingError(f"the largest opening must be above 0; got {self.max_opening:g}")
         points = np.asarray(self.fixed or np.zeros((1, 3)), dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
             raise SettingError("fixed fingers must be points of three finite coordinates each")

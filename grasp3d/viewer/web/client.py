@@ -21,8 +21,9 @@ from trame.widgets import html, rca
 from trame_rca.rca import VtkRemoteControlledArea
 
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.viewer.scene.pictures import file_name, render_copy
-from grasp3d.viewer.scene.scene import ClickDetector, Scene, new_plotter
+from grasp3d.pictures.opengl import new_plotter
+from grasp3d.viewer.scene import ClickDetector, Scene
+from grasp3d.viewer.screenshots import file_name, render_copy
 from grasp3d.viewer.session.controls import CONTROLS, control_values, handle_key
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web.page_state import constant_state, page_state, progress_state
@@ -55,7 +56,9 @@ class Client:
     def __init__(self, token: str, session: Session) -> None:
         self.token = token
         self.session = session
-        self._plotter = new_plotter(session.settings, off_screen=True)
+        self._plotter = new_plotter(
+            session.settings.width, session.settings.height, off_screen=True
+        )
         self._plotter.enable_trackball_style()  # type: ignore[call-arg]
         self._scene = Scene(self._plotter, legend=False)
         self._clicks = ClickDetector(self._plotter, self._click)

@@ -15,10 +15,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from grasp3d.errors import OutputError
-from grasp3d.rendering.opengl import check_rendering
+from grasp3d.pictures.opengl import check_rendering
+from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.view_settings import ViewSettings
 
 if TYPE_CHECKING:
     from grasp3d.viewer.web.server import ViewerServer

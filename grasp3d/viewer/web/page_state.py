@@ -2,10 +2,10 @@
 
 from typing import Any
 
+from grasp3d.pictures.colors import HEX_PALETTE, PAINTS, Ramp
 from grasp3d.stability.label import MEANING, Label
-from grasp3d.viewer.session.controls import CONTROLS, KEYS, PAINTS, control_values
+from grasp3d.viewer.session.controls import CONTROLS, KEYS, control_values
 from grasp3d.viewer.session.inspection import Inspection
-from grasp3d.viewer.session.painting import HEX_PALETTE, Ramp
 from grasp3d.viewer.session.panel_text import (
     HINTS,
     OF_POSES,

@@ -12,13 +12,10 @@ from PIL import Image
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 from vtkmodules.vtkInteractionWidgets import vtkSliderRepresentation2D, vtkSliderWidget
 
+from grasp3d.describe.explanations import UNSEARCHED
 from grasp3d.errors import GraspError
-from grasp3d.grasps.explanations import UNSEARCHED
-from grasp3d.stability.label import Label
-from grasp3d.system.files import atomic_write
-from grasp3d.system.names import describe_unexpected
-from grasp3d.viewer.scene.framing import pixel_ratio
-from grasp3d.viewer.scene.overlays import (
+from grasp3d.pictures.camera import pixel_ratio
+from grasp3d.pictures.captions import (
     INK,
     PARAGRAPH_LINE,
     QUIET,
@@ -32,12 +29,16 @@ from grasp3d.viewer.scene.overlays import (
     text_width,
     wrapped,
 )
-from grasp3d.viewer.scene.pictures import file_name, render_copy
-from grasp3d.viewer.scene.scene import ClickDetector, Scene, new_plotter
+from grasp3d.pictures.colors import HEX_PALETTE
+from grasp3d.pictures.opengl import new_plotter
+from grasp3d.stability.label import Label
+from grasp3d.system.files import atomic_write
+from grasp3d.system.names import describe_unexpected
+from grasp3d.viewer.scene import ClickDetector, Scene
+from grasp3d.viewer.screenshots import file_name, render_copy
 from grasp3d.viewer.session.background import Job, Worker
 from grasp3d.viewer.session.controls import CONTROLS, KEYS, handle_key
 from grasp3d.viewer.session.inspection import Inspection
-from grasp3d.viewer.session.painting import HEX_PALETTE
 from grasp3d.viewer.session.panel_text import HINTS
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web.page import open_page

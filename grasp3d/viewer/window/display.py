@@ -4,7 +4,7 @@ import os
 import sys
 
 from grasp3d.errors import OutputError
-from grasp3d.rendering.opengl import exits_cleanly
+from grasp3d.pictures.opengl import exits_cleanly
 
 ALTERNATIVES = (
     "grasp3d view shows a page for a browser there, or writes a picture with --screenshot FILE"

@@ -1,0 +1,244 @@
+"""Explanation of a vertex's label: one sentence with the angles that decide it."""
+
+import math
+from dataclasses import dataclass
+from functools import partial
+
+from grasp3d.describe.causes import Cause
+from grasp3d.settings import GraspModel
+from grasp3d.stability.label import Label, Mode
+
+UNSEARCHED = 3
+"""Code of vertices whose label is unknown, as the search did not go far enough."""
+
+SAME = 1e-4
+"""Angles closer than this count as equal, as files may store 32 bits [rad]."""
+
+DIGITS = 4
+"""Largest number of decimals used to distinguish an angle from a limit."""
+
+REACHED = frozenset({Cause.TIP, Cause.DIRECTION, Cause.TABLE, Cause.BLOCKED, Cause.NOT_REACHED})
+"""Causes that are those of the best of several grasps."""
+
+WIDTHS = frozenset({Cause.LIMITS, Cause.TOO_WIDE, Cause.STROKE})
+"""Causes that say how the object is."""
+
+PAIR = 2
+FINGERS = ("first", "second", "third", "fourth", "fifth")
+"""Names of the fingers; the first is at the vertex."""
+
+
+def finger_words(count: int) -> str:
+    """A number of fingers in words."""
+    names = ("one finger", "two fingers", "three fingers", "four fingers", "five fingers")
+    return names[count - 1] if count <= len(names) else f"{count} fingers"
+
+
+@dataclass(frozen=True)
+class Case:
+    """The values that decide the label of one vertex."""
+
+    model: GraspModel
+    mode: Mode
+    code: int
+    """Label, or `UNSEARCHED`."""
+    worst: float
+    """Critical friction angle over the worst normals and locations [rad]; inf: no grasp."""
+    best: float
+    """The same over the best ones [rad]."""
+    cone: float
+    """Largest critical friction angle that was searched [rad]."""
+    cause: Cause | None
+    """Why there is no grasp; None: there is one."""
+    off_line: tuple[float, float] | None
+    """Two fingers: angles between their normals and the line through the contacts [rad]."""
+    creases: tuple[int, ...] = ()
+    """Indices of the fingers that are known to be on sharp edges (creases), from 0."""
+    hand: str | None = None
+    """Name of the gripper that must reach the grasp; None: ideal points."""
+
+    @property
+    def located(self) -> bool:
+        """Whether contact points are uncertain."""
+        return self.model.location_error != 0.0
+
+    @property
+    def smooth(self) -> bool:
+        """Whether every finger has a single normal, as far as the angles show."""
+        return not self.creases and (self.located or self.worst - self.best < SAME)
+
+    @property
+    def margin(self) -> float:
+        """Angle by which the grasp is S [rad]; below 0: by which it is not; -inf: no grasp."""
+        return self.model.sure_angle - self.worst
+
+    @property
+    def never_unstable(self) -> bool:
+        """Whether no grasp of this number of fingers can be surely unstable."""
+        return math.isinf(self.model.unstable_from)
+
+
+def explain(case: Case) -> str:
+    """One sentence that begins with the letter of the label and gives the reason."""
+    if case.code == UNSEARCHED:
+        return _unsearched(case)
+    if math.isinf(case.best):
+        return f"U: {_no_grasp(case)}."
+    by_label = {Label.S: _stable, Label.M: _ambiguous, Label.U: _unstable}
+    label = Label(case.code)
+    return f"{label.name}: {by_label[label](case)}."
+
+
+def angle_text(angle: float, limit: float = math.nan) -> str:
+    """An angle in degrees, with enough decimals to distinguish it from a limit."""
+    one, other = math.degrees(angle), math.degrees(limit)
+    for digits in range(1, DIGITS):
+        if f"{one:.{digits}f}" != f"{other:.{digits}f}" or one == other:
+            return f"{_signed(one, digits)}°"
+    return f"{_signed(one, DIGITS)}°"
+
+
+def _signed(value: float, digits: int) -> str:
+    """A number with a typographic minus sign."""
+    return f"{value:.{digits}f}".replace("-", "−")
+
+
+def _stable_limit(case: Case) -> str:
+    return _limit(case, case.model.sure_angle, "−")
+
+
+def _unstable_limit(case: Case) -> str:
+    return _limit(case, case.model.possible_angle, "+")
+
+
+def _limit(case: Case, limit: float, sign: str) -> str:
+    model, low = case.model, sign == "−"
+    precise = partial(angle_text, limit=case.worst if low else case.best)
+    beta = math.atan(model.friction_interval[0 if low else 1])
+    if model.tilt == 0.0:
+        return f"β = {precise(limit)}"
+    return f"{angle_text(beta)} {sign} {angle_text(model.tilt)} = {precise(limit)}"
+
+
+def _cause(case: Case, limit: float) -> str:
+    """What decides when every finger has one normal: one finger's normal, or the whole grasp."""
+    line, worst = case.off_line, case.worst
+    angle = angle_text(worst, limit)
+    if line is None or abs(max(line) - worst) >= SAME:
+        return f"the grasp is force-closed for friction angles above β* = {angle}"
+    if abs(line[0] - line[1]) < SAME:
+        return f"both contact normals are {angle} off the line through the contacts"
+    finger = FINGERS[line.index(max(line))]
+    return f"the {finger} finger's normal is {angle} off the line through the contacts"
+
+
+def _uncertain(case: Case, mark: str) -> tuple[str, str]:
+    """Where fingers are on sharp edges, and of what the angles are those of the worst and best."""
+    crease = "" if case.smooth else f"{_crease(case)}{mark} "
+    what = ["these normals"] * (not case.smooth)
+    what += ["the contact points within their location errors"] * case.located
+    return crease, " and of ".join(what)
+
+
+def _all_true(model: GraspModel) -> str:
+    """Everything that may be true of a grasp within a model's errors."""
+    normals = "all true normals within the sensor resolution"
+    smallest, largest = model.friction_interval
+    locations = ["all contact points within their errors"] * (model.location_error != 0.0)
+    parts = [normals, *locations, *["any friction of its interval"] * (smallest < largest)]
+    return ", ".join(parts[:-1]) + (" and " if len(parts) > 1 else "") + parts[-1]
+
+
+def _bounded(angle: float, limit: float) -> str:
+    return "unbounded" if math.isinf(angle) else angle_text(angle, limit)
+
+
+def _crease(case: Case) -> str:
+    """Which fingers are on sharp edges, and which normals they may have."""
+    names = [FINGERS[finger] for finger in case.creases]
+    if not names:
+        return "on a sharp edge a finger may have any normal between those of the adjacent faces"
+    if len(names) == 1:
+        return (
+            f"the {names[0]} finger is on a sharp edge and may have any normal between those of "
+            "the adjacent faces"
+        )
+    fingers = f"the {', '.join(names[:-1])} and {names[-1]} fingers"
+    if len(names) == case.model.fingers == PAIR:
+        fingers = "both fingers"
+    return (
+        f"{fingers} are on sharp edges and may have any normals between those of the adjacent faces"
+    )
+
+
+def _stable(case: Case) -> str:
+    angle = angle_text(case.worst, case.model.sure_angle)
+    cause = _cause(case, case.model.sure_angle)
+    crease, several = _uncertain(case, ";")
+    if several:
+        cause = f"{crease}for the worst of {several} β* is {angle}"
+    elif " off the line " in cause:
+        cause = f"no contact normal is more than {angle} off the line through the contacts"
+    return f"{cause}, below {_stable_limit(case)}: the grasp is stable for {_all_true(case.model)}"
+
+
+def _unstable(case: Case) -> str:
+    grasp = "the best grasp found" if case.mode == "label" else "the grasp"
+    needs = (
+        f"{grasp} needs a friction angle above {angle_text(case.best, case.model.possible_angle)}"
+    )
+    if not case.smooth:
+        edge = "the first finger's sharp edge" if 0 in case.creases else "a sharp edge"
+        needs += f" even with the best normals on {edge}"
+    needs += " with the best true contact points" * case.located
+    limit = _unstable_limit(case)
+    if case.model.tilt == 0.0:
+        return f"{needs}, and the friction allows no more than {limit}"
+    return f"{needs}, and no normal within the resolution allows more than {limit}"
+
+
+def _ambiguous(case: Case) -> str:
+    sure = f"surely stable below {_stable_limit(case)}"
+    if case.model.sure_angle <= 0.0:
+        sure = (
+            "no grasp is surely stable at this resolution, as "
+            f"{_stable_limit(case)} is not above 0°"
+        )
+    limit = _unstable_limit(case)
+    unstable = f"surely unstable from {limit} on"
+    if case.never_unstable:
+        unstable = (
+            f"no grasp of this number of fingers is surely unstable, as {limit} is not below 90°"
+        )
+    crease, several = _uncertain(case, ":")
+    if not several:
+        nearer = min(
+            (case.model.sure_angle, case.model.possible_angle),
+            key=lambda limit: abs(limit - case.worst),
+        )
+        return f"{_cause(case, nearer)}: {sure}, {unstable}"
+    return (
+        f"{crease}β* is {_bounded(case.worst, case.model.sure_angle)} for the worst and "
+        f"{angle_text(case.best, case.model.possible_angle)} for the best of {several}; "
+        f"{sure}, {unstable}"
+    )
+
+
+def _unsearched(case: Case) -> str:
+    best = ""
+    if math.isfinite(case.worst):
+        best = f", and the best of them has β* {angle_text(case.worst)}"
+    return (
+        f"Not searched: grasps were searched up to β* {angle_text(case.cone)}{best}; "
+        f"{_unstable_limit(case)} exceeds this limit."
+    )
+
+
+def _no_grasp(case: Case) -> str:
+    if case.cause in {None, Cause.NO_PARTNER}:
+        return f"{Cause.NO_PARTNER} of {angle_text(case.cone)}"
+    if case.cause in WIDTHS:
+        return f"the object is {case.cause} here"
+    if case.hand is None or case.cause not in REACHED:
+        return str(case.cause)
+    return f"there are grasps here, but {case.hand} reaches none of those tested: {case.cause}"

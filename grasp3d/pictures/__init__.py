@@ -1,0 +1,1 @@
+"""Pictures: one scene of PyVista (surface, grasp, hand, table), and figures of matplotlib."""

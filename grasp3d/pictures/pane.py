@@ -1,0 +1,279 @@
+"""A surface in colours, with its grasp, hand and table, in one renderer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pyvista
+from vtkmodules.vtkCommonDataModel import vtkPlane
+
+from grasp3d.arrays import Bytes, Floats
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.gripper_pose import GripperPose
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.shapes import approach_triangles, table_triangles
+from grasp3d.hand.table import Table
+from grasp3d.hand.triangles import COLORS, Part, Triangles
+from grasp3d.mesh import ObjectMesh
+from grasp3d.pictures.colors import HEX_PALETTE, PALETTE, Coloring, coloring_of, faded
+from grasp3d.pictures.layers import MARKS, SURFACES, Layers, show_colors
+from grasp3d.pictures.marks import (
+    NO_CONTACTS,
+    NO_POINTS,
+    MarkedContacts,
+    approach_mark,
+    cone_marks,
+    connections,
+    contact_marks,
+)
+from grasp3d.pictures.subject import Subject
+from grasp3d.pictures.view_settings import Paint
+from grasp3d.settings import GraspModel
+
+OPACITIES = {Part.PALM: 0.3, Part.FINGER: 0.7, Part.PAD: 0.9, Part.TIP: 0.9}
+"""Opacities of the parts of a gripper: what it holds remains visible behind it."""
+
+PARTS = np.array([(*COLORS[part], round(255.0 * OPACITIES[part])) for part in Part], dtype=np.uint8)
+"""Red, green, blue and opacity of the parts."""
+
+OPAQUE = 255
+"""Opacity of the links of hands with joints, which overlap, but for the palm."""
+
+EDGE_ANGLE = 40.0
+"""Angle of the faces at the edges of fingers and palm that are drawn [degrees]."""
+
+ARC_RADIUS, ARC_INNER = 0.95, 0.35
+"""Outer radius of the approach arc relative to the fingers' length, and the inner one relative to
+the outer one."""
+
+FRAME_MARGIN = 0.04
+"""Distance of a section's outline from the object, relative to its size."""
+
+SAME = 1e-9
+"""Distance below which two contacts count as one, relative to the object's size."""
+
+
+class Pane:
+    """A surface, whole or cut by a section, and what is drawn with it.
+
+    Args:
+        renderer: What draws it.
+    """
+
+    def __init__(self, renderer: pyvista.Renderer) -> None:
+        self.renderer = renderer
+        self._layers = Layers(renderer)
+        self._mesh: ObjectMesh | None = None
+        self._held: tuple[object, ...] = ()
+        self._table_points = self._marked = self.hand_points = NO_POINTS
+
+    def show(
+        self, subject: Subject, paint: Paint, model: GraspModel, *, stale: bool = False
+    ) -> None:
+        """Draw a surface.
+
+        Args:
+            subject: The surface.
+            paint: The quantity that colours show.
+            model: Friction and resolution.
+            stale: Use pale colours, as the surface does not belong to the current choices.
+        """
+        self._draw(subject.mesh)
+        coloring = coloring_of(subject, paint, model)
+        self._paint(replace(coloring, colors=faded(coloring.colors)) if stale else coloring)
+
+    def show_colors(self, mesh: ObjectMesh, colors: Bytes) -> None:
+        """Draw a surface in colours of its vertices, shape (V, 3), or (3,) for all."""
+        self._draw(mesh)
+        actor = self._layers.actors["surface"]
+        every = np.broadcast_to(colors, (len(mesh.vertices), 3))
+        actor.mapper.dataset.point_data["rgb"] = every[mesh.corner_normals.vertices]
+        show_colors(actor, "rgb", of_points=True)
+
+    def hide(self) -> None:
+        """Show nothing."""
+        self._layers.hide()
+        self._mesh, self._held = None, ()
+
+    def cut(self, plane: tuple[Floats, Floats] | None) -> None:
+        """Cut the surface open.
+
+        Args:
+            plane: A point of it and its normal toward the visible part; None: no section.
+        """
+        mesh, layers = self.mesh, self._layers
+        layers.actors["inside"].visibility = plane is not None or not mesh.report.closed
+        layers.show("outline", None if plane is None else _rectangle(mesh, *plane))
+        for name in (*SURFACES, "table"):
+            mapper = layers.actors[name].mapper
+            mapper.RemoveAllClippingPlanes()
+            if plane is not None:
+                cutting = vtkPlane()
+                cutting.SetOrigin(*plane[0])
+                cutting.SetNormal(*plane[1])
+                mapper.AddClippingPlane(cutting)
+
+    def hold(
+        self,
+        grasp: MarkedContacts | None,
+        hand: Hand | None,
+        table: Table | None,
+        fixed: Floats = NO_POINTS,
+    ) -> None:
+        """Draw a grasp: its contacts, with the hand and its approach, or with friction cones.
+
+        Args:
+            grasp: The grasp; None: there is none.
+            hand: The hand.
+            table: The table; None: it is not drawn.
+            fixed: Contact points of fixed fingers, shape (n, 3).
+        """
+        before, self._held = self._held, (self.mesh, grasp, hand, table, fixed.tobytes())
+        if before == self._held:
+            return
+        self._show_table(table)
+        self._show_hand(hand, None if grasp is None else grasp.held)
+        self._show_marks(grasp or NO_CONTACTS, hand, fixed)
+
+    @property
+    def mesh(self) -> ObjectMesh:
+        """The mesh that is drawn."""
+        assert self._mesh is not None
+        return self._mesh
+
+    @property
+    def points(self) -> Floats:
+        """Points of the object and the table, shape (n, 3)."""
+        return np.concatenate([_drawn(self.mesh), self._table_points])
+
+    @property
+    def beside(self) -> Floats:
+        """Points of what is drawn beside the object: of a hand or of arrows, (n, 3)."""
+        return np.concatenate([self.hand_points, self._marked])
+
+    def _draw(self, mesh: ObjectMesh) -> None:
+        """Set the mesh; corners with different normals at a crease become separate points."""
+        if mesh is self._mesh:
+            return
+        self._mesh, corners = mesh, mesh.corner_normals
+        allowed = np.isin(np.arange(len(corners.corners)), mesh.contact_faces)
+        for name, rows in zip(SURFACES, (allowed, ~allowed, allowed | True), strict=True):
+            data = pyvista.PolyData.from_regular_faces(
+                _drawn(mesh), corners.corners[rows].astype(int)
+            )
+            data.point_data.active_normals = -corners.normals
+            self._layers.show(name, data if name != "excluded" or not allowed.all() else None)
+        self._layers.actors["excluded"].prop.color = HEX_PALETTE[-1]
+
+    def _paint(self, coloring: Coloring) -> None:
+        """Colour the surface by numbers of its corners, which are interpolated before that."""
+        mapper = self._layers.actors["surface"].mapper
+        mapper.dataset.point_data["value"] = coloring.values
+        count = len(coloring.colors)
+        table = pyvista.LookupTable(n_values=count)
+        table.values = np.column_stack([coloring.colors, np.full(count, 255, dtype=np.uint8)])
+        table.nan_color = PALETTE[-1] / 255.0
+        table.scalar_range = coloring.low, coloring.high
+        mapper.lookup_table = table
+        mapper.SetScalarVisibility(True)  # noqa: FBT003
+        mapper.SetScalarModeToUsePointFieldData()
+        mapper.SelectColorArray("value")
+        mapper.SetColorModeToMapScalars()
+        mapper.SetUseLookupTableScalarRange(True)  # noqa: FBT003
+        mapper.SetInterpolateScalarsBeforeMapping(True)  # noqa: FBT003
+
+    def _show_table(self, table: Table | None) -> None:
+        plate = None if table is None else table_triangles(table, self.mesh)
+        self._layers.show("table", None if plate is None else surface_of(plate))
+        self._table_points = plate.vertices if plate else NO_POINTS
+
+    def _show_hand(self, hand: Hand | None, pose: GripperPose | None) -> None:
+        layers, self.hand_points = self._layers, NO_POINTS
+        for name in ("gripper", "links", "edges", "arc"):
+            layers.show(name, None)
+        if hand is None or pose is None:
+            return
+        solid = pose.triangles(hand)
+        parts = solid.parts
+        colors = PARTS[parts]
+        if pose.has_joints:
+            colors[parts != Part.PALM, 3] = OPAQUE
+        for link, color in pose.colors.items():
+            if pose.has_joints:
+                colors[solid.links == link] = (*color, OPAQUE)
+            else:
+                colors[parts != Part.PALM, :3] = color
+        opaque = colors[:, 3] == OPAQUE
+        for name, chosen in (("gripper", ~opaque), ("links", opaque)):
+            if chosen.any():
+                some = surface_of(replace(solid, faces=solid.faces[chosen]))
+                some.cell_data["color"] = colors[chosen]
+                layers.show(name, some)
+                show_colors(layers.actors[name], "color", of_points=False)
+        layers.show("edges", surface_of(solid).clean().extract_feature_edges(
+            feature_angle=EDGE_ANGLE, boundary_edges=False, manifold_edges=False
+        ))  # fmt: skip
+        framed = np.isin(parts, (Part.PALM, Part.FINGER))
+        if isinstance(hand, ArticulatedHand):  # a forearm would make the fingers small
+            palm = hand.link_names.index(hand.palm)
+            framed = (parts != Part.PALM) | (solid.links == palm)
+        self.hand_points = solid.vertices[np.unique(solid.faces[framed])]
+        if pose.arcs:
+            radius = ARC_RADIUS * hand.finger_length
+            arc = approach_triangles(pose.pose, pose.arcs, radius=radius, inner=ARC_INNER)
+            layers.show("arc", surface_of(arc))
+
+    def _show_marks(self, grasp: MarkedContacts, hand: Hand | None, fixed: Floats) -> None:
+        """Mark contacts, and the approach of a gripper or else cones, which it would hide."""
+        size, layers = self.mesh.size, self._layers
+        held = None if hand is None else grasp.held
+        gaps = np.linalg.norm(grasp.points[:, None] - fixed, axis=2)
+        apart = (gaps > SAME * size).all(axis=1)
+        free = MarkedContacts(grasp.points[apart], grasp.normals[apart])
+        of_links = held is not None and held.has_joints
+        several = len(grasp.points) > 1
+        marks, rims = contact_marks(free, size, arrows=several)
+        if several and not of_links:
+            lines = connections(grasp.points, size)
+            marks, rims = marks + lines[0], rims + lines[1]
+        gaps = np.linalg.norm(self.mesh.vertices - fixed[:, None], axis=2)
+        fingers = MarkedContacts(fixed, self.mesh.normals[gaps.argmin(axis=1)])
+        of_fixed, their_rims = contact_marks(fingers, size, wide=1.15)
+        drawn = {
+            "contacts": marks,
+            "contact rims": rims,
+            "fixed": of_fixed,
+            "fixed rims": their_rims,
+        }
+        cones = NO_CONTACTS if held else grasp
+        drawn |= cone_marks(cones, size)
+        drawn["approach"] = approach_mark(held, hand.finger_length) if held and hand else []
+        for name in MARKS:
+            layers.show(name, drawn.get(name))
+        outside = cones if several else NO_CONTACTS
+        self._marked = np.concatenate([outside.tails(size), fingers.tails(size)])
+
+
+def surface_of(triangles: Triangles) -> pyvista.PolyData:
+    """Triangles as a surface of PyVista."""
+    faces = triangles.faces.astype(int)
+    surface: pyvista.PolyData = pyvista.PolyData.from_regular_faces(triangles.vertices, faces)
+    return surface
+
+
+def _drawn(mesh: ObjectMesh) -> Floats:
+    """The vertices of corners, shape (C, 3)."""
+    return mesh.vertices[mesh.corner_normals.vertices]
+
+
+def _rectangle(mesh: ObjectMesh, point: Floats, normal: Floats) -> pyvista.PolyData:
+    """Outline of a section, somewhat larger than the bounding box of the surface."""
+    axis, points = int(np.argmax(np.abs(normal))), _drawn(mesh)
+    margin = FRAME_MARGIN * mesh.size
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+    low[axis] = high[axis] = point[axis]
+    u, v = (index for index in range(3) if index != axis)
+    corners = np.tile(low, (5, 1))
+    corners[1:3, u] = high[u]
+    corners[2:4, v] = high[v]
+    outline: pyvista.PolyData = pyvista.MultipleLines(corners)
+    return outline

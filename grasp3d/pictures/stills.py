@@ -1,0 +1,177 @@
+"""Pictures without texts: of labelled surfaces, of surfaces in given colours, and of grasps."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from grasp3d.arrays import Bytes, Floats
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.hand.hand import Hand
+from grasp3d.mesh import ObjectMesh
+from grasp3d.pictures.camera import (
+    UPRIGHT,
+    Frame,
+    FreeArea,
+    View,
+    aim,
+    frame_of,
+    grasp_view,
+    parallel_scale,
+    view_axes,
+)
+from grasp3d.pictures.marks import NO_POINTS, MarkedContacts
+from grasp3d.pictures.opengl import averaged, check_rendering, off_screen, screenshot
+from grasp3d.pictures.pane import Pane
+from grasp3d.pictures.subject import subject_of, subject_of_mesh, subject_of_poses
+from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.system.context import report_progress
+
+PIXELS = (512, 512)
+"""Size of the pictures of grasps."""
+
+MOST_PICTURES = 40
+"""Most pictures of grasps."""
+
+
+def draw_labels(
+    labels: SurfaceLabels,
+    *,
+    view: View | None = None,
+    size: tuple[int, int] = (640, 640),
+    fixed: Floats = NO_POINTS,
+) -> Bytes:
+    """Render a surface in the colours of its labels on white, filling the picture.
+
+    Args:
+        labels: The surface with its labels.
+        view: Direction of the camera; None: from above and the side.
+        size: Width and height [pixels].
+        fixed: Contact points of fixed fingers to mark, shape (n, 3).
+
+    Returns:
+        Red, green, blue from 0 to 255, shape (height, width, 3).
+
+    Raises:
+        OutputError: OpenGL is not available.
+    """
+    with _still(size) as (pane, picture):
+        pane.show(subject_of(labels), "label", labels.model)
+        pane.cut(None)
+        pane.hold(None, None, None, fixed)
+        return _filling(pane, picture, view)
+
+
+def draw_colors(
+    mesh: ObjectMesh,
+    colors: Bytes,
+    *,
+    view: View | None = None,
+    size: tuple[int, int] = (640, 640),
+    grasp: MarkedContacts | None = None,
+    hand: Hand | None = None,
+) -> Bytes:
+    """Render a surface in colours of its vertices on white, filling the picture.
+
+    Fully lit parts have exactly the given colours.
+
+    Args:
+        mesh: The surface.
+        colors: Red, green, blue from 0 to 255, shape (V, 3) or (3,) for all.
+        view: Direction of the camera; None: from above and the side.
+        size: Width and height [pixels].
+        grasp: Contacts to mark, with the pose of the hand; None: none.
+        hand: The hand, which is translucent; None: arrows are drawn.
+
+    Returns:
+        Red, green, blue from 0 to 255, shape (height, width, 3).
+
+    Raises:
+        OutputError: OpenGL is not available.
+    """
+    with _still(size) as (pane, picture):
+        pane.show_colors(mesh, np.asarray(colors, dtype=np.uint8))
+        pane.cut(None)
+        pane.hold(grasp, hand, None)
+        return _filling(pane, picture, view)
+
+
+def draw_grasps(
+    grasps: GraspTable | EvaluatedPoses, labels: SurfaceLabels | None = None
+) -> list[Bytes]:
+    """Render the object with each grasp, at most `MOST_PICTURES` of them.
+
+    At poses the hand is drawn, with its approach, and the table; else arrows and friction cones
+    are. The table is level, and the camera looks across the closing axis, from above. All pictures
+    have the same scale.
+
+    Args:
+        grasps: The grasps.
+        labels: The labelled surface that they are on; None: it has no labels.
+
+    Returns:
+        Red, green, blue from 0 to 255, shape (height, width, 3) each.
+
+    Raises:
+        OutputError: OpenGL is not available.
+    """
+    rows, scene = range(min(grasps.size, MOST_PICTURES)), grasps.scene
+    if isinstance(grasps, EvaluatedPoses):
+        marked = [MarkedContacts.of_pose(grasps, row) for row in rows]
+        subject = subject_of_poses(grasps)
+    else:
+        points, normals, model = grasps.contacts.points, grasps.contacts.normals, grasps.model
+        marked = [MarkedContacts(points[row], normals[row], model) for row in rows]
+        subject = subject_of_mesh(grasps.mesh, model, scene)
+    subject = subject if labels is None else subject_of(labels)
+    hand, table = (None, None) if scene is None else (scene.hand, scene.table)
+    up, pictures = UPRIGHT if scene is None else scene.up, []
+    with _still(PIXELS) as (pane, picture):
+        pane.show(subject, "label", subject.labels.model)
+        pane.cut(None)
+        views = []
+        for grasp in marked:
+            pane.hold(grasp, hand, table)
+            axes = view_axes(grasp_view(grasp.points, up, grasp.held), up)
+            views.append((axes, frame_of(pane.points, pane.beside, axes)))
+        scale = max(parallel_scale(frame.reach, FreeArea(*PIXELS)) for _, frame in views)
+        for number, (grasp, (axes, frame)) in enumerate(zip(marked, views, strict=True)):
+            pane.hold(grasp, hand, table)
+            pictures.append(picture(axes, frame, scale))
+            report_progress((number + 1) / len(marked))
+    return pictures
+
+
+Render = Callable[[Floats, Frame, float], Bytes]
+"""Renders from axes of a view what a frame has, at a scale."""
+
+
+def _filling(pane: Pane, picture: Render, view: View | None) -> Bytes:
+    axes = (view or View()).axes
+    frame = frame_of(pane.points, pane.beside, axes)
+    return picture(axes, frame, 0.0)
+
+
+@contextmanager
+def _still(size: tuple[int, int]) -> Iterator[tuple[Pane, Render]]:
+    """A pane that fills a picture, and what renders it; the scale 0 is that which fills it.
+
+    Args:
+        size: Width and height [pixels].
+
+    Raises:
+        OutputError: OpenGL is not available.
+    """
+    check_rendering()
+    with off_screen(*size) as (plotter, factor):
+        pane = Pane(plotter.renderers[0])
+
+        def picture(axes: Floats, frame: Frame, scale: float) -> Bytes:
+            camera = pane.renderer.camera
+            scale = scale or parallel_scale(frame.reach, FreeArea(*size))
+            aim(camera, pane.mesh.size + scale, axes, frame.middle)
+            camera.parallel_scale = scale
+            return averaged(screenshot(plotter), factor)
+
+        yield pane, picture

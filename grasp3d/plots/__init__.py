@@ -1,1 +1,0 @@
-"""Figures with matplotlib: cones, curves, stacked area fractions, labelled surfaces."""

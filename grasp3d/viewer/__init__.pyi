@@ -1,1 +1,0 @@
-from .view_settings import ViewSettings as ViewSettings

@@ -1,0 +1,337 @@
+"""The scene: a session drawn in a PyVista plotter, and the vertices that clicks hit."""
+
+import math
+import threading
+import weakref
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyvista
+
+from grasp3d.arrays import Bytes, Floats
+from grasp3d.describe.explanations import finger_words
+from grasp3d.pictures.camera import (
+    UPRIGHT,
+    Frame,
+    FreeArea,
+    View,
+    aim,
+    axes_of,
+    frame_of,
+    grasp_view,
+    parallel_scale,
+    view_axes,
+    visible_fraction,
+)
+from grasp3d.pictures.captions import Captions, LegendEntry, Texts
+from grasp3d.pictures.opengl import screenshot
+from grasp3d.pictures.pane import Pane
+from grasp3d.pictures.subject import Subject
+from grasp3d.settings.model_text import friction_text, location_texts
+from grasp3d.viewer.session.inspection import Inspection
+from grasp3d.viewer.session.panel_text import panel_text
+from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.session.state import Section
+
+if TYPE_CHECKING:
+    from grasp3d.viewer.session.collection import Item
+
+MAX_MOVE = 4.0
+"""Largest movement of the mouse between press and release of a click [pixels]."""
+
+MOSTLY = 0.9
+"""Visible fraction of a hand's corners below which the camera moves away to show it."""
+
+
+class Scene:
+    """Draws a session in the first renderer of a plotter, which the caller opens and closes.
+
+    Args:
+        plotter: The plotter.
+        area: Part of the window for the scene: left, bottom, right, top, from 0 to 1.
+        legend: Whether the picture has a title, settings and a legend of the colours.
+    """
+
+    def __init__(
+        self,
+        plotter: pyvista.Plotter,
+        *,
+        area: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0),
+        legend: bool = True,
+    ) -> None:
+        self.plotter, self.area, self.legend = plotter, area, legend
+        self._renderer = plotter.renderers[0]
+        self._pane, self._texts = Pane(self._renderer), Texts(plotter)
+        self._captions = Captions()
+        self._inspection: Inspection | None = None
+        self._subject: Subject | None = None
+        self._item: Item | None = None
+        self._free: FreeArea | None = None
+        self._up, self._size, self._steps = UPRIGHT, 1.0, 0
+        self._scale = 0.0
+        """Scale of the last frame, by which a zoom of the user's is recognised."""
+        before_render = weakref.WeakMethod(self._before_render)
+
+        def on_render(*_: object) -> None:
+            call = before_render()
+            if call is not None:
+                call()
+
+        self._renderer.GetRenderWindow().AddObserver("StartEvent", on_render)
+
+    @property
+    def camera(self) -> pyvista.Camera:
+        """The camera."""
+        camera: pyvista.Camera = self._renderer.camera
+        return camera
+
+    def update(self, session: Session) -> None:
+        """Update what has changed; the owner of the plotter renders."""
+        subject, state = session.subject, session.state
+        self._renderer.viewport = self.area
+        before, self._subject = self._subject, subject
+        if subject is None:
+            self._item = self._inspection = None
+            self._pane.hide()
+            self._captions = captions_of(session, None, legend=self.legend)
+            self._before_render()
+            return
+        if subject is not before:
+            prepare_picking(subject, before)
+        found = self._inspection = session.inspection
+        self._captions = captions_of(session, found, legend=self.legend)
+        scene = session.scene
+        self._size = subject.mesh.size + (0.0 if scene is None else scene.hand.size)
+        self._up = UPRIGHT if scene is None else scene.up
+        before_hand = self._pane.hand_points
+        self._draw(session, found if state.show_gripper else found and replace(found, held=None))
+        item = session.collection.items[session.number]
+        if item is not self._item or session.steps != self._steps:
+            self._item, self._steps = item, session.steps
+            self.look(session)
+        elif self._pane.hand_points is not before_hand:
+            if len(self._pane.hand_points):
+                self._show_whole_hand()
+            elif len(before_hand) and self.camera.parallel_scale == self._scale:
+                self._frame_all(axes_of(self.camera))
+        self._before_render()
+
+    def look(self, session: Session) -> None:
+        """Set the camera to the initial view, so that the object fills the picture."""
+        if self._subject is not None:
+            self._frame_all(view_axes(self._view(session), self._up))
+            self._before_render()
+
+    def pick(self, session: Session, x: float, y: float) -> int | None:
+        """Vertex at a window position [pixels from the lower left]; None: there is none."""
+        subject = session.subject
+        (width, height), (left, bottom, right, top) = self.plotter.window_size, self.area
+        inside = left * width <= x < right * width and bottom * height <= y < top * height
+        if subject is None or not inside:
+            return None
+        near, far = (self._world(x, y, depth) for depth in (0.0, 1.0))
+        return vertex_at(subject, near, far - near, session.state.section)
+
+    def screenshot(self) -> Bytes:
+        """RGB colours of the window, shape (height, width, 3)."""
+        return screenshot(self.plotter)
+
+    def _view(self, session: Session) -> View:
+        """The initial view: as it is set, else across the closing axis of the grasp."""
+        settings, inspection = session.settings, self._inspection
+        chosen = settings.azimuth is not None or settings.elevation is not None
+        if not chosen and inspection is not None and len(inspection.points) > 1:
+            return grasp_view(inspection.points, self._up, inspection.held)
+        azimuth = View.azimuth if settings.azimuth is None else settings.azimuth
+        return View(azimuth, View.elevation if settings.elevation is None else settings.elevation)
+
+    def _draw(self, session: Session, inspection: Inspection | None) -> None:
+        """Draw the object and what holds it."""
+        subject, state, pane, scene = self._subject, session.state, self._pane, session.scene
+        assert subject is not None
+        pane.show(subject, state.paint, session.model, stale=session.stale)
+        pane.cut(state.section.plane(subject.bounds) if state.section else None)
+        fixed = np.array(state.fixed, dtype=float).reshape(-1, 3)
+        table = scene.table if scene is not None and state.show_table else None
+        pane.hold(inspection, None if scene is None else scene.hand, table, fixed)
+
+    def _frame_all(self, axes: Floats) -> None:
+        """Show all from a direction."""
+        frame = frame_of(self._pane.points, self._pane.beside, axes)
+        aim(self.camera, self._size, axes, frame.middle)
+        self._free = self._texts.free_area(self._captions)
+        self._scale = self.camera.parallel_scale = parallel_scale(frame.reach, self._free)
+
+    def _show_whole_hand(self) -> None:
+        """Move the camera away, in the same direction, if most of the hand is not visible."""
+        axes, free = axes_of(self.camera), self._texts.free_area(self._captions)
+        per_pixel = 2.0 * self.camera.parallel_scale / max(1.0, free.height)
+        width, height = free.free
+        now = Frame(
+            np.array(self.camera.focal_point), (0.5 * width * per_pixel, 0.5 * height * per_pixel)
+        )
+        if visible_fraction(self._pane.hand_points, now, axes) < MOSTLY:
+            self._frame_all(axes)
+        self._renderer.ResetCameraClippingRange()
+
+    def _before_render(self) -> None:
+        """Adapt to the window size and the zoom; called before each rendering."""
+        free, camera = self._texts.free_area(self._captions), self.camera
+        if self._free is not None and free != self._free and self._subject is not None:
+            reach = frame_of(self._pane.points, self._pane.beside, axes_of(camera)).reach
+            zoom = parallel_scale(reach, free) / parallel_scale(reach, self._free)
+            is_own = camera.parallel_scale == self._scale
+            camera.parallel_scale *= zoom
+            self._scale = camera.parallel_scale if is_own else self._scale
+        self._free = free
+        camera.SetWindowCenter(0.0, -free.shift)
+        self._texts.show(self._captions, 2.0 * camera.parallel_scale / max(1.0, free.height))
+
+    def _world(self, x: float, y: float, depth: float) -> Floats:
+        """Point of the mesh's frame at a window position and depth, shape (3,)."""
+        self._renderer.SetDisplayPoint(x, y, depth)
+        self._renderer.DisplayToWorld()
+        point = np.array(self._renderer.GetWorldPoint())
+        return np.asarray(point[:3] / point[3])
+
+
+def captions_of(session: Session, inspection: Inspection | None, *, legend: bool) -> Captions:
+    """Captions for the current state of a session.
+
+    Args:
+        session: The session.
+        inspection: The grasp that is shown.
+        legend: Whether to add title, legend and settings, as needed without a panel.
+    """
+    subject = session.subject
+    if subject is None:
+        working = session.working
+        wrong = session.message or f"{session.name} cannot be shown"
+        return Captions(placeholder=wrong if working is None else f"{working[0]} …")
+    metres = subject.mesh.unit is not None
+    several = inspection is not None and len(inspection.points) > 1
+    numbered = inspection.tails(subject.mesh.size) if inspection and several else np.empty((0, 3))
+    if not legend:
+        return Captions(metres=metres, contacts=numbered)
+    text = panel_text(session)
+    entries = [
+        LegendEntry(one.color, f"{one.letter}  {one.text}  {one.percent}") for one in text.fractions
+    ]
+    return Captions(
+        title=text.title, settings=_settings(session, subject), legend=tuple(entries),
+        ramp=text.ramp, metres=metres, contacts=numbered,
+    )  # fmt: skip
+
+
+def _settings(session: Session, subject: Subject) -> str:
+    """The settings of what is shown, in one line."""
+    model, scene, metres = session.model, session.scene, subject.mesh.unit is not None
+    resolution = f"α {round(math.degrees(model.sensor_resolution), 2):g}°"
+    parts = [resolution, f"μ {friction_text(model)}", *location_texts(model, metres=metres)]
+    limit = session.collection.sampling.max_opening
+    if subject.poses is None:
+        parts.append(finger_words(model.fingers))
+        if subject.labels.mode != "scan" and math.isfinite(limit):  # the search had a limit
+            parts.append(f"opening ≤ {subject.mesh.length_text(limit)}")
+    return "   ".join([*parts, *([] if scene is None else [scene.hand.name])])
+
+
+def prepare_picking(subject: Subject, before: Subject | None) -> None:
+    """Build the ray tracer for clicks in the background, or reuse that of the same geometry.
+
+    Args:
+        subject: The surface.
+        before: The surface displayed before.
+    """
+    if (
+        before is not None
+        and before.mesh.vertices is subject.mesh.vertices
+        and before.mesh.faces is subject.mesh.faces
+        and "rays" in vars(before)
+    ):
+        vars(subject).setdefault("rays", before.rays)
+    else:
+        threading.Thread(target=lambda: subject.rays, daemon=True).start()
+
+
+def vertex_at(
+    subject: Subject, origin: Floats, direction: Floats, section: Section | None = None
+) -> int | None:
+    """Find the vertex nearest to the hit of a ray, among the corners of the face that is hit.
+
+    Args:
+        subject: The surface.
+        origin: Start of the ray, in the mesh's frame, shape (3,).
+        direction: Direction of the ray, shape (3,), of any length.
+        section: A section; its hidden part cannot be hit.
+
+    Returns:
+        The vertex; None if the ray hits nothing.
+    """
+    direction = direction / np.linalg.norm(direction)
+    reach = np.inf
+    if section is not None:
+        point, normal = section.plane(subject.bounds)
+        height, climb = float(normal @ (origin - point)), float(normal @ direction)
+        crossing = -height / climb if climb else np.inf
+        if height < 0.0:
+            if climb <= 0.0:
+                return None
+            origin = origin + crossing * direction
+        elif climb < 0.0:
+            reach = crossing
+    start = (origin - subject.mesh.center) / subject.mesh.size
+    toward = np.asarray(direction, dtype=np.float32)[None]
+    faces, far = subject.rays.hits(np.asarray(start, dtype=np.float32)[None], toward)
+    face, distance = int(faces[0]), float(far[0]) * subject.mesh.size
+    if face < 0 or distance > reach:
+        return None
+    corners = subject.mesh.faces[face]
+    gaps = np.linalg.norm(subject.mesh.vertices[corners] - (origin + distance * direction), axis=1)
+    return int(corners[np.argmin(gaps)])
+
+
+class ClickDetector:
+    """Calls a function for clicks with the left button, but not for drags.
+
+    After a press, VTK's interactor style grabs the mouse and other observers do not receive the
+    release; therefore the end of the style's interaction is observed. The style is looked up once:
+    another style needs another detector.
+    """
+
+    def __init__(
+        self, plotter: pyvista.Plotter, on_click: Callable[[float, float, bool], None]
+    ) -> None:
+        """Register the observers.
+
+        Args:
+            plotter: Plotter whose interactor receives the mouse events.
+            on_click: Called with the position [pixels from the lower left], and whether shift was
+                held.
+        """
+        window: Any = plotter.iren
+        self._mouse = window.interactor
+        self._on_click = on_click
+        self._pressed: tuple[int, int] | None = None
+        self._shift = False
+        self._mouse.AddObserver("LeftButtonPressEvent", self._press, 1.0)
+        style = window.style
+        style.AddObserver("InteractionEvent", self._move)
+        style.AddObserver("EndInteractionEvent", self._release)
+
+    def _press(self, *_: object) -> None:
+        self._pressed = self._mouse.GetEventPosition()
+        self._shift = bool(self._mouse.GetShiftKey())
+
+    def _move(self, *_: object) -> None:
+        if self._pressed and math.dist(self._pressed, self._mouse.GetEventPosition()) > MAX_MOVE:
+            self._pressed = None
+
+    def _release(self, *_: object) -> None:
+        self._move()
+        pressed, self._pressed = self._pressed, None
+        if pressed is not None:
+            x, y = self._mouse.GetEventPosition()
+            self._on_click(float(x), float(y), self._shift)

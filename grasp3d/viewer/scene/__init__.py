@@ -1,1 +1,0 @@
-"""A session drawn by PyVista, in a window or off screen."""

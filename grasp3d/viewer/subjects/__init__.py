@@ -1,1 +1,0 @@
-"""Viewed surfaces and their numbers, from labels or from files."""

@@ -1,0 +1,403 @@
+"""Verdicts on objects: every case with its sentence, and that no sentence contradicts its figures.
+
+`pytest -s` prints the table of cases, to be read aloud.
+"""
+
+import math
+import re
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import manifold3d
+import numpy as np
+import pytest
+
+from grasp3d import (
+    GraspModel,
+    Load,
+    ObjectMesh,
+    ParallelGripper,
+    Sampling,
+    SurfaceLabels,
+    Table,
+    best_grasps,
+    evaluate_grasps,
+    label_surface,
+    load_mesh,
+)
+from grasp3d.describe import verdict_of
+from grasp3d.describe.causes import Cause, cause_fractions
+from grasp3d.describe.verdict import LoadVerdict, Remedy, Verdict
+from grasp3d.grasps import EvaluatedPoses
+from grasp3d.hand.table import Approach
+from grasp3d.stability.label import Label
+from grasp3d.surface.load_result import HARD_FINGERS
+from tests.helpers import shapes
+from tests.helpers.grippers import HAND
+
+FINER = Remedy("sensor_resolution", math.radians(12.4), math.radians(30.0))
+MORE = Remedy("friction", 0.71, 0.5)
+FORCE = Remedy("grip_force", 25.0, 10.0)
+LESS = Remedy("mass", 0.19, 0.5)
+WIDER = Remedy("max_opening", 0.095, 0.08)
+
+
+def best(word: str, **fields: object) -> Verdict:
+    """A verdict with a best grasp."""
+    values = {"by": "franka", "resolution": 0.4, "max_resolution": 0.5, **fields}
+    return Verdict(word, **values)  # type: ignore[arg-type]
+
+
+def loaded(**fields: object) -> LoadVerdict:
+    """What a load takes; 0.5 kg with 10 N at hand, which are enough."""
+    values = {
+        "holds": True, "mass": 0.5, "available": 10.0, "needed": 8.0, "payload": 0.6,
+        "what": "hold 0.5 kg in any orientation",
+    }  # fmt: skip
+    return LoadVerdict(**{**values, **fields})  # type: ignore[arg-type]
+
+
+little = loaded(holds=False, needed=25.0, payload=0.19)
+nothing = loaded(holds=False, needed=math.inf, payload=0.0)
+pushed = loaded(mass=None, payload=math.nan, what="resist wrench 0,0,-5,0,0,0")
+no_mass = loaded(holds=None, mass=None, what="hold each kilogram in any orientation")
+
+CASES = {
+    "sure, gripper": (
+        best("surely", count=37),
+        "Surely held by franka: 37 distinct grasps; the best has 5.7° of resolution to spare.",
+    ),
+    "sure, of a table": (
+        best("surely", count=3, of=12),
+        "Surely held by franka: 3 of 12 grasps; the best has 5.7° of resolution to spare.",
+    ),
+    "sure, load": (
+        best("surely", count=5, load_result=loaded(), grip_force=8.6),
+        ("Surely held by franka: 5 distinct grasps; the best needs 8.6 N of 10 N to hold 0.5 kg in "
+        "any orientation."),
+    ),
+    "sure, wrench": (
+        best("surely", count=5, load_result=pushed, grip_force=7.0),
+        ("Surely held by franka: 5 distinct grasps; the best needs 7 N of 10 N to resist wrench "
+        "0,0,-5,0,0,0."),
+    ),
+    "sure, no mass known": (
+        best("surely", count=5, load_result=no_mass),
+        ("Surely held by franka: 5 distinct grasps; the best has 5.7° of resolution to spare. "
+        "10 N hold 0.6 kg in any orientation."),
+    ),
+    "perhaps": (
+        best("perhaps", remedies=(FINER, MORE)),
+        ("Perhaps held by franka: no grasp is surely stable at a sensor resolution of 22.9°. "
+        "Surely with a sensor of 12.4° or finer instead of 30°, or with a friction of 0.71 or more "
+        "instead of 0.5."),
+    ),
+    "perhaps, nothing helps": (
+        best("perhaps"),
+        ("Perhaps held by franka: no grasp is surely stable at a sensor resolution of 22.9°. No "
+        "change of sensor, friction, force or mass alone makes it sure."),
+    ),
+    "perhaps, load": (
+        best("perhaps", load_result=little, remedies=(FINER, FORCE, LESS)),
+        ("Perhaps held by franka: the sensor cannot tell whether 10 N can hold 0.5 kg in any "
+        "orientation. Surely with a sensor of 12.4° or finer instead of 30°, with 25 N instead of "
+        "10 N, or with 0.19 kg instead of 0.5 kg."),
+    ),
+    "not, load": (
+        best("not", load_result=little, remedies=(FORCE, LESS)),
+        ("Not held by franka: 10 N are too little to hold 0.5 kg in any orientation. Surely with "
+        "25 N instead of 10 N, or with 0.19 kg instead of 0.5 kg."),
+    ),
+    "not, load, hard fingers": (
+        best("not", load_result=replace(nothing, reason=HARD_FINGERS)),
+        ("Not held by franka: no force suffices to hold 0.5 kg in any orientation: two hard "
+        "fingers cannot resist a torque about the line through them: give a torsion radius "
+        "(--torsion-radius) or a gripper with flat pads, which have one."),
+    ),
+    "not, closed": (
+        best("not", lost=True),
+        "Not held by franka: once the jaws close, there is no grasp that may be stable.",
+    ),
+    "perhaps, where the pose is wrong": (
+        best("perhaps", load_result=loaded(), wrong="contacts may leave the pads"),
+        ("Perhaps held by franka: contacts may leave the pads. No change of sensor, friction, "
+        "force or mass alone makes it sure."),
+    ),
+    "not, too wide": (
+        Verdict("not", "franka", causes={Cause.TOO_WIDE: 1.0}, remedies=(WIDER,)),
+        ("Not held by franka: too wide for the stroke. Surely with jaws that open 95 mm instead of "
+        "80 mm."),
+    ),
+    "not, table": (
+        Verdict("not", "franka", causes={Cause.TABLE: 0.9, Cause.BLOCKED: 0.1}),
+        "Not held by franka: the table is in the way on 90 % of the surface.",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_each_case_has_its_sentence(case: str) -> None:
+    verdict, sentence = CASES[case]
+    print(f"{case}: {verdict}")  # noqa: T201
+    assert str(verdict) == sentence
+
+
+WORDS = ("not", "perhaps", "surely")
+MODEL = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0))
+FOLDER = Path(__file__).parents[2] / "meshes"
+MESHES = sorted(path for path in FOLDER.iterdir() if path.suffix not in {".md", ".png"})
+
+
+@cache
+def block() -> ObjectMesh:
+    return load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge="10mm")
+
+
+def beside(mesh: ObjectMesh, model: GraspModel = MODEL, **options: object) -> SurfaceLabels:
+    options = {"hand": HAND, **options}
+    return label_surface(mesh, model, **options)
+
+
+def changed(labels: SurfaceLabels, remedy: Remedy) -> SurfaceLabels:
+    """The surface searched again, with one setting as a remedy names it."""
+    model, scene, load = labels.model, labels.scene, labels.load
+    if remedy.setting in {"sensor_resolution", "friction"}:
+        model = replace(model, **{remedy.setting: remedy.value})
+    elif remedy.setting in {"grip_force", "mass"}:
+        assert load is not None
+        load = replace(load, **{remedy.setting: remedy.value})
+    else:
+        assert scene is not None
+        scene = replace(scene, hand=scene.hand.opening_to(remedy.value))
+    return label_surface(labels.mesh, model, sampling=labels.sampling, scene=scene, load=load)
+
+
+def check(labels: SurfaceLabels) -> Verdict:
+    """Check a verdict against the figures beside it, and that its remedies help."""
+    verdict, load_result, best = verdict_of(labels), labels.load_result, best_grasps(labels, 10)
+    decided = load_result is not None and load_result.label is not None
+    codes = load_result.label if decided else labels.label
+    ideal = WORDS[int(codes[labels.mesh.on_surface].max())]
+    posed = isinstance(best, EvaluatedPoses)
+    if posed:
+        assert verdict.word == WORDS[max(best.letter, default=0)]
+        assert verdict.count >= (best.letter == Label.S).sum()
+        if load_result is None or decided:
+            assert verdict.lost == (WORDS.index(verdict.word) < WORDS.index(ideal))
+    elif load_result is None or decided or math.isfinite(verdict.load_result.needed):
+        assert verdict.word == ideal
+    assert (verdict.count > 0) == (verdict.word == "surely")
+    causes = cause_fractions(labels)
+    sums = sum(labels.mesh.vertex_areas[codes == 0]) / labels.mesh.vertex_areas.sum()
+    assert sum(causes.values()) == pytest.approx(sums, abs=1e-9)
+    if load_result is None:
+        assert sum(causes.values()) == pytest.approx(labels.fractions()["U"], abs=1e-9)
+        if verdict.word == "surely" and labels.model.method == "exact":
+            assert verdict.spare_resolution > 0.0
+    elif verdict.word == "surely" and decided:
+        needed = best.grip_force if posed else best.load_result.grip_force_largest
+        assert verdict.grip_force <= load_result.available
+        assert verdict.grip_force == needed[0]
+    text = str(verdict)
+    assert not re.search(r"-\d|nan|\binf\b|None|±0°| 0\.0°", text)
+    assert text.count(". ") <= 2
+    for remedy in verdict.remedies:
+        assert verdict_of(changed(labels, remedy)).word == "surely", remedy
+    return verdict
+
+
+def test_a_block_is_held() -> None:
+    labels = beside(block(), table=Table.below(block()))
+    verdict = check(labels)
+    # Opposite sides: the critical angle is 0, and alpha* twice the friction angle.
+    assert verdict.max_resolution == pytest.approx(2.0 * math.atan(0.4), abs=1e-6)
+    assert verdict.spare_resolution == pytest.approx(verdict.max_resolution - math.radians(15.0))
+    assert verdict.count >= (best_grasps(labels, 10).letter == Label.S).sum() == 10
+    assert str(verdict).startswith(
+        f"Surely held by {HAND.name}: {verdict.count} distinct grasps; the best has 28.6° of"
+    )
+
+
+def test_a_coarse_sensor_needs_to_be_finer_or_friction_larger() -> None:
+    coarse = replace(MODEL, sensor_resolution=math.radians(50.0))
+    labels = beside(block(), coarse)
+    verdict = check(labels)
+    finer, more = verdict.remedies
+    assert finer.value == pytest.approx(math.radians(43.6))
+    assert more.value == pytest.approx(0.47)  # tan 25 degrees is 0.4663
+    for remedy, step in ((finer, math.radians(0.1)), (more, -0.01)):
+        short = replace(remedy, value=remedy.value + step)
+        assert verdict_of(changed(labels, short)).word == "perhaps"
+
+
+def test_what_is_not_reached_has_the_cause_of_most_of_the_surface() -> None:
+    sideways = Approach((0.0, 0.0, 1.0), within=math.radians(1.0))
+    plate = load_mesh(shapes.box((120.0, 80.0, 3.0)), unit="mm", max_edge="10mm")
+    for labels, cause in (
+        (beside(plate, table=Table.below(plate)), Cause.TABLE),
+        (beside(plate, approach=sideways), Cause.DIRECTION),
+    ):
+        verdict = check(labels)
+        assert f"Not held by {HAND.name}: {cause}" in str(verdict)
+        assert (verdict.count, verdict.max_resolution, verdict.remedies) == (0, 0.0, ())
+        assert math.isnan(verdict.spare_resolution)
+
+
+@pytest.mark.slow
+def test_what_is_too_wide_needs_jaws_that_open_wider() -> None:
+    large = load_mesh(shapes.box((100.0, 110.0, 90.0)), unit="mm", max_edge="15mm")
+    labels = beside(large)
+    (wider,) = check(labels).remedies
+    assert wider.value == pytest.approx(0.09 + 2.0 * HAND.clearance, abs=1e-3)
+    short = replace(wider, value=wider.value - 0.002)
+    assert verdict_of(changed(labels, short)).word == "not"
+    heavy = label_surface(large, MODEL, hand=HAND, load=Load(mass=0.2, grip_force=40.0))
+    assert [one.setting for one in check(heavy).remedies] == ["max_opening"]
+
+
+def test_a_slippery_cone_needs_friction() -> None:
+    pyramid = load_mesh(shapes.cone(40.0, 20.0, sections=32), unit="mm", max_edge="20mm")
+    model = GraspModel(friction=0.1, sensor_resolution=math.radians(2.0))
+    (more,) = check(beside(pyramid, model, hand=None)).remedies
+    assert more.setting == "friction"
+
+
+def test_without_a_gripper_limits_of_openings_are_no_stroke() -> None:
+    verdict = check(beside(block(), hand=None, sampling=Sampling(max_opening="5mm")))
+    assert str(verdict).startswith(f"Not held by two fingers: {Cause.LIMITS}")
+    check(beside(block(), hand=None))
+
+
+@cache
+def small_box() -> SurfaceLabels:
+    mesh = load_mesh(shapes.box((0.08, 0.05, 0.03)), unit="m", max_edge=0.02)
+    return label_surface(mesh, GraspModel(torsion_radius="3mm", sensor_resolution=0.2))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("force", [None, 40.0, 9.0, 5.0])
+@pytest.mark.parametrize("mass", [None, 0.5])
+def test_a_load_of_the_box(mass: float | None, force: float | None) -> None:
+    labels = small_box().using(load=Load(mass=mass, grip_force=force))
+    verdict = check(labels)
+    load_result = verdict.load_result
+    assert load_result is not None
+    assert load_result.needed == pytest.approx(np.nanmin(labels.load_result.grip_force_largest))
+    if mass is None or force is None:
+        assert (verdict.word, load_result.holds) == ("surely", None)
+        number = load_result.payload if force else load_result.needed
+        assert f"{number:.3g} " in str(verdict).rsplit(". ", maxsplit=1)[1]
+    else:
+        assert load_result.holds == (force >= load_result.needed) == (verdict.word == "surely")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("angle", [70.0, 45.0])
+def test_a_finer_sensor_or_more_force_holds_the_load(angle: float) -> None:
+    """Between the forces at the sensed and at the worst normals the sensor decides."""
+    model = replace(small_box().model, sensor_resolution=math.radians(angle))
+    labels = small_box().using(model=model, load=Load(mass=0.5, grip_force=9.0))
+    verdict = check(labels)
+    assert verdict.word == "perhaps"
+    assert {one.setting for one in verdict.remedies} >= {"sensor_resolution"}
+
+
+@pytest.mark.slow
+def test_reasons_why_no_force_holds() -> None:
+    task = "wrench 0,0,-5,0,0,0"
+    given = verdict_of(small_box().using(load=Load(task=task, grip_force=8)))
+    assert f"to resist {task}" in str(given)
+    off = load_mesh(shapes.box((0.08, 0.05, 0.03)), unit="m", max_edge=0.02,
+                    center_of_mass="3mm,1mm,2mm")  # fmt: skip
+    hard = replace(small_box().model, torsion_radius=0.0)
+    for force in (None, 20.0):
+        verdict = check(label_surface(off, hard, load=Load(mass=0.5, grip_force=force)))
+        assert verdict.word == "not"
+        assert HARD_FINGERS in str(verdict)
+
+
+def coarse_mesh(path: Path) -> ObjectMesh:
+    """A library object with fewer and larger triangles, which saves time."""
+    mesh = load_mesh(path, unit="m", max_edge=9.0)
+    solid = manifold3d.Manifold(
+        manifold3d.Mesh64(np.array(mesh.vertices, order="C"), mesh.faces.astype(np.uint64))
+    )
+    small = solid.simplify(mesh.size / 150.0).to_mesh64()
+    points = np.asarray(small.vert_properties)[:, :3]
+    return load_mesh((points, np.asarray(small.tri_verts)), unit="m", max_edge=mesh.size / 12.0)
+
+
+def test_given_grasps_are_judged_by_the_same_words() -> None:
+    mesh, points = block(), 1e-3 * np.array([[[0, -20, 0], [0, 20, 0]], [[-30, 0, 5], [30, 0, -5]]])
+    verdict = verdict_of(evaluate_grasps(mesh, points, MODEL))
+    assert str(verdict).startswith("Surely held by two fingers: 2 of 2 grasps; the best has 28.6°")
+    coarse = replace(MODEL, sensor_resolution=math.radians(50.0))
+    text = str(verdict_of(evaluate_grasps(mesh, points, coarse)))
+    assert text.startswith("Perhaps held by two fingers: no grasp is surely stable")
+
+
+def test_closing_may_make_sure_what_points_are_not() -> None:
+    """As where pads lie flat on what is rough; here the labels of points are made U."""
+    labels = beside(block())
+    expected = verdict_of(labels)
+    vars(labels)["label"] = np.zeros_like(labels.label)
+    assert str(verdict_of(labels)) == str(expected)
+    assert (expected.word, expected.causes) == ("surely", {})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", MESHES[::6], ids=lambda path: path.name)
+def test_no_sentence_on_a_library_object_contradicts_its_figures(path: Path) -> None:
+    mesh = coarse_mesh(path)
+    for hand in (None, *map(ParallelGripper.preset, ("franka", "robotiq_2f85"))):
+        for load in (None, Load(mass=0.5), Load(mass=0.5, grip_force=12.0)):
+            print(path.name, check(label_surface(mesh, GraspModel(), hand=hand, load=load)))  # noqa: T201
+
+
+def test_poses_that_all_collide_are_no_matter_of_force() -> None:
+    """Jaws that close on the object in a table hold it firmly, and cannot be there."""
+    mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge="10mm")
+    poses = np.eye(4)
+    poses[:3, :3] = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]).T
+    poses[:3, 3] = [0.0, 0.0, -0.008]
+    load = Load(mass=0.2)
+    below = evaluate_grasps(
+        mesh,
+        poses,
+        MODEL,
+        hand=ParallelGripper.preset("franka"),
+        table=Table.below(mesh),
+        load=load,
+    )
+    assert below.jaws.closed.all()
+    assert not below.reachable.any()
+    assert str(verdict_of(below)) == (
+        "Not held by franka: at no pose is the object held without a collision."
+    )
+    free = evaluate_grasps(mesh, poses, MODEL, hand=ParallelGripper.preset("franka"), load=load)
+    assert str(verdict_of(free)).startswith("Surely held by franka: 1 of 1 grasps")
+
+
+def test_the_error_of_a_pose_is_no_matter_of_force() -> None:
+    mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge="10mm")
+    poses = np.eye(4)
+    poses[:3, :3] = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]).T
+    hand = ParallelGripper.preset("franka")
+    found = [
+        str(verdict_of(evaluate_grasps(mesh, poses, MODEL, hand=hand, load=load, pose_error=error)))
+        for load in (Load(mass=0.05), None)
+        for error in ("2mm,1deg", "12mm,1deg", "30mm,1deg")
+    ]
+    for sure, wrong, missed in (found[:3], found[3:]):
+        assert sure.startswith("Surely held by franka: 1 of 1 grasps")
+        assert wrong.startswith("Perhaps held by franka: contacts may leave the pads where the pos")
+        assert missed.startswith("Not held by franka: its jaws close on nothing where the pose is")
+    assert "too little" not in " ".join(found)
+
+
+def test_grasps_of_many_contacts_have_a_verdict() -> None:
+    ball = load_mesh(shapes.sphere(2), unit="cm", max_edge=9.0)
+    points = 0.01 * np.concatenate([np.eye(3), -np.eye(3)])[None]
+    verdict = verdict_of(evaluate_grasps(ball, points, MODEL))
+    assert str(verdict).startswith("Surely held by 6 fingers: 1 of 1 grasps")

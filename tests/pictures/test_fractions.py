@@ -1,0 +1,132 @@
+"""The figure of a sweep: its curves, its layout, and its files."""
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from PIL import Image
+
+from grasp3d.pictures.figures import LABEL_COLORS, new_figure, save_as
+from grasp3d.pictures.fractions import draw_ceiling, stack_fractions, sweep_figure
+from grasp3d.stability.angle_distributions import SampledAngles, SphereAngles
+from grasp3d.stability.label import Label
+from grasp3d.surface.sweeps import Sweep, mean_sweep, sweep
+
+DEGREES = np.linspace(0.0, 60.0, 25)
+
+
+def spheres(name: str = "sphere", friction: tuple[float, ...] = (0.2, 0.5, 1.0)) -> Sweep:
+    return sweep(
+        SphereAngles(),
+        friction=friction,
+        sensor_resolution=np.radians(DEGREES),
+        name=name,
+        mode="scan",
+    )
+
+
+def surface(name: str, seed: int) -> Sweep:
+    angles = np.sort(np.random.default_rng(seed).uniform(0.0, 0.6, 500))
+    return sweep(
+        SampledAngles(angles + 0.05, angles, np.full(500, 1.0 / 500)),
+        friction=(0.2, 0.5, 1.0),
+        sensor_resolution=np.radians(DEGREES),
+        name=name,
+    )
+
+
+def texts(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.findobj(Text) if text.get_text()]
+
+
+def test_the_areas_are_the_fractions() -> None:
+    swept = spheres()
+    axes = new_figure().subplots()
+    stack_fractions(axes, swept, 1)
+    areas = {}
+    for collection in axes.collections:
+        assert isinstance(collection, PolyCollection)
+        x, y = np.asarray(collection.get_paths()[0].vertices).T
+        color = "#" + "".join(f"{round(255 * c):02X}" for c in collection.get_facecolor()[0][:3])
+        areas[color] = 0.5 * abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1)))
+    heights = {Label.S: swept.stable, Label.M: swept.ambiguous, Label.U: swept.unstable}
+    assert len(areas) == 3
+    for label, height in heights.items():
+        expected = np.trapezoid(100.0 * height[1], DEGREES)
+        assert areas[LABEL_COLORS[label]] == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_marks_are_where_stability_falls_to_the_fraction() -> None:
+    swept = surface("blob", 1)
+    axes = new_figure().subplots()
+    stack_fractions(axes, swept, 1, fractions=(0.5, 0.3, 0.95))  # 95 % are never S
+    dots = [line for line in axes.get_lines() if line.get_marker() == "o"]
+    required = np.degrees([swept.required_resolution(value)[1] for value in (0.5, 0.3)])
+    found = [dot.get_xydata() for dot in dots]
+    assert np.concatenate(found) == pytest.approx(np.stack([required, [50.0, 30.0]], axis=1))
+    assert f"{required[0]:.0f}°" in [text.get_text() for text in axes.texts]
+
+
+def test_the_ceiling_has_a_line_for_each_friction_and_each_sweep() -> None:
+    figure = new_figure()
+    one, several, many = figure.subplots(1, 3)
+    draw_ceiling(one, [spheres()])
+    draw_ceiling(several, [spheres(friction=(1.0,)), spheres("ball", (1.0,))])
+    draw_ceiling(many, [spheres(), spheres("ball")])
+    assert [line.get_label() for line in one.get_lines()] == ["μ = 0.2", "μ = 0.5", "μ = 1"]
+    assert [line.get_label() for line in several.get_lines()] == ["sphere", "ball"]
+    assert [line.get_label() for line in many.get_lines()][-1] == "ball, μ = 1"
+    assert one.get_lines()[1].get_ydata() == pytest.approx(100.0 * spheres().accuracy_ceiling[1])
+
+
+@pytest.mark.slow
+def test_nothing_is_cut_off_and_no_panels_overlap() -> None:
+    meshes = [surface(f"mesh_{seed}.ply", seed) for seed in range(3)]
+    mean = mean_sweep(meshes, name="a rather long name of a folder (mean of 3)")
+    figure = sweep_figure([spheres(), mean], members=meshes, fractions=(0.5, 0.9))
+    figure.draw_without_rendering()
+    page = figure.bbox
+    boxes = [axes.get_tightbbox() for axes in figure.axes] + [figure.legends[0].get_window_extent()]
+    for number, box in enumerate(boxes):
+        assert box is not None
+        assert page.x0 - 1 <= box.x0
+        assert box.x1 <= page.x1 + 1
+        assert page.y0 - 1 <= box.y0
+        assert box.y1 <= page.y1 + 1
+        for other in boxes[:number]:
+            assert other is not None
+            apart_x = box.x0 >= other.x1 - 1 or other.x0 >= box.x1 - 1
+            apart_y = box.y0 >= other.y1 - 1 or other.y0 >= box.y1 - 1
+            assert apart_x or apart_y
+    assert "U  no grasp found (on sphere: surely unstable)" in texts(figure)
+    assert "S of each mesh" in texts(figure)
+
+
+@pytest.mark.parametrize(
+    ("sweeps", "text"),
+    [([spheres()], "U  surely unstable"), ([surface("blob", 2)], "U  no grasp found")],
+)
+def test_the_legend_explains_u(sweeps: list[Sweep], text: str) -> None:
+    assert text in texts(sweep_figure(sweeps))
+
+
+@pytest.mark.slow
+def test_files_are_complete_and_the_same_each_time(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        for suffix in ("svg", "png", "pdf"):
+            figure = sweep_figure([surface("5 $ and 6 $ 漢字 \udcff", 3)], fractions=(0.5,))
+            save_as(figure, tmp_path / f"{name}.{suffix}")
+    for suffix in ("svg", "png", "pdf"):
+        assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
+    root = ET.parse(tmp_path / "a.svg").getroot()  # noqa: S314, our own file
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+    assert float(root.attrib["width"].removesuffix("pt")) == pytest.approx(7.16 * 72.0, abs=1.0)
+    with Image.open(tmp_path / "a.png") as picture:
+        assert picture.size[0] == pytest.approx(7.16 * 300, abs=2)
+        colors = {color for _, color in picture.convert("RGB").getcolors(1 << 24) or []}
+    assert {tuple(bytes.fromhex(color[1:])) for color in LABEL_COLORS.values()} <= colors
+    assert (tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")

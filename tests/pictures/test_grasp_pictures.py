@@ -1,0 +1,91 @@
+"""Pictures of grasps: up is up, and the approach and the table are seen."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from grasp3d import GraspModel, Label, Sampling, label_surface, load_mesh
+from grasp3d.grasps.best import best_grasps
+from grasp3d.hand.parallel_gripper import preset
+from grasp3d.hand.scene import Scene
+from grasp3d.hand.shapes import ARC_COLOR
+from grasp3d.hand.table import Table
+from grasp3d.mesh import ObjectMesh
+from grasp3d.pictures import layers
+from grasp3d.pictures.grasps import grasp_figure
+from grasp3d.pictures.stills import PIXELS, draw_grasps
+from tests.helpers.figures import check_texts, drawn_texts
+from tests.helpers.held_grasps import held_box
+from tests.pictures.test_opengl import needs_opengl
+
+COUNT = 2
+MAGENTA = (255, 0, 255)
+
+
+def boot() -> ObjectMesh:
+    """A shaft on a foot [m], upside down: it rests on its shaft."""
+    shaft = trimesh.creation.box(bounds=[[0.0, 0.0, 0.0], [0.05, 0.05, 0.11]])
+    foot = trimesh.creation.box(bounds=[[0.0, 0.0, 0.11], [0.14, 0.05, 0.15]])
+    return load_mesh(trimesh.boolean.union([shaft, foot]), unit="m", max_edge=0.012)
+
+
+@pytest.mark.slow
+@needs_opengl
+def test_the_table_is_below_the_object_and_the_approach_is_drawn(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    mesh = boot()
+    labels = label_surface(
+        mesh, GraspModel(), sampling=Sampling(rays=8), hand=preset("franka"),
+        table=Table.below(mesh, "-z"),
+    )  # fmt: skip
+    grasps = best_grasps(labels, COUNT)
+    scene = grasps.scene
+    assert scene is not None
+    assert scene.table is not None
+    look = replace(layers.LOOKS["table"], color=MAGENTA, opacity=1.0)
+    monkeypatch.setitem(layers.LOOKS, "table", look)
+    for image in draw_grasps(grasps, labels):
+        red, green, blue = np.moveaxis(image.astype(int), 2, 0)
+        plate = (red - green > 60) & (blue - green > 60)
+        painted = (red - blue > 60) | (green - blue > 60)
+        rows = [np.nonzero(one)[0] for one in (plate, painted)]
+        assert min(map(len, rows)) > 300
+        assert rows[0].mean() > rows[1].mean() + 5.0
+        assert rows[0].max() > rows[1].max()
+        arrow = np.abs(image.astype(int) - ARC_COLOR).max(axis=2) < 40
+        assert arrow.sum() > 20
+
+
+@needs_opengl
+@pytest.mark.slow
+def test_the_gripper_is_drawn_at_each_grasp() -> None:
+    labels = held_box()
+    grasps = best_grasps(labels, COUNT)
+    pictures = draw_grasps(grasps, labels)
+    assert len(pictures) == COUNT
+    for image in pictures:
+        assert image.shape == (*PIXELS, 3)
+        assert (image[[0, -1]] == 255).all()
+        assert (image[:, [0, -1]] == 255).all()
+        grey = (np.ptp(image.astype(int), axis=2) < 25) & (image.mean(axis=2) < 230)
+        assert grey.mean() > 0.05
+        assert (np.ptp(image.astype(int), axis=2) > 60).mean() > 0.02
+    figure = grasp_figure(grasps, pictures)
+    check_texts(figure)
+    texts = " ".join(text for text, _ in drawn_texts(figure))
+    for row in range(COUNT):
+        assert f"{Label(int(grasps.letter[row])).name}   {grasps.score[row]:.2f}" in texts
+        assert f"approach ±{math.degrees(grasps.approach_margin[row]):.0f}°" in texts
+
+
+def test_without_a_table_up_is_the_stated_axis() -> None:
+    labels = held_box()
+    scene = labels.scene
+    assert scene is not None
+    up = np.array([0.0, 1.0, 0.0])
+    free = Scene(scene.hand, approach=replace(scene.approach, direction=-up))
+    assert np.array_equal(free.up, up)
