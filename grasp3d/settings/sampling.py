@@ -7,10 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.settings.checks import LARGEST_SEED, check_choice, check_range
-from grasp3d.settings.grasp_model import (
-    MAX_SEARCHED_FINGERS,
-    GraspModel,
-)
+from grasp3d.settings.grasp_model import MAX_SEARCHED_FINGERS, GraspModel
 from grasp3d.settings.parsing import IN_PYTHON
 from grasp3d.settings.units import Length, LengthSettings, Radians, describe_length
 
