@@ -336,8 +336,10 @@ def _plain(value: Any) -> Any:
     """Records as dictionaries, tuples as lists, and undecodable bytes of file names as escapes."""
     if isinstance(value, str):
         return as_unicode(value)
-    if is_dataclass(value) or isinstance(value, Mapping):
-        return {name: _plain(one) for name, one in getattr(value, "__dict__", value).items()}
+    if is_dataclass(value):
+        value = vars(value)
+    if isinstance(value, Mapping):
+        return {name: _plain(one) for name, one in value.items()}
     return [_plain(one) for one in value] if type(value) is tuple else value
 
 
