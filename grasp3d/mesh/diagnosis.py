@@ -17,12 +17,11 @@ from grasp3d.mesh.measures import (
     part_volumes,
     parts_of,
 )
-from grasp3d.mesh.mesh_sources import MeshSource
 from grasp3d.mesh.normals import CornerNormals, corner_normals
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import length_warnings
 from grasp3d.mesh.plausible_units import UnitGuess, guess_unit
-from grasp3d.mesh.preparing import prepare
+from grasp3d.mesh.preparing import MeshSource, prepare
 from grasp3d.mesh.ray_tracing import crossing_faces
 from grasp3d.mesh.repair.cleaning import is_face
 from grasp3d.mesh.repair.holes import holes_of

@@ -78,30 +78,23 @@ def write_columns(
 
 
 def table_of_columns(
-    columns: Mapping[str, npt.NDArray[Any]], *, settings: Mapping[str, Any]
-) -> pa.Table:
-    """Make a table of columns; nan leaves the cell empty. See `write_columns`."""
-    arrays = {name: pa.array(values, from_pandas=True) for name, values in columns.items()}
-    return pa.table(arrays, metadata={"grasp3d": json.dumps(settings)})
-
-
-def table_of_arrays(
     columns: Mapping[str, npt.NDArray[Any]],
-    categories: Mapping[str, Sequence[str]],
+    categories: Mapping[str, Sequence[str]] | None = None,
     *,
     settings: Mapping[str, Any],
 ) -> pa.Table:
-    """Make a table of columns; nan and inf are kept.
+    """Make a table of columns; nan leaves the cell empty, unless there are categories.
 
     Args:
         columns: Values of each column, shape (rows,), in the order of the table.
         categories: For columns of codes 0, 1, ...: the text of each code, which is stored.
         settings: As in `table_of_rows`.
     """
+    texts = {} if categories is None else categories
     arrays = {
-        name: pa.DictionaryArray.from_arrays(pa.array(values.astype("i1")), list(categories[name]))
-        if name in categories
-        else pa.array(values)
+        name: pa.DictionaryArray.from_arrays(pa.array(values.astype("i1")), list(texts[name]))
+        if name in texts
+        else pa.array(values, from_pandas=categories is None)
         for name, values in columns.items()
     }
     return pa.table(arrays, metadata={"grasp3d": json.dumps(settings)})
