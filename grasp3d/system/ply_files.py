@@ -25,10 +25,7 @@ WIDTH = 200
 
 
 def write_ply_columns(
-    path: Path,
-    columns: Mapping[str, npt.NDArray[Any]],
-    faces: Ints,
-    settings: Mapping[str, Any],
+    path: Path, columns: Mapping[str, npt.NDArray[Any]], faces: Ints, settings: Mapping[str, Any]
 ) -> None:
     """Write a binary PLY of triangles, with settings in comments that begin with `grasp3d`.
 
