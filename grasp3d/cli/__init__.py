@@ -15,7 +15,7 @@ from typing import Any
 
 from grasp3d._kernels import compilations
 from grasp3d.cli import commands
-from grasp3d.cli.usage import HELP, HELP_ALL, help_of, parse
+from grasp3d.cli.usage import HELP, HELP_ALL, completion_script, help_of, parse
 from grasp3d.errors import GraspError, MeshError, SettingError
 from grasp3d.system.context import running
 from grasp3d.system.documents import problem_of_file
@@ -84,8 +84,6 @@ def _run(arguments: list[str]) -> int:
         print(f"grasp3d {package_version()}")  # noqa: T201
         return 0
     if name == "--completion":
-        from grasp3d.cli.completion import completion_script
-
         print(completion_script(KINDS), end="")  # noqa: T201
         return 0
     if name in {*HELP, HELP_ALL}:
@@ -104,8 +102,10 @@ def _run(arguments: list[str]) -> int:
     try:
         _check_file(getattr(command, "file", None))
         module = _module(command)
+        from grasp3d.cli.report import Report
+
         with running(strict=getattr(command, "strict", False)):
-            return int(module.run(command))
+            return int(module.run(command, Report(quiet=getattr(command, "quiet", False))))
     finally:
         compilations.setLevel(level)
 

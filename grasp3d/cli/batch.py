@@ -16,7 +16,6 @@ from grasp3d.batch.library import BatchProgress, LibraryLabels, label_library
 from grasp3d.batch.report.pages import COLUMNS, REPORT
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.cli.commands import Batch
-from grasp3d.cli.progress_bars import bar_of
 from grasp3d.cli.report import FAILED, WARNING, Report, escaped, percent_text
 from grasp3d.stability.label import MEANING
 from grasp3d.system.counts import counted
@@ -32,34 +31,25 @@ MAX_MESSAGES = 20
 """Failures, and warnings, that are printed; the others are in the summary and the report."""
 
 
-def run(command: Batch) -> int:
+def run(command: Batch, report: Report) -> int:
     """Run the command; returns the exit code."""
     settings = BatchSettings(
-        command.reach.touching(command.model),
-        command.sampling,
-        command.mesh,
-        command.best,
-        command.reach,
-        command.load.chosen,
-    )
-    with _show_progress(quiet=command.quiet) as progress, _interrupted_once():
+        command.reach.touching(command.model), command.sampling, command.mesh, command.best,
+        command.reach, command.load.chosen,
+    )  # fmt: skip
+    with _show_progress(report) as progress, _interrupted_once():
         try:
             library = label_library(
-                command.inputs,
-                command.output,
-                settings,
-                cluster=command.cluster,
-                progress=progress,
-                overwrite=command.overwrite,
-                force=command.force,
-            )
+                command.inputs, command.output, settings, cluster=command.cluster,
+                progress=progress, overwrite=command.overwrite, force=command.force,
+            )  # fmt: skip
         except KeyboardInterrupt as stop:
             without = " without --overwrite" * command.overwrite
             resume = f"the same command{without} labels the others"
             text = f"{progress.counts}; labelled meshes are stored; {resume}"
             raise KeyboardInterrupt(text) from stop
     if not command.quiet:
-        print_library(library)
+        print_library(report, library)
     for row in library.failed if command.quiet else ():
         print(f"failed: {printable(row.error)}", file=sys.stderr)  # noqa: T201
     return 1 if library.failed else 0
@@ -119,13 +109,9 @@ class ProgressDisplay:
 
 
 @contextmanager
-def _show_progress(*, quiet: bool) -> Iterator[ProgressDisplay]:
-    """Show the progress of a batch, and the package's log, for the duration of the context.
-
-    Args:
-        quiet: Show nothing.
-    """
-    bar = bar_of(TextColumn("{task.fields[status]}"), TimeRemainingColumn(), quiet=quiet)
+def _show_progress(report: Report) -> Iterator[ProgressDisplay]:
+    """Show the progress of a batch, and the package's log, for the duration of the context."""
+    bar = report.bar(TextColumn("{task.fields[status]}"), TimeRemainingColumn())
     log = logging.getLogger("grasp3d")
     handler, level = RichHandler(console=bar.console, show_time=False, show_path=False), log.level
     log.setLevel(logging.INFO)
@@ -138,13 +124,14 @@ def _show_progress(*, quiet: bool) -> Iterator[ProgressDisplay]:
         log.removeHandler(handler)
 
 
-def print_library(library: LibraryLabels) -> None:
+def print_library(report: Report, library: LibraryLabels) -> None:
     """Print the results of a library: a line per mesh where they are few, warnings and failures.
 
     Args:
+        report: Where to print.
         library: From `label_library`.
     """
-    report, rows = Report(), list(library.rows.values())
+    rows = list(library.rows.values())
     if len(rows) <= MAX_ROWS:
         _print_table(report, rows)
     warned = [f"{row.mesh}: {row.warnings}" for row in rows if row.warnings]

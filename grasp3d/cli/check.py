@@ -7,9 +7,7 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.checking import CheckedMesh, check_file, lost_check, write_checks
 from grasp3d.batch.inputs import find_meshes
 from grasp3d.batch.storage.files import local_path
-from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Check
-from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import FAILED, Report, escaped, exact_angle
 from grasp3d.mesh.diagnosis import MeshDiagnosis, Trust
 from grasp3d.surface.fields import NONE
@@ -39,18 +37,18 @@ COLUMNS: dict[str, Callable[[MeshDiagnosis], str]] = {
 """Columns of the table of meshes, as they are after repair."""
 
 
-def run(command: Check) -> int:
+def run(command: Check, report: Report) -> int:
     """Run the command, and return the exit code."""
     files = find_meshes(command.inputs)
     sources = [local_path(file.source) for file in files]
-    check_output(command.output, [".json"], "report", overwrite=command.overwrite, inputs=sources)
+    command.check_output(command.output, [".json"], "report", inputs=sources)
     settings = BatchSettings(command.model, command.sampling, command.mesh)
-    meshes = progress_bars.each_mesh(
+    meshes = report.each_mesh(
         check_file, files, settings, lost=lost_check, text="checking", command=command
     )
     if command.output is not None:
         write_checks(command.output, meshes, settings)
-    _print(Report(quiet=command.quiet), meshes)
+    _print(report, meshes)
     accepted = {Trust.YES} if command.strict else {Trust.YES, Trust.CARE}
     return 0 if all(mesh.trust in accepted for mesh in meshes) else 1
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
@@ -287,6 +287,12 @@ class Evaluate(Guarded, GivenPoses, OneMesh):
     load: Load = field(default_factory=Load)
 
     mesh: MeshOptions = field(default_factory=MeshOptions)
+
+    @property
+    def of_poses(self) -> dict[str, Any]:
+        """What is stated of the file of poses."""
+        stated = {"outcome": self.outcome, "object_scale": self.object_scale}
+        return super().of_poses | stated
 
 
 @dataclass(frozen=True)

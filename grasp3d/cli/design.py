@@ -24,9 +24,9 @@ MARGIN = (
 )
 
 
-def run(command: Design) -> int:
+def run(command: Design, report: Report) -> int:
     """Run the command, and return the exit code."""
-    report, field = Report(), command.receptive_field
+    field = command.receptive_field
     radius = 1000.0 * (command.fingertip_radius or 0.01)  # [mm]
     fingertip = ("fingertip", f"radius {radius:.4g} mm")
     if field is None and command.sensor_resolution is None:

@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Evaluate
-from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import (
     Grasps,
     Report,
@@ -50,7 +48,7 @@ MAX_ROWS = 10
 """Largest number of evaluated grasps in the table."""
 
 
-def run(command: Evaluate) -> int:
+def run(command: Evaluate, report: Report) -> int:
     """Run the command, and return the exit code."""
     if command.metrics is not None:
         metric_names(command.metrics)
@@ -64,37 +62,36 @@ def run(command: Evaluate) -> int:
         raise SettingError("max_distance applies to contacts, not to poses of a gripper")
     mask = getattr(command.mesh.region, "path", None)
     inputs = [command.file, command.contacts, mask, *command.load.task.files]
-    check_output(output, SUFFIXES, "table", overwrite=command.overwrite, inputs=inputs)
-    results = (_poses if poses else _contacts)(command)
+    command.check_output(output, SUFFIXES, "table", inputs=inputs)
+    results = (_poses if poses else _contacts)(command, report)
     metrics = None if command.metrics is None else results.metrics(command.metrics)
-    with progress_bars.progress("measuring epsilon", quiet=command.quiet):
+    with report.progress("measuring epsilon"):
         results.epsilon  # noqa: B018, computed when it is first read
     write_grasps(output, results, metrics=metrics)
     if not command.quiet:
-        print_grasps(results, metrics or {})
-        Report().written(output)
+        print_grasps(report, results, metrics or {})
+    report.written(output)
     return 0
 
 
-def _poses(command: Evaluate) -> Any:
+def _poses(command: Evaluate, report: Report) -> Any:
     """Evaluate poses of a gripper or hand."""
-    poses, mesh = poses_on(
-        command.contacts, command.file, command.mesh, hand=command.reach.hand, **_stated(command)
-    )
+    given = {"hand": command.reach.hand, **command.of_poses}
+    poses, mesh = poses_on(command.contacts, command.file, command.mesh, **given)
     model = command.reach.touching(command.model)
     _refuse_lengths(command, mesh, model)
     scene = Scene.of(command.reach, mesh)
     assert scene is not None
-    with progress_bars.progress(f"evaluating {command.contacts.name}", quiet=command.quiet):
+    with report.progress(f"evaluating {command.contacts.name}"):
         if command.frame == AUTO:
             poses = explained(mesh, poses, scene.hand, table=scene.table)
         options: dict[str, Any] = {"contact_rule": command.contact_rule, "scene": scene}
         return evaluate_grasps(mesh, poses, model, load=command.load.chosen, **options)
 
 
-def _contacts(command: Evaluate) -> Any:
+def _contacts(command: Evaluate, report: Report) -> Any:
     """Evaluate contacts."""
-    stated = {**_stated(command), "frame": command.frame}
+    stated = {**command.of_poses, "frame": command.frame}
     if any(given is not None for given in stated.values()):
         read_grasps(command.contacts, **stated)  # says that it is for poses
     contacts, unit = contacts_in(command.contacts)
@@ -102,17 +99,10 @@ def _contacts(command: Evaluate) -> Any:
     mesh = load_mesh(command.file, command.mesh)
     contacts = contacts_on(mesh, contacts, unit)
     _refuse_lengths(command, mesh, model)
-    with progress_bars.progress(f"evaluating {command.contacts.name}", quiet=command.quiet):
+    with report.progress(f"evaluating {command.contacts.name}"):
         return evaluate_contacts(
             mesh, contacts, model, max_distance=command.max_distance, load=command.load.chosen
         )
-
-
-def _stated(command: Evaluate) -> dict[str, Any]:
-    """What is stated of a file of poses, for `read_grasps`."""
-    return {
-        **command.of_poses, "outcome": command.outcome, "object_scale": command.object_scale
-    }  # fmt: skip
 
 
 def _refuse_lengths(command: Evaluate, mesh: ObjectMesh, model: GraspModel) -> None:
@@ -120,14 +110,15 @@ def _refuse_lengths(command: Evaluate, mesh: ObjectMesh, model: GraspModel) -> N
         refuse_lengths(mesh, model, max_distance=command.max_distance)
 
 
-def print_grasps(grasps: Grasps, metrics: dict[str, Any]) -> None:
+def print_grasps(report: Report, grasps: Grasps, metrics: dict[str, Any]) -> None:
     """Print the number of grasps of each label, and a table of the best grasps.
 
     Args:
+        report: Where to print.
         grasps: Evaluated contacts, or poses of a gripper or hand.
         metrics: Values of quality measures by name, whose quantiles are printed.
     """
-    report, mesh, size = Report(), grasps.mesh, grasps.size
+    mesh, size = grasps.mesh, grasps.size
     words = model_line(grasps.model, metres=mesh.unit is not None)
     report.heading(mesh.report.source, escaped(f"{_kind(grasps)}; {words}"))
     counts = np.bincount(grasps.letter, minlength=len(Label))

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from grasp3d.cli.commands import Hand
-from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import Report, escaped
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
@@ -27,9 +26,8 @@ OTHER_NUMBERS = {"max_force", "sensor_resolution", "receptive_field"}
 """Numbers of a gripper that are no lengths, or follow from others."""
 
 
-def run(command: Hand) -> int:
+def run(command: Hand, report: Report) -> int:
     """Run the command, and return the exit code."""
-    report = Report(quiet=command.quiet)
     if not command.hand:
         print_known(report)
         return 0
@@ -38,9 +36,9 @@ def run(command: Hand) -> int:
     from grasp3d.pictures.hands import hand_figure
 
     # The description that was read is replaced only with --overwrite.
-    check_output(command.output, [".json"], "gripper", overwrite=command.overwrite)
+    command.check_output(command.output, [".json"], "gripper")
     for path in (command.picture, command.frames):
-        check_output(path, METADATA, "figure", overwrite=command.overwrite)
+        command.check_output(path, METADATA, "figure")
     fingers: Any = command.fingers or None  # two, or it is refused
     hand = read_hand(command.hand, fingers=fingers, palm=command.palm, tcp=command.tcp)
     if command.frames is not None:

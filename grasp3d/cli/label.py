@@ -5,11 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Label
-from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import (
     PERCENTS,
+    Grasps,
     Report,
     escaped,
     frame_text,
@@ -49,25 +48,24 @@ REACHED_CONTACTS = "two contacts that the gripper reaches, whole pads assumed to
 """What the letters of an area are, where there is a gripper."""
 
 
-def run(command: Label) -> int:
+def run(command: Label, report: Report) -> int:
     """Run the command, and return the exit code."""
     if command.reach.pose_error and not command.best:
         raise SettingError("--pose-error tries wrong poses of the best grasps: give --best as well")
     output, grasp_file = _files(command)
     write = writer_for(output)
-    labels, vertices = _labels(command)
+    labels, vertices = _labels(command, report)
     grasps = best_grasps(labels, command.best) if command.best else None
     tilted = labels.scene.tilt_warning(command.object_pose) if labels.scene else None
     refuse_warnings(filter(None, [tilted]))
     write(output, labels)
-    report = Report(quiet=command.quiet)
     if not command.quiet:
         print_labels(report, labels)
-    for text, vertex in zip(command.at, vertices, strict=True):  # asked for, so also with --quiet
+    for text, vertex in zip(command.at, vertices, strict=True):
         _print_at(labels, text, vertex)
     written = [output]
     if grasps is not None:
-        written += _write_best(command, labels, grasp_file, grasps)
+        written += _write_best(command, report, labels, grasp_file, grasps)
         print_best(report, grasps, command.best or 0)
         if isinstance(grasps, EvaluatedPoses) and grasps.size:
             report.line(frame_text(command.object_pose))
@@ -95,7 +93,7 @@ def _files(command: Label) -> tuple[Path, Path]:
     for path in (output, *grasp_files):
         mask = getattr(command.mesh.region, "path", None)
         inputs = [command.file, mask, *command.load.task.files]
-        check_output(path, overwrite=command.overwrite, inputs=inputs)
+        command.check_output(path, inputs=inputs)
     return output, grasp_file
 
 
@@ -119,18 +117,17 @@ def _check_grasp_file(command: Label, path: Path) -> None:
         command.frame.to_tcp(hand)
 
 
-def _labels(command: Label) -> tuple[SurfaceLabels, list[int]]:
+def _labels(command: Label, report: Report) -> tuple[SurfaceLabels, list[int]]:
     """Read and label the mesh; returns the labels, and the vertices that are asked for."""
-    model, load, quiet = command.reach.touching(command.model), command.load.chosen, command.quiet
-    sampling = command.sampling
     task = Labelling.read(
-        command.file, model, sampling, command.reach, load, command.mesh, force=command.force
-    )
+        command.file, command.reach.touching(command.model), command.sampling, command.reach,
+        command.load.chosen, command.mesh, force=command.force,
+    )  # fmt: skip
     points = (parse_lengths("at", text) for text in command.at)
     vertices = [nearest_vertex(task.mesh, "at", point) for point in points]
-    with progress_bars.progress(f"labelling {command.file.name}", quiet=quiet):
+    with report.progress(f"labelling {command.file.name}"):
         labels = task.labels()
-    with progress_bars.progress("measuring", quiet=quiet):  # what is computed when it is first read
+    with report.progress("measuring"):  # what is computed when it is first read
         _ = labels.epsilon_range, labels.load_result
     return labels, vertices
 
@@ -141,6 +138,7 @@ def _print_at(labels: SurfaceLabels, text: str, vertex: int) -> None:
     from grasp3d.pictures.subject import subject_of
     from grasp3d.viewer.session.inspection import inspect
 
+    # Asked for, so it is printed also with --quiet.
     report, shown = Report(), inspect(subject_of(labels), vertex, labels.model)
     report.heading(f"at {text}", escaped(shown.reason))
     points, approach = shown.points[1:], labels.approach
@@ -152,7 +150,7 @@ def _print_at(labels: SurfaceLabels, text: str, vertex: int) -> None:
 
 
 def _write_best(
-    command: Label, labels: SurfaceLabels, output: Path, grasps: GraspTable | EvaluatedPoses
+    command: Label, report: Report, labels: SurfaceLabels, output: Path, grasps: Grasps
 ) -> list[Path]:
     """Write and, if OpenGL is available, draw the best grasps; returns what was written."""
     from grasp3d.pictures.figures import save_as
@@ -169,14 +167,14 @@ def _write_best(
             frame=command.frame,
         )  # fmt: skip
     if grasps.size and opengl.can_render():
-        with progress_bars.progress("drawing grasps", quiet=command.quiet):
+        with report.progress("drawing grasps"):
             pictures = draw_grasps(grasps, labels)
         written.append(picture)
         save_as(grasp_figure(grasps, pictures), picture)
     return written
 
 
-def print_best(report: Report, grasps: GraspTable | EvaluatedPoses, requested: int) -> None:
+def print_best(report: Report, grasps: Grasps, requested: int) -> None:
     """Print the best distinct grasps of a surface, best first.
 
     Args:

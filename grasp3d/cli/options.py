@@ -5,7 +5,7 @@ docstrings as help. Angles without a unit are degrees there.
 """
 
 import math
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from functools import cache, partial
 from importlib import import_module
@@ -13,7 +13,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from grasp3d.errors import GraspError, SettingError
+from grasp3d.errors import GraspError, OutputError, SettingError
 from grasp3d.formats.format import format_called, format_names
 from grasp3d.hand.frames import AUTO, GripperFrame
 from grasp3d.hand.hand import Hand
@@ -27,6 +27,8 @@ from grasp3d.settings.parsing import IN_PYTHON
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
 from grasp3d.settings.regions import Region
 from grasp3d.settings.units import Length, Lengths, Metres, Quantity, parse_angle, parse_length
+from grasp3d.system.files import check_suffix, check_writable
+from grasp3d.system.limited_reading import files_read
 
 NONE = "none"
 SMALL = math.radians(1.0)
@@ -328,6 +330,39 @@ class Overwriting:
 
     overwrite: bool = False
     """Replace existing files."""
+
+    def check_output(
+        self,
+        path: Path | None,
+        suffixes: Iterable[str] = (),
+        what: str = "",
+        *,
+        inputs: Iterable[Path | None] = (),
+    ) -> None:
+        """Check before a long computation that an output has a known format and can be written.
+
+        Args:
+            path: File to create or replace; None: nothing is written.
+            suffixes: Of the formats, in lower case; none: they are checked elsewhere.
+            what: What the file contains, for the error: a table, a figure.
+            inputs: Files that the command is going to read, which it must not replace, nor those
+                that it has read; None: no local file.
+
+        Raises:
+            OutputError: The suffix is not known, it cannot be written, or a file is there already.
+        """
+        if path is None:
+            return
+        if suffixes:
+            check_suffix(path, suffixes, what)
+        check_writable(path)
+        if not path.exists():
+            return
+        every = filter(None, (*inputs, *files_read()))
+        if any(one.exists() and path.samefile(one) for one in every):
+            raise OutputError(f"{path}: is read by this command; name another file")
+        if not self.overwrite:
+            raise OutputError(f"{path}: exists; name another file, or replace it with --overwrite")
 
 
 @dataclass(frozen=True, kw_only=True)

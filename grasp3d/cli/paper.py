@@ -1,18 +1,16 @@
 """The command `grasp3d paper`: recomputes figures and numbers of Wan & Howe 2018."""
 
-from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Paper
 from grasp3d.cli.report import NOTE, Report
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.paper.writing import write_paper
 
 
-def run(command: Paper) -> int:
+def run(command: Paper, report: Report) -> int:
     """Run the command, and return the exit code."""
     settings = PaperSettings(command.friction, command.sensor_resolution)
-    with progress_bars.progress("recomputing the paper", quiet=command.quiet):
+    with report.progress("recomputing the paper"):
         paper = write_paper(command.output, settings, object_file=command.object)
-    report = Report(quiet=command.quiet)
     report.lines(paper.notes, NOTE)
     report.written(f"{len(paper.written)} files in {command.output}")
     return 0

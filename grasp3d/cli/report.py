@@ -1,14 +1,28 @@
 """Printed reports: lines, tables, and names with values, with the marks and numbers in them.
 
-What prints them is imported when that is done: the help of a command does without it.
+While something is computed they show its progress, on standard error.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+)
+from rich.table import Table
+from rich.text import Text
 
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.object_pose import ObjectPose
@@ -16,15 +30,10 @@ from grasp3d.outcomes.success import SuccessRate
 from grasp3d.settings.units import Unit, small_length
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 from grasp3d.surface.area_statistics import quantiles
-from grasp3d.surface.fields import (
-    GRASPS,
-    LETTERS,
-    NONE,
-    Array,
-    Field,
-)
+from grasp3d.surface.fields import GRASPS, LETTERS, NONE, Array, Field
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.system.context import running
 from grasp3d.system.counts import counted, short_number
 from grasp3d.system.names import printable
 
@@ -61,11 +70,54 @@ class Report:
         Args:
             quiet: Print nothing.
         """
-        from rich.console import Console
-
         self.console = Console(quiet=quiet, emoji=False)
         if not self.console.is_terminal:
             self.console.width = UNLIMITED
+
+    def bar(self, *columns: ProgressColumn) -> Progress:
+        """Make a progress bar with some columns after the bar, which only a terminal shows."""
+        quiet = self.console.quiet
+        console = Console(stderr=True, quiet=quiet, soft_wrap=True, emoji=False)
+        return Progress(
+            TextColumn("{task.description}"), BarColumn(), *columns, TimeElapsedColumn(),
+            console=console, transient=True, disable=quiet or not console.is_terminal,
+        )  # fmt: skip
+
+    @contextmanager
+    def progress(self, text: str) -> Iterator[None]:
+        """Show a progress bar for the computation inside."""
+        with self.bar(TextColumn("{task.percentage:>3.0f} %")) as bar:
+            task = bar.add_task(escaped(text), total=1.0)
+            with running(progress=lambda fraction: bar.update(task, completed=fraction)):
+                yield
+
+    def each_mesh(
+        self, work: Callable[..., Any], files: list[Any], settings: Any, *,
+        lost: Callable[..., Any], text: str, command: Any,
+    ) -> list[Any]:  # fmt: skip
+        """Work on each mesh: on one here, on several in child processes; show a progress bar.
+
+        Args:
+            work: Called with a mesh, the settings and `force`; returns a result with a name.
+            files: The meshes.
+            settings: Passed on.
+            lost: Makes the result of a mesh whose process failed.
+            text: What is done.
+            command: The options, with those of the processes.
+
+        Returns:
+            The results, by name.
+        """
+        from grasp3d.batch.run import run as run_each  # which most commands need not
+
+        work = partial(work, force=command.force)
+        if len(files) == 1:
+            with self.progress(f"{text} {files[0].name}"):
+                return [work(files[0], settings)]
+        results = run_each(work, files, settings, lost=lost, cluster=command.cluster, compiled=True)
+        with self.bar(MofNCompleteColumn()) as bar:
+            rows = bar.track(results, total=len(files), description=text)
+            return sorted(rows, key=lambda row: row.name)
 
     def line(self, text: str) -> None:
         """Print a line, which a terminal wraps at words."""
@@ -105,9 +157,6 @@ class Report:
         """
         if self.console.quiet:
             return
-        from rich.table import Table
-        from rich.text import Text
-
         table, cells = Table(box=None, pad_edge=False, show_header=any(headings)), list(rows)
         for number, heading in enumerate(headings):
             is_text = number in texts
@@ -205,8 +254,6 @@ def quantiles_text(field: Field, values: Array, weights: "Floats", *, metres: bo
 
 def escaped(text: str) -> str:
     """Return a text for a report: one line, with markup characters escaped."""
-    from rich.markup import escape
-
     return escape(printable(text))
 
 

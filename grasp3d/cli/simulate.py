@@ -3,9 +3,7 @@
 from collections import Counter
 from pathlib import Path
 
-from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Simulate
-from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import Report, escaped, label_meaning
 from grasp3d.errors import SettingError
 from grasp3d.formats.format import format_of, suffixes
@@ -24,16 +22,15 @@ from grasp3d.stability.label import Label
 from grasp3d.system.names import safe_stem
 
 
-def run(command: Simulate) -> int:
+def run(command: Simulate, report: Report) -> int:
     """Run the command, and return the exit code."""
     output = command.output or Path(f"{safe_stem(command.file.stem)}_simulation.csv")
     inputs = [command.file, command.grasps]
-    check_output(output, suffixes(), "pose", overwrite=command.overwrite, inputs=inputs)
+    command.check_output(output, suffixes(), "pose", inputs=inputs)
     check_hand(format_of(output), command.hand)
     coacd_module()  # before anything is read
-    tried = _simulate(command)
+    tried = _simulate(command, report)
     write_poses(output, tried)
-    report = Report(quiet=command.quiet)
     if command.grasps is not None:
         report.line(escaped(f"poses read in {tried.frame_words}"))
     print_outcomes(report, tried)
@@ -41,7 +38,7 @@ def run(command: Simulate) -> int:
     return 0
 
 
-def _simulate(command: Simulate) -> GraspPoses:
+def _simulate(command: Simulate, report: Report) -> GraspPoses:
     """Read mesh and poses, and close the gripper."""
     poses, model = None, touching(command.hand, command.model)
     if command.grasps is not None:
@@ -54,7 +51,7 @@ def _simulate(command: Simulate) -> GraspPoses:
         mesh = load_mesh(command.file, command.mesh)
     if not command.force:
         refuse_lengths(mesh, model, command.simulation)
-    with progress_bars.progress(f"simulating {command.file.name}", quiet=command.quiet):
+    with report.progress(f"simulating {command.file.name}"):
         if poses is not None and command.frame == AUTO:
             poses = explained(mesh, poses, command.hand)
         return simulate_grasps(

@@ -18,9 +18,7 @@ from grasp3d.batch.sweeping import (
     sweep_on_one_thread,
     sweep_shape,
 )
-from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Sweep
-from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.options import number, typed_angle
 from grasp3d.cli.report import FAILED, Report, angle_text, escaped
 from grasp3d.errors import GraspError, SettingError
@@ -45,7 +43,7 @@ COLUMNS = 5
 """Resolutions whose area fractions are printed."""
 
 
-def run(command: Sweep) -> int:
+def run(command: Sweep, report: Report) -> int:
     """Run the command, and return the exit code."""
     settings = SweepSettings(
         friction=frictions_in(command.friction),
@@ -59,7 +57,7 @@ def run(command: Sweep) -> int:
     names, meshes = find_targets(command.inputs)
     shapes = [sweep_shape(name, settings) for name in names]
     table, figure = _outputs(command, names, meshes)
-    swept = _swept(command, meshes, settings)
+    swept = _swept(command, report, meshes, settings)
     failures = {mesh.name: mesh.error for mesh in swept if mesh.error}
     members = [mesh.sweep for mesh in swept if mesh.sweep is not None]
     mean = mean_of(members)
@@ -71,7 +69,6 @@ def run(command: Sweep) -> int:
     if shown:
         drawn = sweep_figure(shown, members=members if mean else (), fractions=fractions)
         save_as(drawn, figure)
-    report = Report(quiet=command.quiet)
     _print_sweeps(report, every, fractions)
     report.lines(failures.values(), FAILED)
     report.warnings(f"{mesh.name}: {line}" for mesh in swept for line in mesh.warnings)
@@ -88,15 +85,17 @@ def _outputs(command: Sweep, shapes: list[str], meshes: list[MeshFile]) -> tuple
     table = command.output or Path(f"{stem}.csv")
     figure = table.with_suffix(".svg")
     sources = [local_path(mesh.source) for mesh in meshes]
-    check_output(table, SUFFIXES, "table", overwrite=command.overwrite, inputs=sources)
-    check_output(figure, METADATA, "figure", overwrite=command.overwrite, inputs=sources)
+    command.check_output(table, SUFFIXES, "table", inputs=sources)
+    command.check_output(figure, METADATA, "figure", inputs=sources)
     return table, figure
 
 
-def _swept(command: Sweep, meshes: list[MeshFile], settings: SweepSettings) -> list[SweptMesh]:
+def _swept(
+    command: Sweep, report: Report, meshes: list[MeshFile], settings: SweepSettings
+) -> list[SweptMesh]:
     """Sweep each mesh once."""
     work = sweep_mesh if len(meshes) == 1 else sweep_on_one_thread
-    swept: list[SweptMesh] = progress_bars.each_mesh(
+    swept: list[SweptMesh] = report.each_mesh(
         work, meshes, settings, lost=lost_mesh, text="sweeping", command=command
     )
     if len(meshes) == 1 and swept[0].error:

@@ -3,9 +3,7 @@
 import math
 from pathlib import Path
 
-from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import Validate
-from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import Report, escaped, label_meaning, label_name, percent_text
 from grasp3d.outcomes.figure import validation_figure
 from grasp3d.outcomes.validate import validate_grasps
@@ -27,14 +25,14 @@ LISTED = ("grasp", "file", "label", "score", "reason")
 """What is listed of them."""
 
 
-def run(command: Validate) -> int:
+def run(command: Validate, report: Report) -> int:
     """Run the command, and return the exit code."""
     table = command.output
     figure = table and table.with_suffix(".svg")
     for path, suffixes, what in ((table, SUFFIXES, "table"), (figure, METADATA, "figure")):
-        check_output(path, suffixes, what, overwrite=command.overwrite, inputs=command.grasps)
+        command.check_output(path, suffixes, what, inputs=command.grasps)
     name = counted(len(command.grasps), "files")
-    with progress_bars.progress(f"evaluating {name}", quiet=command.quiet):
+    with report.progress(f"evaluating {name}"):
         validation = validate_grasps(
             command.grasps,
             command.model,
@@ -47,7 +45,6 @@ def run(command: Validate) -> int:
             object_pose=command.object_pose,
             frame=command.frame,
         )
-    report = Report(quiet=command.quiet)
     if table is not None and figure is not None:
         write_validation(table, validation)
         save_as(validation_figure(validation), figure)

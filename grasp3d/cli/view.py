@@ -1,8 +1,6 @@
 """`grasp3d view`: view an object in a window, in a browser, or as a picture."""
 
-from grasp3d.cli import progress_bars
 from grasp3d.cli.commands import View
-from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import Report
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluation import evaluate_poses, poses_on
@@ -19,15 +17,14 @@ from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.window.display import display_problem
 
 
-def run(command: View) -> int:
+def run(command: View, report: Report) -> int:
     """Run the command; returns the exit code."""
-    report, problem = Report(quiet=command.quiet), _check(command)
-    collection = _collection(command)
+    problem, collection = _check(command), _collection(command, report)
     first = collection.items[0]
-    with progress_bars.progress(f"opening {first.name}", quiet=command.quiet):
+    with report.progress(f"opening {first.name}"):
         refuse_warnings(first.open().notes)
     if command.screenshot:
-        with progress_bars.progress(f"rendering {command.screenshot.name}", quiet=command.quiet):
+        with report.progress(f"rendering {command.screenshot.name}"):
             save_picture(collection, command.view, command.screenshot)
         report.written(command.screenshot)
     if command.web or problem:
@@ -45,26 +42,21 @@ def run(command: View) -> int:
     return 0
 
 
-def _collection(command: View) -> Collection:
+def _collection(command: View, report: Report) -> Collection:
     """The objects, or poses."""
     model, load = command.model, command.load.chosen
     if command.grasps is None:
         return open_collection(
-            command.target,
-            model,
-            command.sampling,
-            command.mesh,
-            force=command.force,
-            reach=command.reach,
-            load=load,
-        )
+            command.target, model, command.sampling, command.mesh, force=command.force,
+            reach=command.reach, load=load,
+        )  # fmt: skip
     if command.reach.hand is None:
         raise SettingError("grasps are poses of a gripper or hand: give it with --hand NAME|FILE")
     hand = command.reach.hand
     poses, mesh = poses_on(command.grasps, command.target, command.mesh, hand=hand)
     scene = Scene.of(command.reach, mesh)
     assert scene is not None
-    with progress_bars.progress(f"evaluating {command.grasps.name}", quiet=command.quiet):
+    with report.progress(f"evaluating {command.grasps.name}"):
         results = evaluate_poses(mesh, poses, command.reach.touching(model), scene, load=load)
     return collection_of_grasps(results.take(ranked_rows(results)))
 
@@ -77,7 +69,7 @@ def _check(command: View) -> str:
     """
     if command.screenshot:
         check_picture(command.screenshot)
-        check_output(command.screenshot, overwrite=command.overwrite)
+        command.check_output(command.screenshot)
     needs_window = not (command.web or command.screenshot)
     problem = display_problem() if needs_window else ""
     if command.web or problem:

@@ -25,7 +25,7 @@ from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.system.documents import described, is_folder
 from grasp3d.system.files import atomic_write
-from grasp3d.system.stored_arrays import RefusedError, StoredArray, array_in, stored_objects
+from grasp3d.system.stored_arrays import RefusedError, array_in, stored_objects
 
 Rows = dict[str, Any]
 """What a dictionary of a file states of its grasps."""
@@ -116,7 +116,7 @@ def _numbers(value: Any, what: str, deep: int) -> Floats:
     try:
         array = array_in([value] if isinstance(value, int | float) else value)
     except RefusedError as error:
-        stored = np.ravel(value.values).tolist() if isinstance(value, StoredArray) else value
+        stored = value.ravel().tolist() if isinstance(value, np.ndarray) else value
         raise ContactError(f"{what} must be numbers; got {described(stored)}") from error
     if not array.size:
         raise ContactError(f"{what} must be numbers; there are none")
@@ -126,8 +126,7 @@ def _numbers(value: Any, what: str, deep: int) -> Floats:
 def texts_in(rows: Rows, key: str) -> list[str]:
     """A text, or a list of texts; empty: it is neither."""
     value = rows.get(key)
-    stored = value.values if isinstance(value, StoredArray) else value
-    listed = stored.ravel().tolist() if isinstance(stored, np.ndarray) else stored
+    listed = value.ravel().tolist() if isinstance(value, np.ndarray) else value
     listed = listed if isinstance(listed, list) else [listed]
     return [str(one) for one in listed] if all(isinstance(one, str) for one in listed) else []
 

@@ -1,27 +1,55 @@
-"""Preparation of an ObjectMesh from any source: read, check, repair, refine."""
+"""Preparation of an ObjectMesh from any source: read, check, repair, refine.
+
+Sources are meshes as users have them: files, arrays, and objects of other libraries, which are not
+imported: their objects are recognised by the names of their classes.
+"""
 
 import math
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from grasp3d.arrays import Floats, locked
-from grasp3d.errors import SettingError
+from grasp3d.arrays import Floats, Ints, first_at_position, locked, unit_rows
+from grasp3d.errors import MeshError, SettingError
 from grasp3d.mesh.measures import Triangles, center_and_volume, rounding_of, surface_extent
-from grasp3d.mesh.mesh_sources import MeshSource, read_source
-from grasp3d.mesh.normals import corner_normals
+from grasp3d.mesh.normals import CornerNormals, corner_normals
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh, scale_of
 from grasp3d.mesh.plausible_units import unit_warning, unknown_unit
-from grasp3d.mesh.reading.sources import RawMesh
-from grasp3d.mesh.refinement import DEFAULT_EDGE, check_refinement, refine
+from grasp3d.mesh.reading.mesh_files import read_mesh
+from grasp3d.mesh.reading.scenes import flattened
+from grasp3d.mesh.reading.sources import RawMesh, unit_called
 from grasp3d.mesh.region import restricted
+from grasp3d.mesh.repair.cleaning import clusters
 from grasp3d.mesh.repair.work import MOST_ROUNDING, RepairedSurface, repair_surface
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.costs import check_cost
 from grasp3d.settings.units import Unit, with_units
 from grasp3d.system.limited_reading import Limits, in_limits
+from grasp3d.system.names import reason_of
+
+if TYPE_CHECKING:
+    MeshSource: TypeAlias = object
+else:
+
+    class MeshSource:
+        """What is accepted wherever a mesh is expected.
+
+        - a path: a file in a format that is read (STL, OBJ, PLY, OFF, GLB, glTF, 3MF, ...);
+        - an `ObjectMesh`;
+        - a `trimesh.Trimesh` or `trimesh.Scene`, with the transforms of its parts applied and its
+          `units`;
+        - a PyVista `PolyData`; faces with more than three corners are divided into triangles;
+        - an Open3D `TriangleMesh` of `open3d.geometry`, which `to_legacy()` makes of tensors;
+        - a pair `(vertices, faces)` of arrays: positions (V, 3), and for every triangle the
+          numbers of its corners (F, 3), counter-clockwise seen from outside.
+
+        All of them pass the same checks and the same repair; their vertices keep their order.
+        """
+
 
 OUTSIDE = 1e-6
 """Distance from the bounding box, as a fraction of the size, from which a point is outside it."""
@@ -38,6 +66,14 @@ MEMORY = 4e9
 
 FLAT_VOLUME = 1e-9
 """Volume, as a fraction of the size cubed, below which a closed surface encloses none."""
+
+MAX_ROUNDS = 40
+
+DEFAULT_EDGE = 1.0 / 32.0
+"""Longest edge as a fraction of the object's size."""
+
+MANY = 1e15
+"""Upper bound of estimated face counts, so that they fit an integer."""
 
 
 def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: Any) -> ObjectMesh:
@@ -228,3 +264,147 @@ def _center_warning(surface: Triangles, center_mass: Floats, options: MeshOption
     if is_given and not beyond <= FAR:
         raise SettingError(text)
     return text if beyond > OUTSIDE else ""
+
+
+def refine(
+    surface: Triangles, normals: CornerNormals, max_edge: float, rounding: float
+) -> tuple[Triangles, CornerNormals]:
+    """Bisect every edge longer than `max_edge`, until none is left.
+
+    Args:
+        surface: The surface.
+        normals: Normals at the corners of its faces.
+        max_edge: Longest edge allowed, in the unit of the vertices.
+        rounding: Largest error of a coordinate, in the same unit.
+
+    Returns:
+        The same surface, with the given vertices first and unchanged; normals at the corners of its
+        faces, interpolated like the positions, so that a coarse round surface stays round.
+    """
+    from trimesh.remesh import subdivide_to_size
+
+    vertices, (one, _) = surface.vertices, surface.pairs
+    # Positions and normals are columns of one array, one row per patch at a vertex: the columns
+    # after the first three are interpolated but do not count for an edge's length.
+    rows = np.hstack([vertices[normals.vertices], normals.normals])
+    rows, corners = subdivide_to_size(
+        rows, normals.corners, max_edge * (1.0 + 1e-9), max_iter=MAX_ROUNDS
+    )
+    count = len(normals.vertices)
+    first = first_at_position(rows[:, :3])  # the two sides of a crease make the same midpoints
+    if len(one) * 2 < surface.faces.size:
+        tolerance = 8.0 * max(rounding, np.finfo(np.float64).eps)
+        first = _first_nearby(rows[:, :3], first, count, tolerance)
+    own = (first == np.arange(len(rows))) & (np.arange(len(rows)) >= count)
+    number = np.concatenate([normals.vertices, len(vertices) + np.cumsum(own)[count:] - 1])
+    vertex_of_row = number[first]
+    return (
+        Triangles(np.concatenate([vertices, rows[own, :3]]), vertex_of_row[corners]),
+        CornerNormals(corners, unit_rows(rows[:, 3:]), vertex_of_row),
+    )
+
+
+def _first_nearby(points: Floats, same: Ints, count: int, tolerance: float) -> Ints:
+    """First point within a tolerance of each added point, shape (n,).
+
+    `same` is the first point at each point's position. At a T-junction one face has a vertex in the
+    middle of another's edge, and the midpoints of the two faces there agree only up to rounding.
+    """
+    distinct, row = np.unique(same, return_inverse=True)  # any number may be at one position
+    first = distinct[clusters(points[distinct], tolerance)][row]
+    first[:count] = np.arange(count)  # given vertices stay distinct
+    return first
+
+
+def check_refinement(surface: Triangles, max_edge: float, max_memory: float, where: str) -> None:
+    """Refuse a surface of which refinement would make too large a mesh.
+
+    Args:
+        surface: The surface.
+        max_edge: Longest edge allowed, in the unit of the vertices.
+        max_memory: Largest memory for labelling [GB].
+        where: Name of the mesh in errors.
+
+    Raises:
+        MeshError: The mesh would be too large.
+    """
+    count, corners = len(surface.faces), surface.vertices[surface.faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    faces = 2.0 * surface.areas.sum() / max_edge**2 + (2.0 * longest / max_edge).sum() + count
+    added = int(min(faces, MANY)) - count
+    expected = max(len(surface.used), count // 2) + added // 2
+    check_cost(expected, max_memory, where, "give a longer max_edge (--max-edge)")
+
+
+def read_source(source: MeshSource) -> RawMesh:
+    """Read a mesh from any source.
+
+    Args:
+        source: A path, or an object as in `MeshSource`.
+
+    Raises:
+        MeshError: A file cannot be read, or an object is no mesh.
+    """
+    if isinstance(source, str | os.PathLike):
+        return read_mesh(Path(os.fsdecode(source)))
+    if isinstance(source, ObjectMesh):
+        report, stated = source.report, source.file_unit
+        return RawMesh(source.file_points, source.faces, report.format, stated, report.source)
+    kinds = type(source).__mro__
+    names = [f"{kind.__module__.partition('.')[0]}.{kind.__name__}" for kind in kinds]
+    name = next((one for one in names if one in _LIBRARIES), names[0])
+    reader = _LIBRARIES.get(name)
+    if reader is None:
+        raise MeshError(
+            f"an object of type {name.removeprefix('builtins.')} is no mesh; give a path, an "
+            "ObjectMesh, a trimesh Trimesh or Scene, a PyVista PolyData, an Open3D TriangleMesh, "
+            "or a pair (vertices, faces)"
+        )
+    try:
+        vertices, faces, unit = reader(source)
+        arrays = np.array(vertices, np.float64), np.array(faces, np.int64)
+    except (MeshError, MemoryError):
+        raise
+    except Exception as error:  # each library raises its own classes of errors
+        raise MeshError(f"{name}: its surface cannot be read ({reason_of(error)})") from error
+    library = name.partition(".")[0]
+    if library == "builtins":
+        name = library = "arrays"
+    return RawMesh(*arrays, library, unit_called(unit, name), name)
+
+
+Surface: TypeAlias = tuple[Any, Any, str | None]
+"""Vertices, faces and unit of an object, as its library has them."""
+
+
+def _of_arrays(pair: Any) -> Surface:
+    vertices, faces = (np.asarray(one) for one in pair)
+    for array, kinds, what in (
+        (vertices, "fiu", "vertices must be real numbers of shape (V, 3)"),
+        (faces, "iu", "faces must be whole numbers of shape (F, 3), the corners of triangles"),
+    ):
+        if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in kinds:
+            raise MeshError(f"{what}; got {array.dtype} {array.shape}")
+    return vertices, faces, None
+
+
+def _of_scene(source: Any) -> Surface:
+    units = sorted({str(part.units or "none") for part in source.geometry.values()})
+    stated = None if units == ["none"] else " and ".join(units)
+    return *flattened(source, "trimesh.Scene"), stated
+
+
+def _of_polydata(source: Any) -> Surface:
+    surface = source.triangulate()
+    return surface.points, np.asarray(surface.faces).reshape(-1, 4)[:, 1:], None
+
+
+_LIBRARIES: dict[str, Callable[[Any], Surface]] = {
+    "builtins.tuple": _of_arrays,
+    "builtins.list": _of_arrays,
+    "trimesh.Trimesh": lambda one: (one.vertices, one.faces, one.units),
+    "trimesh.Scene": _of_scene,
+    "pyvista.PolyData": _of_polydata,
+    "open3d.TriangleMesh": lambda one: (one.vertices, one.triangles, None),
+}
+"""Readers of other libraries' objects, by library and class."""

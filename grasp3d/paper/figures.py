@@ -26,7 +26,7 @@ from grasp3d.pictures.fractions import (
     fractions_figure,
     surface_figure,
 )
-from grasp3d.planar import Circle, Square, scan
+from grasp3d.planar import Circle, Outline, PlanarScan, Square, scan
 from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
 from grasp3d.surface.labelling import label_surface
@@ -65,10 +65,6 @@ class ScannedObject:
     view: View
     closed_form: AngleDistribution | None = None
 
-    def sweep(self, settings: PaperSettings) -> Sweep:
-        """Area fractions over the resolution."""
-        return swept(self.scans[0].angle_distribution(), self.name, settings)
-
 
 def solids(settings: PaperSettings) -> Iterator[ScannedObject]:
     """Scan the sphere, the box and the cylinder, one after another."""
@@ -84,13 +80,8 @@ def _cylinder() -> ObjectMesh:
     across = np.linspace(0.0, 1.0, 21, endpoint=False)
     along = np.linspace(-1.5, 1.5, 64)
     ends = np.full_like(across, 1.5)
-    profile = np.concatenate(
-        [
-            np.column_stack([across, -ends]),
-            np.column_stack([np.ones_like(along), along]),
-            np.column_stack([across[::-1], ends]),
-        ]
-    )
+    radii = np.concatenate([across, np.ones_like(along), across[::-1]])
+    profile = np.column_stack([radii, np.concatenate([-ends, along, ends])])
     cylinder = trimesh.creation.revolve(profile, sections=144)
     cylinder.vertices = cylinder.vertices[:, [2, 0, 1]]
     return load_mesh(cylinder, max_edge=3.0 / 64.0)
@@ -142,11 +133,9 @@ def best_contact_point(mesh: ObjectMesh, model: GraspModel) -> Floats:
     good = np.flatnonzero(labels.critical_angle <= max(lowest, 0.0) + AS_GOOD)
     compared = np.unique(good[np.linspace(0, len(good) - 1, COMPARED).astype(np.int64)])
     with unreported():
-        stable = [
-            scan_surface(mesh, model, fixed=mesh.vertices[vertex]).fractions()["S"]
-            for vertex in compared
-        ]
-    return np.array(mesh.vertices[compared[int(np.argmax(stable))]])
+        scans = [scan_surface(mesh, model, fixed=point) for point in mesh.vertices[compared]]
+    best = int(np.argmax([one.fractions()["S"] for one in scans]))
+    return np.array(mesh.vertices[compared[best]])
 
 
 def view_of(normal: Floats) -> View:
@@ -157,8 +146,7 @@ def view_of(normal: Floats) -> View:
     """
     outward = -normal
     if abs(outward[2]) > UPRIGHT:
-        above = math.copysign(ELEVATION, -outward[2])
-        return View(FROM_BELOW.azimuth, above)
+        return View(FROM_BELOW.azimuth, math.copysign(ELEVATION, -outward[2]))
     return View(math.atan2(outward[1], outward[0]) + ASIDE, ELEVATION)
 
 
@@ -181,7 +169,7 @@ def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: 
     return surface_figure(
         scanned.scans,
         images,
-        scanned.sweep(settings),
+        swept(scanned.scans[0].angle_distribution(), scanned.name, settings),
         closed_form=None if exact is None else swept(exact, scanned.name, settings),
     )
 
@@ -209,11 +197,7 @@ def swept(angles: AngleDistribution, name: str, settings: PaperSettings) -> Swee
         settings: Friction and resolutions.
     """
     return sweep(
-        angles,
-        friction=settings.friction,
-        sensor_resolution=settings.swept,
-        name=name,
-        mode="scan",
+        angles, friction=settings.friction, sensor_resolution=settings.swept, name=name, mode="scan"
     )
 
 
@@ -224,61 +208,28 @@ TIP = Sensor(receptive_field=4.0, fingertip_radius=10.0)
 """The paper's hemispherical tip, with the receptive field that it needs at friction 0.2 [mm]."""
 
 
-def tips(_: PaperSettings) -> Drawing:
-    """Draw a counterpart of Fig. 4: receptive fields of a flat and a round tip."""
-    return tips_figure(TIP)
-
-
-def cone(_: PaperSettings) -> Drawing:
-    """Draw Fig. 5: the cones of one contact."""
-    return cone_figure(CONE_MODEL)
-
-
-def combinations(_: PaperSettings) -> Drawing:
-    """Draw Fig. 6: a grasp under the four combinations of extreme cones."""
-    return combinations_figure(CONE_MODEL)
-
-
-def circle_curves(settings: PaperSettings) -> Drawing:
-    """Draw Fig. 7: epsilon around the circle."""
-    return curves_figure([scan(Circle(), model) for model in settings.models], over="angle")
-
-
-def circle_fractions(settings: PaperSettings) -> Drawing:
-    """Draw Fig. 8: fractions of the circle over the resolution."""
-    return fractions_figure(swept(Circle(), "circle", settings))
-
-
-def square_curves(settings: PaperSettings) -> Drawing:
-    """Draw Fig. 9: epsilon along the square."""
-    scans = [scan(Square(), model) for model in settings.models]
-    return curves_figure(scans, over="position", unit="half sides")
-
-
-def square_fractions(settings: PaperSettings) -> Drawing:
-    """Draw Fig. 10: fractions of the square over the resolution."""
-    return fractions_figure(swept(Square(), "square", settings))
-
-
-def ceilings(settings: PaperSettings) -> Drawing:
-    """Draw Fig. 11: the best possible accuracy of a learned predictor.
-
-    The paper's curve is that of the sphere, by area; those of circle and square, by perimeter, are
-    for comparison.
-    """
-    sphere = swept(SphereAngles(), "sphere (the paper's)", settings)
-    outlines = [swept(outline, outline.name, settings) for outline in (Circle(), Square())]
-    return ceiling_figure([sphere, *outlines])
-
-
 FIGURES: dict[str, Callable[[PaperSettings], Drawing]] = {
-    "figure_04": tips,
-    "figure_05": cone,
-    "figure_06": combinations,
-    "figure_07": circle_curves,
-    "figure_08": circle_fractions,
-    "figure_09": square_curves,
-    "figure_10": square_fractions,
-    "figure_11": ceilings,
+    "figure_04": lambda _: tips_figure(TIP),
+    "figure_05": lambda _: cone_figure(CONE_MODEL),
+    "figure_06": lambda _: combinations_figure(CONE_MODEL),
+    "figure_07": lambda own: curves_figure(_scans(Circle(), own), over="angle"),
+    "figure_08": lambda own: fractions_figure(swept(Circle(), "circle", own)),
+    "figure_09": lambda own: curves_figure(
+        _scans(Square(), own), over="position", unit="half sides"
+    ),
+    "figure_10": lambda own: fractions_figure(swept(Square(), "square", own)),
+    # The paper's curve is that of the sphere, by area; the others are for comparison.
+    "figure_11": lambda own: ceiling_figure(
+        [
+            swept(SphereAngles(), "sphere (the paper's)", own),
+            *(swept(outline, outline.name, own) for outline in (Circle(), Square())),
+        ]
+    ),
 }
-"""Functions that draw the figures, by the name of their files without suffix."""
+"""Functions that draw the figures, by the name of their files without suffix: tips, cones of one
+contact and their combinations; epsilon, then fractions, of the circle and of the square; the best
+accuracy of a learned predictor."""
+
+
+def _scans(outline: Outline, settings: PaperSettings) -> list[PlanarScan]:
+    return [scan(outline, model) for model in settings.models]

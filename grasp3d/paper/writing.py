@@ -1,7 +1,6 @@
 """Recomputation of the whole paper into one folder: figures, labelled surfaces, numbers."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,10 +40,7 @@ class Paper:
 
 
 def write_paper(
-    output: Path,
-    settings: PaperSettings | None = None,
-    *,
-    object_file: Path | None = None,
+    output: Path, settings: PaperSettings | None = None, *, object_file: Path | None = None
 ) -> Paper:
     """Recompute Wan & Howe 2018: Fig. 4 to 11, their counterparts in space, and all numbers.
 
@@ -67,42 +63,28 @@ def write_paper(
     _check(output, [*FIGURES, *(f"surface_{name}" for name in names)])
     mesh = None if object_file is None else load_object(object_file)
     output.mkdir(parents=True, exist_ok=True)
-    steps = _Steps(FIGURE * len(FIGURES) + SURFACE * len(names) + SEARCH * (mesh is not None))
-    real: list[ScannedObject] = []
+    done = SEARCH * (mesh is not None)
+    whole = done + FIGURE * len(FIGURES) + SURFACE * len(names)
+    real, paths = list[ScannedObject](), list[Path]()
     if object_file is not None and mesh is not None:
-        with steps.part(SEARCH):
+        with within(0.0, done / whole):
             real.append(real_object(mesh, object_file.stem, own))
-    paths: list[Path] = []
     for name, draw in FIGURES.items():
-        with steps.part(FIGURE), unreported():
+        with unreported():
             paths += save(draw(own), output / name)
+        report_progress((done := done + FIGURE) / whole)
     with unreported():
         scanned = [*solids(own), *real]
     pictures = can_render()
     for name, one in zip(names, scanned, strict=True):
-        with steps.part(SURFACE), unreported():
+        with unreported():
             figure = object_figure(one, own, pictures=pictures)
             paths += save(figure, output / f"surface_{name}")
+        report_progress((done := done + SURFACE) / whole)
     with atomic_write(output / NUMBERS) as part:
         part.write_text(numbers_page(own, scanned), encoding="utf-8")
     paths.append(output / NUMBERS)
-    return Paper(tuple(paths), _notes(names, pictures=pictures, real=bool(real)))
-
-
-class _Steps:
-    """Progress over parts of different durations."""
-
-    def __init__(self, total: float) -> None:
-        self._total, self._done = total, 0.0
-
-    @contextmanager
-    def part(self, size: float) -> Iterator[None]:
-        """Run the next part, and report that it is done."""
-        start = self._done
-        self._done += size / self._total
-        with within(start, min(1.0, self._done)):
-            yield
-            report_progress(1.0)
+    return Paper(tuple(paths), tuple(_notes(names, pictures=pictures, real=bool(real))))
 
 
 def _check(output: Path, names: list[str]) -> None:
@@ -114,14 +96,12 @@ def _check(output: Path, names: list[str]) -> None:
         check_writable(folder / name)
 
 
-def _notes(names: list[str], *, pictures: bool, real: bool) -> tuple[str, ...]:
-    notes = []
+def _notes(names: list[str], *, pictures: bool, real: bool) -> Iterator[str]:
     if not pictures:
         files = ", ".join(f"surface_{name}" for name in names)
-        notes.append(
+        yield (
             f"OpenGL is not available, so {files} show the area fractions without the labelled "
             "surfaces; EGL is enough (on Debian: libegl1 libgl1)"
         )
     if not real:
-        notes.append("to add a real object give its mesh: --object FILE")
-    return tuple(notes)
+        yield "to add a real object give its mesh: --object FILE"

@@ -7,10 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.settings.checks import LARGEST_SEED, check_choice, check_range
-from grasp3d.settings.grasp_model import (
-    MAX_SEARCHED_FINGERS,
-    GraspModel,
-)
+from grasp3d.settings.grasp_model import MAX_SEARCHED_FINGERS, GraspModel
 from grasp3d.settings.parsing import IN_PYTHON
 from grasp3d.settings.units import Length, LengthSettings, Radians, describe_length
 
@@ -138,7 +135,7 @@ def search_cone(model: GraspModel, sampling: Sampling | None = None) -> float:
     return min(model.possible_angle, math.pi / 2.0)
 
 
-def check_search_angle(sampling: Sampling, needed: float, of: str = "") -> None:
+def check_search_angle(sampling: Sampling, needed: float) -> None:
     """Refuse a search angle that is less than that of the largest friction and resolution.
 
     Raises:
@@ -148,7 +145,7 @@ def check_search_angle(sampling: Sampling, needed: float, of: str = "") -> None:
     if angle is not None and angle < needed - ANGLE_ROUNDING:
         raise SettingError(
             "search angle must be at least atan(friction) + alpha/2 for the largest friction and "
-            f"alpha{of}, {math.degrees(needed):.4g} degrees; got {math.degrees(angle):.4g}"
+            f"alpha, {math.degrees(needed):.4g} degrees; got {math.degrees(angle):.4g}"
         )
 
 

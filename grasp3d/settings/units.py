@@ -131,14 +131,11 @@ def with_lengths_scaled(value: ValueT, factor: float) -> ValueT:
     """
     scaled: Any = value
     if isinstance(value, LengthSettings):
-        kinds, values = (
-            value.parsed_fields,
-            {one: getattr(value, one) for one in value.parsed_fields},
-        )
+        fields = {name: (one, getattr(value, name)) for name, one in value.parsed_fields.items()}
         changed = {
             name: with_lengths_scaled(one, factor)
-            for name, one in values.items()
-            if isinstance(kinds[name], Length | Lengths) or isinstance(one, LengthSettings)
+            for name, (kind, one) in fields.items()
+            if isinstance(kind, Length | Lengths) or isinstance(one, LengthSettings)
         }
         scaled = replace(value, **changed)  # type: ignore[type-var]
     elif isinstance(value, tuple):
@@ -277,8 +274,9 @@ def parse_quantity(name: str, value: object, units: Mapping[str, float]) -> floa
 
 def _number(value: Any, units: Mapping[Any, float]) -> tuple[float | None, str]:
     """The number in the SI unit, None for what is no such quantity; and the unit of a text."""
-    if not isinstance(value, str):
-        return (float(value) if is_number(value) else None), ""
+    if not isinstance(value, str):  # arrays of several numbers have `__float__` too
+        single = hasattr(value, "__float__") and getattr(value, "shape", ()) == ()
+        return (float(value) if single and not isinstance(value, bool) else None), ""
     text = value.strip()
     if text.lower().lstrip("+-") in {"inf", "nan"}:
         return float(text), ""
@@ -291,11 +289,9 @@ def _number(value: Any, units: Mapping[Any, float]) -> tuple[float | None, str]:
     return _converted(number, multiples[unit]) if unit else number, unit
 
 
-def describe_length(length: float | None) -> str:
+def describe_length(length: float) -> str:
     """A length for messages: 4 digits, and its unit if it was stated with one."""
-    if length is None:
-        return "none"
-    return small_length(length, metres=True) if isinstance(length, Metres) else f"{length:.4g}"
+    return small_length(length, metres=isinstance(length, Metres))
 
 
 def small_length(length: float, *, metres: bool, digits: int = 4) -> str:
@@ -314,12 +310,6 @@ def small_length(length: float, *, metres: bool, digits: int = 4) -> str:
     if not metres:
         return f"{length:.{digits}g}"
     return f"{length:.{digits}g} m" if length >= 1.0 else f"{1000.0 * length:.{digits}g} mm"
-
-
-def is_number(value: object) -> bool:
-    """Whether it is one number; arrays of several have `__float__` too."""
-    single = getattr(value, "shape", ()) == ()
-    return hasattr(value, "__float__") and single and not isinstance(value, bool)
 
 
 def _no_length(name: str, value: object) -> SettingError:

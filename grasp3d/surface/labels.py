@@ -334,7 +334,7 @@ class SurfaceLabels(GraspRows):
             >>> table["label"].unique().to_pylist()
             ['S']
         """
-        from grasp3d.system.tables import table_of_arrays
+        from grasp3d.system.tables import table_of_columns
 
         pairs = [(field, values) for field, values in present(VERTICES, self) if field.table]
         columns = {
@@ -342,7 +342,7 @@ class SurfaceLabels(GraspRows):
         }
         columns |= dict(zip(XYZ, self.mesh.vertices.T, strict=True))
         texts = {field.name: field.texts for field, _ in pairs if field.texts}
-        return table_of_arrays(columns, texts, settings=self.complete_settings())
+        return table_of_columns(columns, texts, settings=self.complete_settings())
 
     def to_trimesh(self) -> "trimesh.Trimesh":
         """Return a `trimesh.Trimesh` coloured by label.

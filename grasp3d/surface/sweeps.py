@@ -154,13 +154,13 @@ def write_sweeps(
         SettingError: A fraction is outside its range.
         OutputError: The suffix is unknown, or the file cannot be written.
     """
-    from grasp3d.system.tables import table_of_rows, write_tables
+    from grasp3d.system.tables import table_of_rows, write_table
 
     rows, columns = table_rows(sweeps, fractions)
     rows += [{"name": name, "error": reason} for name, reason in (failures or {}).items()]
     entries = [{"error": "", **row} for row in rows]
     table = table_of_rows(entries, {**columns, "error": str}, settings=settings or {})
-    write_tables(Path(path), [table])
+    write_table(Path(path), table)
 
 
 def sweep(

@@ -1,10 +1,9 @@
 """Atomic writing of files, and checks of output paths."""
 
-import os
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from secrets import token_hex
 
 from grasp3d.errors import OutputError
 from grasp3d.system.names import unsupported
@@ -38,7 +37,6 @@ def atomic_write(
     try:
         yield temporary
         if keep and not replaced:
-            temporary.chmod(0o666 & ~_umask())
             temporary.replace(path)
             replaced = True
     except OSError as error:
@@ -52,16 +50,15 @@ def _temporary(path: Path, folder: Path | None) -> Path:
     """Create a temporary file beside a path or in a folder; or return a path that is temporary."""
     if path.name.startswith(TEMPORARY_PREFIX) and path.stem.endswith(_PART):
         return path
+    name = f"{TEMPORARY_PREFIX}{token_hex(8)}{_PART}{path.suffix}"
+    temporary = (folder or path.parent) / name
     try:
         if path.is_dir():
             raise OutputError(f"{path}: is a folder; name a file")
-        handle, name = tempfile.mkstemp(
-            dir=folder or path.parent, prefix=TEMPORARY_PREFIX, suffix=f"{_PART}{path.suffix}"
-        )
+        temporary.touch(exist_ok=False)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
-    os.close(handle)
-    return Path(name)
+    return temporary
 
 
 def check_writable(path: Path) -> None:
@@ -88,10 +85,3 @@ def check_suffix(path: Path, formats: Iterable[str], what: str) -> None:
     suffixes = tuple(formats)
     if path.suffix.lower() not in suffixes:
         raise OutputError(unsupported(path, suffixes, what))
-
-
-def _umask() -> int:
-    """Return the file mode mask of the process, which can only be read by setting it."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

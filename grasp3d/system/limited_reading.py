@@ -14,7 +14,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
@@ -104,21 +104,6 @@ def in_limits(limits: Limits, work: Callable[..., T], *arguments: Any) -> T:
     """
     if not _is_limited.get():
         return work(*arguments)
-    data, code = _answer(limits, work, arguments)
-    if not data:
-        why = _why(limits, data, code)
-        raise FileUnreadError(printable(f"{limits.doing} {why}; {limits.remedy}"))
-    is_raised, value = pickle.loads(data)  # noqa: S301, from a child process of ours
-    if is_raised:
-        raise pickle.loads(value)  # noqa: S301, as above
-    result: T = value
-    return result
-
-
-def _answer(
-    limits: Limits, work: Callable[..., object], arguments: tuple[Any, ...]
-) -> tuple[bytes | None, int]:
-    """The answer of a child process, None if there is none, and how it ended."""
     with _starting:  # so that no other child process inherits this pipe, and keeps it open
         answers, sender = _processes.Pipe(duplex=False)
         process = _processes.Process(
@@ -126,15 +111,22 @@ def _answer(
         )
         process.start()
         sender.close()
+    data = None
     try:
-        data = answers.recv_bytes() if answers.poll(limits.seconds + GRACE) else None
-    except EOFError:  # it ended before
-        data = None
+        with suppress(EOFError):  # it ended before
+            data = answers.recv_bytes() if answers.poll(limits.seconds + GRACE) else None
     finally:
         process.kill()
         process.join()
         answers.close()
-    return data, process.exitcode
+    if not data:
+        why = _why(limits, data, process.exitcode)
+        raise FileUnreadError(printable(f"{limits.doing} {why}; {limits.remedy}"))
+    is_raised, value = pickle.loads(data)  # noqa: S301, from a child process of ours
+    if is_raised:
+        raise pickle.loads(value)  # noqa: S301, as above
+    result: T = value
+    return result
 
 
 def _why(limits: Limits, data: bytes | None, code: int) -> str:

@@ -19,11 +19,6 @@ LONGEST_REASON = 200
 """Longest text of an error that another library has raised [characters]."""
 
 _FORBIDDEN = frozenset('<>:"/\\|?*')
-_UNPRINTABLE = frozenset({"Cc", "Cs", "Zl", "Zp"})
-"""Unicode categories of control characters, undecodable bytes and line ends."""
-_DIRECTION_MARKS = frozenset({"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"})
-"""Bidirectional classes of marks that change the writing direction, so that a name looks like
-another one."""
 _RESERVED = re.compile(
     r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9¹²³]) *(\.|$)", re.IGNORECASE
 )
@@ -33,10 +28,10 @@ def safe_stem(name: str) -> str:
     """Return a name for a result that is valid on every file system.
 
     Letters of all languages, spaces and symbols are kept, in composed form. Characters that some
-    file system forbids or interprets become `_`: separators, control characters, characters that
-    Windows forbids, undecodable bytes. Names that Windows reserves start with `_`. Dots and spaces
-    at both ends are removed, and long names are shortened. A changed name ends in a hash of the
-    original, so that different names stay different; a safe name is returned unchanged.
+    file system forbids or interprets become `_`: separators, characters that Windows forbids or
+    that are not shown, undecodable bytes. Names that Windows reserves start with `_`. Dots and
+    spaces at both ends are removed, and long names are shortened. A changed name ends in a hash of
+    the original, so that different names stay different; a safe name is returned unchanged.
 
     Args:
         name: Name of the input, without folder and suffix.
@@ -103,12 +98,8 @@ def as_unicode(text: str) -> str:
 
 def _safe(character: str) -> str:
     """Return the character, or `_` if a name may not contain it."""
-    unsafe = (
-        character in _FORBIDDEN
-        or unicodedata.category(character) in _UNPRINTABLE
-        or unicodedata.bidirectional(character) in _DIRECTION_MARKS
-    )
-    return "_" if unsafe else character
+    is_shown = character.isprintable() or unicodedata.category(character) == "Zs"
+    return character if is_shown and character not in _FORBIDDEN else "_"
 
 
 def describe_unexpected(error: Exception) -> str:

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,18 +20,12 @@ FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 FACES = "property list uchar int vertex_indices"
 """A triangle, and its line in the header."""
 
-LONGEST = 65_536
-"""Bytes of a line of a header that is read."""
-
 WIDTH = 200
 """Longest part of a value in one line: MeshLab and Open3D read no header with long lines."""
 
 
 def write_ply_columns(
-    path: Path,
-    columns: Mapping[str, npt.NDArray[Any]],
-    faces: Ints,
-    settings: Mapping[str, Any],
+    path: Path, columns: Mapping[str, npt.NDArray[Any]], faces: Ints, settings: Mapping[str, Any]
 ) -> None:
     """Write a binary PLY of triangles, with settings in comments that begin with `grasp3d`.
 
@@ -84,45 +78,3 @@ def settings_of_header(header: bytes) -> dict[str, str]:
     lines = (line for line in text.splitlines() if line.startswith(COMMENT))
     parts = (line.removeprefix(COMMENT).partition(" ") for line in lines)
     return {name: value for name, _, value in parts}
-
-
-def ply_header(stream: IO[bytes]) -> bytes:
-    """The header of a PLY, up to its end; empty: the stream is none."""
-    lines = [stream.readline(LONGEST)]
-    while lines[0].strip() == b"ply" and lines[-1]:
-        lines.append(stream.readline(LONGEST))
-        if lines[-1].strip() == b"end_header":
-            return b"".join(lines)
-    return b""
-
-
-def property_names(header: bytes) -> list[str]:
-    """Names of the plain properties that a header has."""
-    return re.findall(r"^property \w+ (\w+)\s*$", header.decode("ascii", "replace"), re.MULTILINE)
-
-
-def read_ply_columns(stream: IO[bytes], header: bytes) -> tuple[dict[str, npt.NDArray[Any]], Ints]:
-    """Columns and faces of a PLY as `write_ply_columns` writes it, after its header.
-
-    Returns:
-        Properties of the vertices by name, shape (V,) each, and the triangles, (F, 3).
-
-    Raises:
-        ValueError: It has another layout, or is incomplete.
-    """
-    text = header.decode("ascii", "replace")
-    counts = dict(re.findall(r"^element (\w+) (\d{1,10})$", text, re.MULTILINE))
-    found = re.findall(r"^property (\w+) (\w+)$", text, re.MULTILINE)
-    kinds = {name: kind for kind, name in _TYPES.items()}
-    is_known = "\nformat binary_little_endian 1.0\n" in text and [*counts] == ["vertex", "face"]
-    is_known &= text.count("\nproperty ") == len(found) + 1 and {k for k, _ in found} <= {*kinds}
-    if not (is_known and text.endswith(f"\n{FACES}\nend_header\n")):
-        raise ValueError("its elements are not vertices with numbers, then triangles, binary")
-    vertex = np.dtype([(name, kinds[kind]) for kind, name in found])
-    vertices = np.fromfile(stream, vertex, int(counts["vertex"]))
-    rows = np.fromfile(stream, FACE, int(counts["face"]))
-    if [len(vertices), len(rows)] != [*map(int, counts.values())] or (rows["count"] != 3).any():
-        raise ValueError("it is incomplete, or its faces are not all triangles")
-    return {name: vertices[name].copy() for name in vertex.names or ()}, rows["corners"].astype(
-        "i8"
-    )

@@ -9,12 +9,10 @@ import csv
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import is_dataclass
 from enum import StrEnum
 from importlib.util import find_spec
-from itertools import chain
 from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING, Any, TypeVar, get_args, get_origin, get_type_hints
@@ -37,9 +35,6 @@ if TYPE_CHECKING:
 SUFFIXES = (".csv", ".parquet")
 """Endings of the files that tables are written to."""
 
-ROWS = 16_384
-"""Rows of Parquet that are read at a time."""
-
 LONGEST_LINE = 2**20
 """Bytes of a CSV file in which its first line must end."""
 
@@ -53,18 +48,17 @@ RecordT = TypeVar("RecordT")
 
 
 def table_of_rows(
-    rows: Sequence[Mapping[str, Any]], columns: Mapping[str, type], *, settings: Mapping[str, Any]
+    rows: Sequence[Any], columns: Mapping[str, Any], *, settings: Mapping[str, Any]
 ) -> pa.Table:
     """Make a table of rows.
 
     Args:
-        rows: Values by column name; a missing value or None leaves the cell empty.
-        columns: Type of each column: str, int, float or bool; in the order of the file.
+        rows: Values by column name, or records; a missing value or None leaves the cell empty.
+        columns: Type of each column, such as str, int, float or bool; in the order of the file.
         settings: Settings that the rows were computed with, stored as JSON in the schema's metadata
             under `grasp3d`.
     """
-    schema = _schema(columns, settings)
-    return pa.Table.from_pylist([_unicode(row) for row in rows], schema=schema)
+    return pa.Table.from_pylist([_plain(row) for row in rows], schema=_schema(columns, settings))
 
 
 def write_columns(
@@ -80,34 +74,27 @@ def write_columns(
     Raises:
         OutputError: The suffix is unknown, or the file cannot be written.
     """
-    write_tables(path, [table_of_columns(columns, settings=settings)])
+    write_table(path, table_of_columns(columns, settings=settings))
 
 
 def table_of_columns(
-    columns: Mapping[str, npt.NDArray[Any]], *, settings: Mapping[str, Any]
-) -> pa.Table:
-    """Make a table of columns; nan leaves the cell empty. See `write_columns`."""
-    arrays = {name: pa.array(values, from_pandas=True) for name, values in columns.items()}
-    return pa.table(arrays, metadata={"grasp3d": json.dumps(settings)})
-
-
-def table_of_arrays(
     columns: Mapping[str, npt.NDArray[Any]],
-    categories: Mapping[str, Sequence[str]],
+    categories: Mapping[str, Sequence[str]] | None = None,
     *,
     settings: Mapping[str, Any],
 ) -> pa.Table:
-    """Make a table of columns; nan and inf are kept.
+    """Make a table of columns; nan leaves the cell empty, unless there are categories.
 
     Args:
         columns: Values of each column, shape (rows,), in the order of the table.
         categories: For columns of codes 0, 1, ...: the text of each code, which is stored.
         settings: As in `table_of_rows`.
     """
+    texts = {} if categories is None else categories
     arrays = {
-        name: pa.DictionaryArray.from_arrays(pa.array(values.astype("i1")), list(categories[name]))
-        if name in categories
-        else pa.array(values)
+        name: pa.DictionaryArray.from_arrays(pa.array(values.astype("i1")), list(texts[name]))
+        if name in texts
+        else pa.array(values, from_pandas=categories is None)
         for name, values in columns.items()
     }
     return pa.table(arrays, metadata={"grasp3d": json.dumps(settings)})
@@ -168,9 +155,7 @@ def read_columns(path: Path) -> dict[str, npt.NDArray[Any]]:
     if problem := problem_of_file(path):
         raise ValueError(problem)
     try:
-        if path.suffix.lower() != ".csv":
-            return _read_parquet(path)
-        table = _read_csv(path)
+        table = _read_csv(path) if path.suffix.lower() == ".csv" else _read_parquet(path)
         names = _checked_names(table.column_names)
         return {name: _values_of(one) for name, one in zip(names, table.columns, strict=True)}
     except pa.ArrowException as error:
@@ -201,39 +186,21 @@ def _checked_names(stated: Sequence[str]) -> list[str]:
 
 
 def _values_of(column: pa.ChunkedArray) -> npt.NDArray[Any]:
-    """Values of a column; texts that are stored as codes become the texts."""
+    """Values of a column; texts that are stored as codes become the texts, lists their type."""
+    if pa.types.is_nested(column.type):  # whoever needs the column says what it is
+        return np.full(len(column), str(column.type), dtype=object)
     if not pa.types.is_dictionary(column.type):
         return np.asarray(column.to_numpy(zero_copy_only=False))
-    parts = []
-    for part in column.chunks:  # pyarrow's own conversion gives missing ones the last text
-        used = part.indices.unique()  # of a dictionary that may be that of all parts before
-        texts = np.array(part.dictionary.take(used).to_pylist(), dtype=object)
-        parts.append(texts[pa.compute.index_in(part.indices, value_set=used).to_numpy()])
-    return np.concatenate([np.empty(0, dtype=object), *parts])
+    codes = column.unify_dictionaries().combine_chunks()
+    texts = np.array([*codes.dictionary.to_pylist(), None], dtype=object)
+    return np.asarray(texts[codes.indices.fill_null(-1).to_numpy()])
 
 
-def _read_parquet(path: Path) -> dict[str, npt.NDArray[Any]]:
-    """The columns of a Parquet file; lists are not read.
-
-    Metadata of its columns is not looked at: where it is damaged, pyarrow ends the process.
-    """
-    with pq.ParquetFile(path) as file:
-        schema, count = file.schema_arrow, file.metadata.num_rows
-    names = _checked_names(schema.names)
-    flat = [field for field in schema if not pa.types.is_nested(field.type)]
-    texts = [field.name for field in flat if pa.types.is_string(field.type)]
-    parts = []
+def _read_parquet(path: Path) -> pa.Table:
+    """A Parquet file, its texts as codes: however many rows have one, it is stored once."""
+    texts = [one.name for one in pq.read_schema(path) if pa.types.is_string(one.type)]
     with pq.ParquetFile(path, read_dictionary=texts) as file:
-        batches = file.iter_batches(ROWS, columns=[field.name for field in flat])
-        for batch in chain(batches, [] if count else [pa.schema(flat).empty_table()]):
-            table = pa.Table.from_batches([batch]) if count else batch
-            for field in schema:
-                if field not in flat:  # whoever needs the column says what it is
-                    values = pa.repeat(str(field.type), len(table)).dictionary_encode()
-                    table = table.append_column(field.name, values)
-            names = _checked_names(table.column_names)
-            parts.append(list(map(_values_of, table.columns)))
-    return dict(zip(names, map(np.concatenate, zip(*parts, strict=True)), strict=True))
+        return file.read()
 
 
 def _head_of_csv(path: Path) -> tuple[list[str], str]:
@@ -267,30 +234,20 @@ def _numeric(table: pa.Table) -> set[str]:
     return {field.name for field in table.schema if not pa.types.is_string(field.type)}
 
 
-def write_tables(path: Path, tables: Iterable[pa.Table]) -> None:
-    """Write tables with the same columns below each other, each before the next one is made.
+def write_table(path: Path, table: pa.Table) -> None:
+    """Write a table.
 
     Args:
         path: File to create or replace, with a suffix of `SUFFIXES`.
-        tables: At least one.
+        table: The table.
 
     Raises:
         OutputError: The suffix is unknown, or the file cannot be written.
     """
     check_suffix(path, SUFFIXES, "table")
-    writer, kind = None, pc.CSVWriter if path.suffix.lower() == ".csv" else pq.ParquetWriter
-    with atomic_write(path) as temporary, ExitStack() as stack:
-        for table in tables:
-            if writer is None:
-                writer = stack.enter_context(kind(temporary, table.schema))
-            writer.write_table(table)
-
-
-def _unicode(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Replace undecodable bytes of file names in a row by escapes."""
-    return {
-        key: as_unicode(value) if isinstance(value, str) else value for key, value in row.items()
-    }
+    write = pc.write_csv if path.suffix.lower() == ".csv" else pq.write_table
+    with atomic_write(path) as temporary:
+        write(table, temporary)
 
 
 def pack_records(
@@ -313,8 +270,7 @@ def table_of_records(
     records: Sequence[RecordT], kind: type[RecordT], settings: Mapping[str, Any]
 ) -> pa.Table:
     """Return records as a table, whose schema depends on the dataclass only; see `pack_records`."""
-    schema = _schema(get_type_hints(kind), settings)
-    return pa.Table.from_pylist([_plain(record) for record in records], schema=schema)
+    return table_of_rows(records, get_type_hints(kind), settings=settings)
 
 
 def _schema(kinds: Mapping[str, Any], settings: Mapping[str, Any]) -> pa.Schema:
@@ -340,7 +296,8 @@ def unpack_records(data: bytes, kind: type[RecordT]) -> tuple[list[RecordT], boo
     hints = get_type_hints(kind)
     try:
         table = pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
-        _check_complete(table, hints)
+        if b"grasp3d" not in (table.schema.metadata or {}):
+            raise ValueError("it was not written by grasp3d")  # noqa: TRY301
         present = {name: each for name, each in hints.items() if name in table.column_names}
         rows = table.select(list(present)).cast(_schema(present, {})).to_pylist()
         record = _reader(kind)
@@ -349,14 +306,6 @@ def unpack_records(data: bytes, kind: type[RecordT]) -> tuple[list[RecordT], boo
     except (pa.ArrowException, OSError, TypeError, ValueError) as error:
         raise ValueError(reason_of(error)) from error
     return records, table.column_names == list(hints)
-
-
-def _check_complete(table: pa.Table, hints: Mapping[str, Any]) -> None:
-    if b"grasp3d" not in (table.schema.metadata or {}):
-        raise ValueError("it was not written by grasp3d")
-    for name in filter(hints.__contains__, table.column_names):
-        if NoneType not in get_args(hints[name]) and table.column(name).null_count:
-            raise ValueError(f"its column {name} has missing values")
 
 
 def _without_none(hint: Any) -> Any:
@@ -377,9 +326,13 @@ def _type(hint: Any) -> pa.DataType:
 
 
 def _plain(value: Any) -> Any:
-    """Return records as dictionaries, and tuples of them as lists."""
+    """Records as dictionaries, tuples as lists, and undecodable bytes of file names as escapes."""
+    if isinstance(value, str):
+        return as_unicode(value)
     if is_dataclass(value):
-        return {name: _plain(one) for name, one in vars(value).items()}
+        value = vars(value)
+    if isinstance(value, Mapping):
+        return {name: _plain(one) for name, one in value.items()}
     return [_plain(one) for one in value] if type(value) is tuple else value
 
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from grasp3d import load_mesh
+from grasp3d.mesh.diagnosis import normal_noise
 from grasp3d.mesh.measures import Triangles
-from grasp3d.mesh.noise import normal_noise
 from grasp3d.mesh.normals import corner_normals
 from grasp3d.mesh.reading.mesh_files import read_mesh
 from grasp3d.mesh.repair.work import repair_surface

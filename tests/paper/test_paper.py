@@ -26,10 +26,10 @@ from grasp3d.paper.figures import (
     object_figure,
     real_object,
     solids,
+    swept,
     view_of,
 )
-from grasp3d.paper.markdown import percent
-from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page, quoted_numbers
+from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page, percent, quoted_numbers
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.pictures.fractions import surface_figure
 from grasp3d.pictures.opengl import WINDOW, can_render
@@ -348,7 +348,8 @@ def test_without_pictures_only_the_fractions_are_drawn() -> None:
 def test_pictures_are_drawn_beside_the_fractions() -> None:
     pictures = [np.full((20, 20, 3), shade, np.uint8) for shade in (90, 200)]
     box = scanned()[1]
-    figure = surface_figure(box.scans, pictures, box.sweep(PAPER))
+    fractions = swept(box.scans[0].angle_distribution(), box.name, PAPER)
+    figure = surface_figure(box.scans, pictures, fractions)
     check_texts(figure)
     images = [axes.findobj(AxesImage)[0] for axes in figure.axes[:2]]
     for image, picture in zip(images, pictures, strict=True):

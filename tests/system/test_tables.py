@@ -12,13 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp3d.system import tables
-from grasp3d.system.tables import (
-    SUFFIXES,
-    column_names,
-    read_columns,
-    write_columns,
-)
+from grasp3d.system.tables import SUFFIXES, column_names, read_columns, write_columns
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 TABLES = st.lists(st.tuples(NUMBERS, NUMBERS, st.integers(-9, 9)), min_size=1, max_size=5)
@@ -143,11 +137,14 @@ def test_texts_that_are_equal_take_little_memory(tmp_path: Path) -> None:
     assert len(set(map(id, found))) == 1
 
 
+ROWS = 16_384
+
+
 def test_texts_of_many_parts_and_missing_ones_are_read(tmp_path: Path) -> None:
-    unique = [None if k % 1000 == 7 else f"grasp {k}" for k in range(2 * tables.ROWS + 5)]
-    same = [None if k < tables.ROWS else "long " * 10 for k in range(len(unique))]
+    unique = [None if k % 1000 == 7 else f"grasp {k}" for k in range(2 * ROWS + 5)]
+    same = [None if k < ROWS else "long " * 10 for k in range(len(unique))]
     table = pa.table({"unique": unique, "same": pa.array(same).dictionary_encode(), "text": same})
-    pq.write_table(table, tmp_path / "a.parquet")
+    pq.write_table(table, tmp_path / "a.parquet", row_group_size=ROWS)
     found = read_columns(tmp_path / "a.parquet")
     assert found["unique"].tolist() == unique
     assert found["same"].tolist() == found["text"].tolist() == same

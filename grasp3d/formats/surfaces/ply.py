@@ -2,20 +2,17 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from grasp3d.formats.surfaces.npz import packed, unpacked
 from grasp3d.formats.surfaces.stored import Stored, damaged, fingers_of
+from grasp3d.mesh.reading.polygon_files import open_ply, read_elements
 from grasp3d.mesh.reading.sources import Source
 from grasp3d.surface.fields import DECIDED, EPSILONS, FLOAT, present
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
 from grasp3d.system.names import reason_of
-from grasp3d.system.ply_files import (
-    ply_header,
-    property_names,
-    read_ply_columns,
-    settings_of_header,
-    write_ply_columns,
-)
+from grasp3d.system.ply_files import settings_of_header, write_ply_columns
 
 
 def write_ply(path: str | Path, labels: SurfaceLabels) -> None:
@@ -71,23 +68,26 @@ could mean anything. Other properties (colours, confidence, texture coordinates)
 
 def read_ply(source: Source) -> Stored | None:
     """Read a labelled PLY; None: it has no labels. Raises MeshError."""
-    with source.path.open("rb") as stream:
-        header = ply_header(stream)
-        names = property_names(header)
-        settings = settings_of_header(header)
-        if {*LABELLED}.isdisjoint(names):
-            return None
-        if missing := [name for name in LABELLED if name not in names]:
-            raise damaged(source, f"its vertices have no property {missing[0]!r}")
-        if PACKED not in settings:
-            raise damaged(source, "not their grasps: it is of an older version, or incomplete")
-        try:
-            fingers = fingers_of(settings)
-            columns, faces = read_ply_columns(stream, header)
-            values = unpacked(source, settings.pop(PACKED)) | {"faces": faces}
-        except (OSError, MemoryError, ValueError, OverflowError) as error:
-            reason = getattr(error, "strerror", None) or reason_of(error)
-            raise damaged(source, f"it cannot be read ({reason})") from error
+    file = open_ply(source)
+    names = file.elements["vertex"].properties if "vertex" in file.elements else {}
+    settings = settings_of_header(file.header)
+    if {*LABELLED}.isdisjoint(names):
+        return None
+    if missing := [name for name in LABELLED if name not in names]:
+        raise damaged(source, f"its vertices have no property {missing[0]!r}")
+    if PACKED not in settings or file.order != "<":
+        raise damaged(
+            source,
+            "not their grasps as they are written: it is of an older version, or changed",
+        )
+    try:
+        fingers = fingers_of(settings)
+        elements = read_elements(file)
+        columns = {name: np.array(one) for name, one in elements["vertex"].items()}
+        faces = np.array(elements["face"]["vertex_indices"], np.int64).reshape(-1, 3)
+        values = unpacked(source, settings.pop(PACKED)) | {"faces": faces}
+    except (LookupError, MemoryError, ValueError, OverflowError) as error:
+        raise damaged(source, f"it cannot be read ({reason_of(error)})") from error
     for field in VERTICES:
         if field.ply not in {"", FLOAT} and {*field.column_names(fingers)} <= columns.keys():
             values[field.name] = field.from_columns(columns, fingers)

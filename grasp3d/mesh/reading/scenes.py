@@ -13,7 +13,6 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
-from xml.parsers import expat
 
 import numpy as np
 
@@ -220,21 +219,14 @@ def _triangles(path: Path) -> int:
         RecursionError: An object contains itself.
         Exception: It is no such archive, or its XML is damaged.
     """
-    own, inner, built = dict[_Id, int](), dict[_Id, list[_Id]](), list[_Id]()
-    current = "", ""
+    from lxml import etree
 
-    def start(name: str, attributes: dict[str, str]) -> None:
-        nonlocal current
-        kind = name.rpartition(":")[2]
-        if kind == "object":
-            current = model, attributes["id"]
-            own[current], inner[current] = 0, []
-        elif kind == "triangle":
-            own[current] += 1
-        elif kind in {"component", "item"}:
-            paths = (v.strip("/") for k, v in attributes.items() if k.endswith("path"))
-            parts = inner[current] if kind == "component" else built
-            parts.append((next(paths, model), attributes["objectid"]))
+    own, inner, built = dict[_Id, int](), dict[_Id, list[_Id]](), list[_Id]()
+
+    def parts(model: str, uses: list[Any]) -> list[_Id]:
+        paths = ([v.strip("/") for k, v in one.items() if k.endswith("path")] for one in uses)
+        ids = (one.get("objectid") for one in uses)
+        return [([*path, model][0], one) for path, one in zip(paths, ids, strict=True)]
 
     @cache
     def total(part: _Id) -> int:
@@ -243,7 +235,9 @@ def _triangles(path: Path) -> int:
     with zipfile.ZipFile(path) as archive:
         for model in archive.namelist():
             if model.lower().endswith(".model"):
-                parser = expat.ParserCreate()
-                parser.StartElementHandler = start
-                parser.Parse(archive.read(model), True)  # noqa: FBT003
+                root = etree.fromstring(archive.read(model))
+                for one in root.iter("{*}object"):
+                    own[model, one.get("id")] = sum(1 for _ in one.iter("{*}triangle"))
+                    inner[model, one.get("id")] = parts(model, [*one.iter("{*}component")])
+                built += parts(model, [*root.iter("{*}item")])
     return sum(map(total, built))

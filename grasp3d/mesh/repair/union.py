@@ -6,8 +6,8 @@ from scipy.spatial import cKDTree
 
 from grasp3d.arrays import Floats, Ints, first_at_position, unit_rows
 from grasp3d.mesh.measures import face_areas, has_area, paired_edges
+from grasp3d.mesh.repair.bodies import Solid
 from grasp3d.mesh.repair.cleaning import WELDS, clusters, first_alike, from_least_corner, is_face
-from grasp3d.mesh.repair.solids import Solid
 
 NEAR = 4.0
 """Distance within which vertices are merged after faces were offset, in units of the offset."""

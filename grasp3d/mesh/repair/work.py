@@ -14,7 +14,7 @@ from grasp3d.mesh.measures import (
     parts_of,
     rounding_of,
 )
-from grasp3d.mesh.repair.bodies import bodies_of, orient, rows_of
+from grasp3d.mesh.repair.bodies import Solid, bodies_of, orient, rows_of
 from grasp3d.mesh.repair.cleaning import (
     clusters,
     disagreeing,
@@ -25,7 +25,6 @@ from grasp3d.mesh.repair.cleaning import (
     without_mirrored,
 )
 from grasp3d.mesh.repair.holes import SMALL, close_hole, holes_of
-from grasp3d.mesh.repair.solids import Solid
 from grasp3d.mesh.repair.union import count_united, surround, union_of, united
 from grasp3d.settings.mesh_options import Repair
 from grasp3d.system.counts import counted, noun

@@ -21,6 +21,8 @@ from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
+from grasp3d.mesh.reading.polygon_files import open_ply
+from grasp3d.mesh.reading.sources import find_source
 from grasp3d.pictures.subject import Subject, subject_of, subject_of_poses
 from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
@@ -31,7 +33,7 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import report_progress, within
 from grasp3d.system.documents import is_file, is_folder
 from grasp3d.system.names import as_unicode, printable
-from grasp3d.system.ply_files import ply_header, settings_of_header
+from grasp3d.system.ply_files import settings_of_header
 from grasp3d.viewer.session.computations import scan_of_grasp, search_grasps
 
 READ = 0.2
@@ -266,9 +268,9 @@ def settings_of_results(
 ) -> tuple[GraspModel, Sampling | None] | None:
     """Settings of the first mesh whose file has them; None: no file can be read."""
     for row in rows:
-        with suppress(ValueError, OSError):  # the error is reported when that mesh is opened
-            with (folder / row.labels).open("rb") as stream:
-                settings = settings_from(settings_of_header(ply_header(stream)))
+        with suppress(ValueError, MeshError):  # the error is reported when that mesh is opened
+            header = open_ply(find_source(folder / row.labels)).header
+            settings = settings_from(settings_of_header(header))
             return settings.model, settings.sampling
     return None
 
