@@ -12,7 +12,7 @@ from grasp3d.formats import checks
 from grasp3d.formats.format import Given
 from grasp3d.formats.outcomes import Values, outcomes_of
 from grasp3d.formats.poses import STAGES, VECTOR_COLUMNS, GraspPoses
-from grasp3d.hand.articulated.presets import FORMAT as ARTICULATED
+from grasp3d.hand.articulated.articulated_hand import FORMAT as ARTICULATED
 from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_of

@@ -10,7 +10,7 @@ from grasp3d.settings.sampling import Grip
 if TYPE_CHECKING:
     from grasp3d.arrays import ArrayLike, Bools, Floats
     from grasp3d.hand.choices import ObjectMotion
-    from grasp3d.hand.closed_jaws import ClosedJaws
+    from grasp3d.hand.closing import ClosedJaws
     from grasp3d.hand.reach import Reach
     from grasp3d.hand.table import Approach, Table
     from grasp3d.hand.triangles import Triangles

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from grasp3d.arrays import Floats
-from grasp3d.hand.jaws import AXES
+from grasp3d.hand.choices import AXES
 from grasp3d.hand.link_tree import Joint, LinkTree
 from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper
 

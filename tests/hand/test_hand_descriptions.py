@@ -12,10 +12,9 @@ import trimesh
 
 from grasp3d import read_hand
 from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.articulated_hand import NAMES, ArticulatedHand
 from grasp3d.hand.articulated.hand_json import KEYS
 from grasp3d.hand.articulated.plausible_numbers import implausible
-from grasp3d.hand.articulated.presets import NAMES
 from grasp3d.hand.articulated.proposal import articulated_hand_of
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_line, hand_of_line, write_hand

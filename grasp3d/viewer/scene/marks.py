@@ -12,7 +12,7 @@ from grasp3d.arrays import Floats, unit_rows
 from grasp3d.contact.friction_cones import tangents
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.shapes import ARC_COLOR
+from grasp3d.hand.triangles import ARC_COLOR
 from grasp3d.rendering.opengl import AMBIENT
 from grasp3d.settings import GraspModel
 from grasp3d.viewer.scene.framing import pixel_ratio

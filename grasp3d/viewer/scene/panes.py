@@ -11,14 +11,16 @@ from grasp3d.arrays import Bytes, Floats
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.shapes import (
+from grasp3d.hand.table import Table
+from grasp3d.hand.triangles import (
     ARC_COLOR,
+    COLORS,
     TABLE_COLOR,
+    Part,
+    Triangles,
     approach_triangles,
     table_triangles,
 )
-from grasp3d.hand.table import Table
-from grasp3d.hand.triangles import COLORS, Part, Triangles
 from grasp3d.rendering.opengl import LIGHT
 from grasp3d.settings import GraspModel
 from grasp3d.viewer.scene.framing import pixel_ratio
