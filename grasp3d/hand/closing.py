@@ -102,13 +102,7 @@ class ClosedJaws:
 
 
 def closed_jaws(
-    mesh: ObjectMesh,
-    result: ClosedOn,
-    start: Floats,
-    *,
-    least: float,
-    free: bool,
-    shift: Floats,
+    mesh: ObjectMesh, result: ClosedOn, start: Floats, shift: Floats, *, least: float, free: bool
 ) -> ClosedJaws:
     """States, and everything in the mesh's frame.
 
@@ -116,22 +110,32 @@ def closed_jaws(
         mesh: The object.
         result: What the kernels found, in the normalised frame.
         start: The poses before the jaws closed, in that frame, shape (k, 3, 4).
+        shift: As in `ClosedJaws` [m], shape (k,).
         least: Smallest opening [object sizes].
         free: Whether the object is free, and contacts are centres of pressure.
-        shift: As in `ClosedJaws` [m], shape (k,).
     """
     touches = result.outcome == TOUCHES
     opening = result.position[:, 1] - result.position[:, 0]
-    state = _states(touches, result.outcome, opening, least)
+    state = np.full(len(touches), Closing.NOTHING, dtype=np.uint8)
+    both = touches.all(axis=1)
+    state[touches.any(axis=1) & ~both] = Closing.ONE_SIDE
+    state[both & (opening >= least - ROUNDING)] = Closing.CLOSED
+    state[(result.outcome == INSIDE).any(axis=1)] = Closing.STARTS_INSIDE
+    state[(result.outcome == LEFT).any(axis=1)] = Closing.SLIPS_OUT
     visible = touches & np.isin(state, (Closing.CLOSED, Closing.ONE_SIDE))[:, None]
     hidden = np.where(visible, 1.0, math.nan)
     low, high = result.bounds[..., :2], result.bounds[..., 2:]
-    points = result.points
+    points, poses = result.points, np.tile(np.eye(4), (len(state), 1, 1))
     if free:
         points = centres_of_pressure(points, low, high, result.poses)
+    poses[:, :3] = result.poses
+    poses[:, :3, 3] = mesh.from_normalized(poses[:, :3, 3])
+    # The chord of the angle keeps its digits where it is small.
+    chords = np.linalg.norm(start[..., :3] - poses[:, :3, :3], axis=(1, 2))
+    turn = 2.0 * np.arcsin(np.minimum(chords / math.sqrt(8.0), 1.0))
     return ClosedJaws(
         state=locked(state),
-        poses=locked(_matrices(mesh, result.poses)),
+        poses=locked(poses),
         points=locked(mesh.from_normalized(points) * hidden[..., None]),
         normals=locked(result.normals * hidden[..., None]),
         opening=locked(np.where(state == Closing.CLOSED, opening, math.nan) * mesh.size),
@@ -140,7 +144,7 @@ def closed_jaws(
         extents=locked(np.where(visible[..., None], high - low, 0.0) * mesh.size),
         corners=locked(mesh.from_normalized(result.corners) * hidden[..., None, None]),
         shift=locked(shift),
-        turn=locked(_turns(start, result.poses)),
+        turn=locked(turn),
     )
 
 
@@ -165,33 +169,6 @@ def centres_of_pressure(points: Floats, low: Floats, high: Floats, poses: Floats
     common = np.clip(common, np.minimum(first, last), np.maximum(first, last))
     local[..., 1:] = np.clip(common, low, high)
     return np.asarray((turned @ local[..., None])[..., 0] + origin)
-
-
-def _matrices(mesh: ObjectMesh, poses: Floats) -> Floats:
-    """Poses in the mesh's frame, shape (k, 4, 4)."""
-    matrices = np.zeros((len(poses), 4, 4))
-    matrices[:, :3, :3] = poses[..., :3]
-    matrices[:, :3, 3] = mesh.from_normalized(poses[..., 3])
-    matrices[:, 3, 3] = 1.0
-    return matrices
-
-
-def _turns(start: Floats, reached: Floats) -> Floats:
-    """Angles between the rotations of poses [rad], shape (k,)."""
-    # The chord keeps its digits where the angle is small.
-    chords = np.linalg.norm(start[..., :3] - reached[..., :3], axis=(1, 2))
-    return np.asarray(2.0 * np.arcsin(np.minimum(chords / math.sqrt(8.0), 1.0)))
-
-
-def _states(touches: Bools, outcome: Ints, opening: Floats, least: float) -> Bytes:
-    """`Closing` codes, shape (k,)."""
-    state = np.full(len(touches), Closing.NOTHING, dtype=np.uint8)
-    both = touches.all(axis=1)
-    state[touches.any(axis=1) & ~both] = Closing.ONE_SIDE
-    state[both & (opening >= least - ROUNDING)] = Closing.CLOSED
-    state[(outcome == INSIDE).any(axis=1)] = Closing.STARTS_INSIDE
-    state[(outcome == LEFT).any(axis=1)] = Closing.SLIPS_OUT
-    return state
 
 
 FOOTPRINT = 1.0 / 3.0
@@ -367,9 +344,8 @@ def close_jaws(
         for values, others in zip(result, again, strict=True):
             values[rows[free]] = others[free]
         shift[rows[free]] = move * mesh.size
-    return closed_jaws(
-        mesh, result, matrices, least=hand.min_opening * scale, free=free_object, shift=shift
-    )
+    least = hand.min_opening * scale
+    return closed_jaws(mesh, result, matrices, shift, least=least, free=free_object)
 
 
 WAYS = 4

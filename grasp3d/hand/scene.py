@@ -6,14 +6,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bools, Floats, angles_between
+from grasp3d.arrays import Bools, Floats, angles_between
 from grasp3d.errors import SettingError
 from grasp3d.hand.choices import AXES
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import GivenHand, given_hand, hand_line
 from grasp3d.hand.jaws import IN_METRES, Jaws
 from grasp3d.hand.object_pose import ObjectPose
-from grasp3d.hand.reach import Reach
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.table import (
     Approach,
@@ -150,14 +149,6 @@ class Scene:
             return None
         text = "is this the pose of the object as it stands (--table, --up)?"
         return f"the table's up is {tilt:.0f}° from z of the robot's frame: {text}"
-
-    def reach(
-        self, mesh: ObjectMesh, points: ArrayLike, normals: ArrayLike, *, grip: ArrayLike = 1
-    ) -> Reach:
-        """Which grasps the hand reaches here; see `Hand.reach`."""
-        return self.hand.reach(
-            mesh, points, normals, grip=grip, table=self.table, approach=self.approach,
-        )  # fmt: skip
 
     def within_stroke(self, mesh: ObjectMesh, sampling: Sampling) -> Sampling:
         """Settings of the search with openings limited to what the hand may reach.

@@ -55,9 +55,7 @@ class Pincers:
     def reach(self, *_: Any, **__: Any) -> Any:
         raise SettingError("pincers are closed at given poses")
 
-    def close(
-        self, mesh: ObjectMesh, poses: Any, *, object_motion: str = "fixed", friction: float = 0.5
-    ) -> ClosedJaws:
+    def close(self, mesh: ObjectMesh, poses: Any, **_: Any) -> ClosedJaws:
         poses = np.asarray(poses)
         count, half = len(poses), 0.5 * self.max_opening
         points, normals = np.full((2, count, 2, 3), np.nan)
