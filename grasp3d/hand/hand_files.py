@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.articulated_hand import FORMAT as ARTICULATED
-from grasp3d.hand.articulated.articulated_hand import NAMES
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.parallel_gripper import ALIASES, FORMAT, KEYS, PRESETS, gripper_of
 from grasp3d.hand.parallel_gripper import preset as known_gripper
+from grasp3d.hand.robot_files import FORMAT as ARTICULATED
+from grasp3d.hand.robot_files import NAMES, made_of, read_json
 from grasp3d.hand.robot_files import SUFFIXES as MODELS
-from grasp3d.hand.robot_files import made_of, read_json
 from grasp3d.system.documents import described, is_file, is_folder, parse_json, problem_of_file
 from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.names import printable, unsupported

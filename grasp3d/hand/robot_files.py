@@ -11,6 +11,12 @@ from grasp3d.system.documents import load_json, problem_of_file
 from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import printable
 
+FORMAT, VERSION = "grasp3d articulated hand", 1
+"""What the keys `format` and `version` of the JSON of a hand with joints contain."""
+
+NAMES = ("allegro", "leap", "shadow", "barrett")
+"""Hands that are known; their JSON files have notes on where the numbers come from."""
+
 SUFFIXES = (".urdf", ".xml", ".mjcf")
 
 T = TypeVar("T")

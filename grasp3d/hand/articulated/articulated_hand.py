@@ -15,18 +15,12 @@ from grasp3d.arrays import ArrayLike, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.link_bodies import half_widths, link_bodies
 from grasp3d.hand.link_tree import Joint, LinkMass, LinkShape, LinkTree
+from grasp3d.hand.robot_files import FORMAT, VERSION
 from grasp3d.hand.triangles import Part, Triangles, triangles_of
 from grasp3d.quality.hand_forces.actuation import Actuation
 from grasp3d.system.names import printable
 
 _KINDS = {"fixed": kinematics.FIXED, "slides": kinematics.SLIDES, "turns": kinematics.TURNS}
-
-
-FORMAT, VERSION = "grasp3d articulated hand", 1
-"""What the keys `format` and `version` of a description contain."""
-
-NAMES = ("allegro", "leap", "shadow", "barrett")
-"""Hands that are known; their JSON files have notes on where the numbers come from."""
 
 
 class Coupling(NamedTuple):

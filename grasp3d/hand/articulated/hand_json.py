@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.articulated_hand import NAMES, VERSION, ArticulatedHand, Coupling
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
 from grasp3d.hand.articulated.proposal import articulated_hand_of
 from grasp3d.hand.link_tree import LinkMass, LinkTree
-from grasp3d.hand.robot_files import made_of, read_json
+from grasp3d.hand.robot_files import NAMES, VERSION, made_of, read_json
 from grasp3d.system.documents import typed
 from grasp3d.system.names import unknown
 
