@@ -174,7 +174,7 @@ def collisions(mesh: grasp3d.ObjectMesh) -> Row:
 
     from grasp3d._kernels.jaws.gripper_parts import make_workspace
     from grasp3d._kernels.jaws.reaching import collide_poses
-    from grasp3d.hand.jaw_reach import NormalizedScene
+    from grasp3d.hand.reach import NormalizedScene
     from tests.helpers.collisions import swept_parts
     from tests.helpers.grippers import HAND, normalized_poses, random_poses
 

@@ -25,7 +25,7 @@ from scipy.stats import spearmanr
 import grasp3d
 from grasp3d.arrays import Bools, Floats
 from grasp3d.formats import GraspPoses
-from grasp3d.hand import closed_jaws, closing
+from grasp3d.hand import closing
 from grasp3d.hand.closing import close_jaws
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.outcomes.ranking import roc_auc
@@ -63,12 +63,12 @@ class Rule:
     pressed: bool = True
     """Whether contacts are centres of pressure."""
 
-    def close(self, mesh: grasp3d.ObjectMesh, poses: Any) -> closed_jaws.ClosedJaws:
+    def close(self, mesh: grasp3d.ObjectMesh, poses: Any) -> closing.ClosedJaws:
         """Close the jaws."""
-        keep: Callable[..., Any] = closed_jaws.centres_of_pressure
+        keep: Callable[..., Any] = closing.centres_of_pressure
         with (
             changed(closing, "FOOTPRINT", self.footprint),
-            changed(closed_jaws, "centres_of_pressure", keep if self.pressed else centroids),
+            changed(closing, "centres_of_pressure", keep if self.pressed else centroids),
         ):
             return close_jaws(
                 mesh,
@@ -111,7 +111,7 @@ def rules(hand: ParallelGripper, friction: float) -> Iterator[Rule]:
         yield replace(whole, text=text, footprint=depth)
 
 
-def angles_of(found: closed_jaws.ClosedJaws) -> Floats:
+def angles_of(found: closing.ClosedJaws) -> Floats:
     """Critical friction angles of point contacts [rad]; pi where the jaws do not close."""
     angles = np.full(len(found.state), math.pi)
     points, normals = found.points[found.closed], found.normals[found.closed]
@@ -136,7 +136,7 @@ def area_of(held: Bools, angles: Floats) -> str:
     return f"{roc_auc(held, -angles, np.arange(len(held)))[0]:.3f}"
 
 
-def turn_agreement(path: Path, found: closed_jaws.ClosedJaws, held: Bools) -> str:
+def turn_agreement(path: Path, found: closing.ClosedJaws, held: Bools) -> str:
     """Rank correlations of the object's turn with the one that ACRONYM's simulator recorded."""
     with h5py.File(path) as file:
         recorded = file["grasps/qualities/flex/object_motion_during_closing_angular"][()]

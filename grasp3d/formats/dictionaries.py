@@ -20,9 +20,9 @@ from grasp3d.formats.frames import from_quaternions, quaternions
 from grasp3d.formats.outcomes import outcomes_of
 from grasp3d.formats.poses import STAGES, GraspPoses
 from grasp3d.formats.postures import matched, wrist_of
-from grasp3d.hand.articulated.presets import NAMES as HANDS
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.object_pose import ObjectPose
+from grasp3d.hand.robot_files import NAMES as HANDS
 from grasp3d.system.documents import described, is_folder
 from grasp3d.system.files import atomic_write
 from grasp3d.system.stored_arrays import RefusedError, array_in, stored_objects

@@ -12,11 +12,11 @@ from grasp3d.formats import checks
 from grasp3d.formats.format import Given
 from grasp3d.formats.outcomes import Values, outcomes_of
 from grasp3d.formats.poses import STAGES, VECTOR_COLUMNS, GraspPoses
-from grasp3d.hand.articulated.presets import FORMAT as ARTICULATED
 from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_of
 from grasp3d.hand.object_pose import ObjectPose
+from grasp3d.hand.robot_files import FORMAT as ARTICULATED
 from grasp3d.settings.units import Unit
 from grasp3d.system.documents import described
 from grasp3d.system.versions import package_version

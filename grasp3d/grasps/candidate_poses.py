@@ -15,8 +15,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
-from grasp3d.hand.jaw_reach import collides
 from grasp3d.hand.jaws import Jaws
+from grasp3d.hand.reach import collides
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import best_approach
 from grasp3d.mesh import ObjectMesh

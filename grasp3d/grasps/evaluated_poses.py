@@ -13,7 +13,7 @@ from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints
 from grasp3d.formats.poses import GAP, GraspPoses
 from grasp3d.grasps.audit import SUSPECTED, PoseReading, audit_poses
 from grasp3d.grasps.reasons import Reasons
-from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.closing import Closing
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose

@@ -9,10 +9,9 @@ import numpy as np
 from grasp3d.arrays import Bools, Bytes, Floats, angles_between
 from grasp3d.grasps.reasons import Reasons
 from grasp3d.grasps.robustness import Robustness
-from grasp3d.hand.closed_jaws import MEANING, ClosedJaws, Closing
-from grasp3d.hand.closing import close_jaws
-from grasp3d.hand.jaw_reach import collides
+from grasp3d.hand.closing import MEANING, ClosedJaws, Closing, close_jaws
 from grasp3d.hand.jaws import Jaws
+from grasp3d.hand.reach import collides
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.region import allowed_contacts

@@ -17,8 +17,7 @@ from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.gripper_reasons import GripperReasons
 from grasp3d.grasps.robustness import Robustness, robustness_of
 from grasp3d.hand.choices import ObjectMotion
-from grasp3d.hand.closed_jaws import ClosedJaws, Closing
-from grasp3d.hand.closing import ways
+from grasp3d.hand.closing import ClosedJaws, Closing, ways
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.hand import touching
 from grasp3d.hand.scene import Scene

@@ -16,12 +16,11 @@ from grasp3d.formats.postures import ORDER, matched
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.hand_reasons import HandReasons
 from grasp3d.grasps.motor_loads import MotorLoads
-from grasp3d.hand.articulated.actuation import torques_of
-from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
+from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand, torques_of
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, HandContacts, hand_contacts
 from grasp3d.hand.articulated.plausible_numbers import implausible
 from grasp3d.hand.choices import ContactRule
-from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.closing import Closing
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh

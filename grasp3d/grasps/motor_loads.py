@@ -10,8 +10,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Bytes, Floats, locked, short_repr
 from grasp3d.contact.contacts import Contacts
-from grasp3d.hand.articulated.actuation import actuation_of
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, actuation_of
 from grasp3d.hand.articulated.plausible_numbers import too_strong
 from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
 from grasp3d.quality.hand_forces.payloads import (

@@ -20,8 +20,7 @@ from scipy.special import ndtr
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts, evenly_pressed_radius
 from grasp3d.hand.choices import ObjectMotion
-from grasp3d.hand.closed_jaws import ClosedJaws
-from grasp3d.hand.closing import inner_faces
+from grasp3d.hand.closing import ClosedJaws, inner_faces
 from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh

@@ -9,6 +9,12 @@ Standing = Literal["none", "as-is", "stable"]
 """What an object stands on: nothing, a table below it as it is, or in a resting pose."""
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+AXES: dict[str, tuple[float, float, float]] = {
+    "x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0),
+    "-x": (-1.0, 0.0, 0.0), "-y": (0.0, -1.0, 0.0), "-z": (0.0, 0.0, -1.0),
+}  # fmt: skip
+"""Unit vectors of the axes of a frame, by name."""
+
 ObjectMotion = Literal["free", "fixed"]
 """Whether an object gives way to closing fingers."""
 

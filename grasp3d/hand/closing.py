@@ -2,21 +2,174 @@
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 
-from grasp3d._kernels.jaws.closing import INSIDE, ClosedOn, close_on
+from grasp3d._kernels.jaws.closing import INSIDE, LEFT, TOUCHES, ClosedOn, close_on
 from grasp3d._kernels.jaws.jaws import ROUNDING, Jaw
-from grasp3d.arrays import ArrayLike, Floats
-from grasp3d.errors import SettingError
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.hand.choices import ObjectMotion
-from grasp3d.hand.closed_jaws import ClosedJaws, closed_jaws
 from grasp3d.hand.jaws import IN_METRES, Corners, Jaws
 from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import check_choice
-from grasp3d.settings.units import GivenLength
 from grasp3d.system.context import report_progress, thread_count, unreported
+
+
+class Closing(IntEnum):
+    """What happens when the jaws close."""
+
+    CLOSED = 0
+    """Both jaws touch the object."""
+    NOTHING = 1
+    """The jaws reach their smallest opening before both touch, or neither touches at all."""
+    ONE_SIDE = 2
+    """Only one jaw touches."""
+    STARTS_INSIDE = 3
+    """A finger is in the object, or overlaps with it, before the jaws move."""
+    SLIPS_OUT = 4
+    """A free object slides out of the closing jaws."""
+
+
+MEANING: dict[Closing, str] = {
+    Closing.CLOSED: "both jaws touch the object",
+    Closing.NOTHING: "the jaws close on nothing",
+    Closing.ONE_SIDE: "only one jaw touches the object",
+    Closing.STARTS_INSIDE: "a finger starts in the object",
+    Closing.SLIPS_OUT: "the object slides out of the jaws",
+}
+"""Each state in words, as shown to users."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedJaws:
+    """Where the n fingers of a hand touch an object, a row for each pose.
+
+    A parallel gripper has two, its jaws. One that touches nothing has nan, and an area of 0.
+    """
+
+    state: Bytes
+    """`Closing` codes, shape (k,)."""
+    poses: Floats
+    """The gripper in the object's frame when the jaws are closed [m], shape (k, 4, 4): as
+    given where the object is fixed; one that is free has moved relative to the gripper, whose TCP
+    is then midway between the jaws."""
+    points: Floats
+    """Contacts, in the mesh's frame, shape (k, n, 3): of a fixed object the centroids of
+    the touched patches, of a free one the centres of pressure."""
+    normals: Floats
+    """Unit normals into the object, means over the patches, shape (k, n, 3)."""
+    opening: Floats
+    """Distance of the pads, or of the nearest points of round tips, when both touch first
+    [m], shape (k,); nan unless CLOSED."""
+    positions: Floats
+    """Where the jaws stop: x of the pads, or of the foremost points of round tips, in the frame of
+    `poses` [m], shape (k, n)."""
+    area: Floats
+    """Areas of the touched patches [m^2], shape (k, n)."""
+    extents: Floats
+    """Sizes of the touched patches along y and z of the gripper [m], shape (k, n, 2)."""
+    corners: Floats
+    """Points of the touched patches that are farthest in eight directions of the pads, in the
+    mesh's frame, shape (k, n, 8, 3): their convex hull is within that of the patch."""
+    shift: Floats
+    """How far the gripper moved along the closing axis, relative to the object, before the jaws
+    closed, as they would have started in it [m], shape (k,)."""
+    turn: Floats
+    """Angle by which the object has turned relative to the gripper [rad], shape (k,); 0 where it is
+    fixed or has not moved."""
+
+    __repr__ = short_repr
+
+    @property
+    def closed(self) -> Bools:
+        """Whether both jaws touch the object, shape (k,)."""
+        return locked(self.state == Closing.CLOSED)
+
+    @property
+    def offset(self) -> Floats:
+        """How far the middle between the jaws is from the TCP, along x [m], shape (k,).
+
+        A rigid hand whose jaws move symmetrically pushes the object by as much, against x.
+        """
+        return locked(self.positions.mean(axis=1))
+
+    def take(self, which: slice | Ints | Bools) -> "ClosedJaws":
+        """The chosen poses."""
+        return ClosedJaws(**{name: locked(values[which]) for name, values in vars(self).items()})
+
+
+def closed_jaws(
+    mesh: ObjectMesh, result: ClosedOn, start: Floats, shift: Floats, *, least: float, free: bool
+) -> ClosedJaws:
+    """States, and everything in the mesh's frame.
+
+    Args:
+        mesh: The object.
+        result: What the kernels found, in the normalised frame.
+        start: The poses before the jaws closed, in that frame, shape (k, 3, 4).
+        shift: As in `ClosedJaws` [m], shape (k,).
+        least: Smallest opening [object sizes].
+        free: Whether the object is free, and contacts are centres of pressure.
+    """
+    touches = result.outcome == TOUCHES
+    opening = result.position[:, 1] - result.position[:, 0]
+    state = np.full(len(touches), Closing.NOTHING, dtype=np.uint8)
+    both = touches.all(axis=1)
+    state[touches.any(axis=1) & ~both] = Closing.ONE_SIDE
+    state[both & (opening >= least - ROUNDING)] = Closing.CLOSED
+    state[(result.outcome == INSIDE).any(axis=1)] = Closing.STARTS_INSIDE
+    state[(result.outcome == LEFT).any(axis=1)] = Closing.SLIPS_OUT
+    visible = touches & np.isin(state, (Closing.CLOSED, Closing.ONE_SIDE))[:, None]
+    hidden = np.where(visible, 1.0, math.nan)
+    low, high = result.bounds[..., :2], result.bounds[..., 2:]
+    points, poses = result.points, np.tile(np.eye(4), (len(state), 1, 1))
+    if free:
+        points = centres_of_pressure(points, low, high, result.poses)
+    poses[:, :3] = result.poses
+    poses[:, :3, 3] = mesh.from_normalized(poses[:, :3, 3])
+    # The chord of the angle keeps its digits where it is small.
+    chords = np.linalg.norm(start[..., :3] - poses[:, :3, :3], axis=(1, 2))
+    turn = 2.0 * np.arcsin(np.minimum(chords / math.sqrt(8.0), 1.0))
+    return ClosedJaws(
+        state=locked(state),
+        poses=locked(poses),
+        points=locked(mesh.from_normalized(points) * hidden[..., None]),
+        normals=locked(result.normals * hidden[..., None]),
+        opening=locked(np.where(state == Closing.CLOSED, opening, math.nan) * mesh.size),
+        positions=locked(result.position * hidden * mesh.size),
+        area=locked(np.where(visible, result.area, 0.0) * mesh.size**2),
+        extents=locked(np.where(visible[..., None], high - low, 0.0) * mesh.size),
+        corners=locked(mesh.from_normalized(result.corners) * hidden[..., None, None]),
+        shift=locked(shift),
+        turn=locked(turn),
+    )
+
+
+def centres_of_pressure(points: Floats, low: Floats, high: Floats, poses: Floats) -> Floats:
+    """Where the jaws press on an object that is free, and in equilibrium between them.
+
+    The forces of both jaws are opposite and on one line. Somewhere in each patch is the centre of
+    its pressure, and the patch's centroid only stands for it: where the patches overlap, seen along
+    the closing axis, the jaws press on one line along that axis, the one nearest to both centroids;
+    else at the ends that are nearest to each other.
+
+    Args:
+        points: Centroids of the patches in the object's frame, shape (k, 2, 3).
+        low: Smallest y and z of the patches in the gripper's frame, shape (k, 2, 2).
+        high: Largest ones.
+        poses: The gripper's frame to the object's, shape (k, 3, 4).
+    """
+    turned, origin = poses[:, None, :, :3], poses[:, None, :, 3]
+    local = ((points - origin)[..., None, :] @ turned)[..., 0, :]
+    common = local[..., 1:].mean(axis=1, keepdims=True)
+    first, last = low.max(axis=1, keepdims=True), high.min(axis=1, keepdims=True)
+    common = np.clip(common, np.minimum(first, last), np.maximum(first, last))
+    local[..., 1:] = np.clip(common, low, high)
+    return np.asarray((turned @ local[..., None])[..., 0] + origin)
+
 
 FOOTPRINT = 1.0 / 3.0
 """Depth, relative to a pad's smaller side, to which the surface opposite it makes the normal.
@@ -97,7 +250,6 @@ def close_jaws(
     poses: ArrayLike,
     hand: Jaws,
     *,
-    opening: ArrayLike | GivenLength | None = None,
     object_motion: ObjectMotion = "fixed",
     friction: float = 0.5,
     give_way: float = 0.0,
@@ -127,9 +279,8 @@ def close_jaws(
         poses: Matrices that take coordinates of the gripper's frame to the mesh's, translations in
             metres, shape (k, 4, 4), or (4, 4) for one.
         hand: The gripper.
-        opening: Opening at the start, in metres or with a unit, one or (k,); None: the stroke.
         object_motion: free: the object gives way; fixed: it does not move.
-        friction: Coulomb coefficient between the jaws and a free object; at least 0.
+        friction: Coulomb coefficient between the jaws and a free object.
         give_way: Where a finger starts in the object, how far it may be shifted along the closing
             axis until none does [m]; see `ClosedJaws.shift`.
 
@@ -141,7 +292,7 @@ def close_jaws(
         >>> import numpy as np
         >>> import trimesh
         >>> import grasp3d
-        >>> from grasp3d.hand.closed_jaws import Closing
+        >>> from grasp3d.hand.closing import Closing
         >>> from grasp3d.hand.closing import close_jaws
         >>> from grasp3d.hand.parallel_gripper import ParallelGripper
         >>> hand = ParallelGripper(
@@ -157,19 +308,17 @@ def close_jaws(
         ([1.0, -1.0], [[200.0, 200.0]])
     """
     check_choice("object_motion", object_motion, ObjectMotion)
-    free_object = object_motion == "free"
-    if not 0.0 <= friction < math.inf:
-        raise SettingError(f"friction must be a finite number of at least 0; got {friction:g}")
     mesh.needs_metres(IN_METRES)
-    scale = 1.0 / mesh.size
-    matrices = _normalized(mesh, poses)
-    start = _openings(mesh, opening, hand, len(matrices))
-    jaw = jaw_of(hand, scale)
+    scale, free_object = 1.0 / mesh.size, object_motion == "free"
+    checked = checked_poses(poses)
+    checked[:, :3, 3] = (checked[:, :3, 3] - mesh.center) / mesh.size
+    matrices = np.ascontiguousarray(checked[:, :3])
+    jaw, start = jaw_of(hand, scale), hand.max_opening / mesh.size
     coefficient = friction if free_object else FIXED
     surface, tree = mesh.contact_surface, mesh.face_tree
 
-    def closed_from(poses: Floats, starts: Floats) -> ClosedOn:
-        count, result = len(poses), _empty(len(poses))
+    def closed_from(poses: Floats) -> ClosedOn:
+        count, result, starts = len(poses), _empty(len(poses)), np.full(len(poses), start)
         step = max(1, min(CHUNK, count // (2 * thread_count())))
         firsts = range(0, count, step)
 
@@ -182,7 +331,7 @@ def close_jaws(
                 report_progress(done / len(firsts))
         return result
 
-    result, shift = closed_from(matrices, start), np.zeros(len(matrices))
+    result, shift = closed_from(matrices), np.zeros(len(matrices))
     for move in ways(give_way / mesh.size) if give_way else ():
         rows = np.flatnonzero((result.outcome == INSIDE).any(axis=1))
         if not len(rows):
@@ -190,14 +339,13 @@ def close_jaws(
         moved = matrices[rows]
         moved[:, :, 3] += move * moved[:, :, 0]
         with unreported():
-            again = closed_from(moved, start[rows])
+            again = closed_from(moved)
         free = ~(again.outcome == INSIDE).any(axis=1)
         for values, others in zip(result, again, strict=True):
             values[rows[free]] = others[free]
         shift[rows[free]] = move * mesh.size
-    return closed_jaws(
-        mesh, result, matrices, jaw, least=hand.min_opening * scale, free=free_object, shift=shift
-    )
+    least = hand.min_opening * scale
+    return closed_jaws(mesh, result, matrices, shift, least=least, free=free_object)
 
 
 WAYS = 4
@@ -212,37 +360,6 @@ def ways(most: float) -> list[float]:
     """
     steps = np.linspace(0.0, most, WAYS + 1)[1:].tolist()
     return [sign * step for step in steps for sign in (1.0, -1.0)]
-
-
-def _normalized(mesh: ObjectMesh, poses: ArrayLike) -> Floats:
-    """Poses to the normalised frame as rotation and translation, shape (k, 3, 4)."""
-    matrices = checked_poses(poses)
-    matrices[:, :3, 3] = (matrices[:, :3, 3] - mesh.center) / mesh.size
-    return np.ascontiguousarray(matrices[:, :3])
-
-
-def _openings(
-    mesh: ObjectMesh, opening: ArrayLike | GivenLength | None, hand: Jaws, count: int
-) -> Floats:
-    """Openings at the start [object sizes], shape (k,)."""
-    stroke = hand.max_opening
-    if isinstance(opening, str):
-        opening = mesh.length("opening", opening)
-    try:
-        lengths = np.asarray(stroke if opening is None else opening, dtype=np.float64)
-        start = np.array(np.broadcast_to(lengths, (count,)))
-    except (TypeError, ValueError) as error:
-        raise SettingError(
-            f"opening must be one length or one for each of the {count} poses; got {opening!r}"
-        ) from error
-    # Openings of files are rounded.
-    bad = np.flatnonzero(~((start >= 0.0) & (start <= stroke * (1.0 + 1e-6))))
-    if len(bad):
-        raise SettingError(
-            f"pose {bad[0] + 1}: opening must be from 0 to the stroke of gripper "
-            f"{hand.name!r}, {stroke:.4g} m; got {start[bad[0]]:.4g}"
-        )
-    return np.asarray(start / mesh.size)
 
 
 def _empty(count: int) -> ClosedOn:

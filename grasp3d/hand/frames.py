@@ -10,12 +10,13 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.hand.jaws import AXES, Jaws
+from grasp3d.hand.choices import AXES
 from grasp3d.system.documents import parse_json
 
 if TYPE_CHECKING:
     from grasp3d.arrays import ArrayLike, Floats
     from grasp3d.hand.hand import Hand
+    from grasp3d.hand.jaws import Jaws
 
 Origin = Literal["tcp", "base", "ends"]
 """The tool centre point, the origin of the hand's own frame, or the ends of the fingers."""
@@ -27,7 +28,7 @@ LARGEST = 1.0
 """Largest distance of the TCP from a frame's origin [m]."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class GripperFrame:
     """Frame in which a program states the poses of a gripper.
 
@@ -43,6 +44,8 @@ class GripperFrame:
         [0.0, 0.0, 0.1034]
     """
 
+    name: str = field(default="", compare=False)
+    """Its name in `FRAMES`; empty: none."""
     approach: str = "z"
     """Axis of the frame that is the approach direction, such as 'z' or '-x'; empty: as the
     gripper's `base_axes` state."""
@@ -59,8 +62,6 @@ class GripperFrame:
     none."""
     matrix: tuple[tuple[float, ...], ...] = ()
     """Rows of the pose of the TCP in the frame [m], instead of all above; empty: not stated."""
-    name: str = field(default="", compare=False)
-    """Its name in `FRAMES`; empty: none."""
 
     @classmethod
     def of(cls, value: "GripperFrame | str | ArrayLike") -> "GripperFrame":
@@ -110,21 +111,22 @@ class GripperFrame:
             return np.array(self.matrix)
         if self.link:
             return np.asarray(np.linalg.inv(self._link_pose(hand)))
-        names = (self.approach, self.closing) if self.approach else self._own_axes(hand)
-        approach, unturned = (np.array(AXES[name]) for name in names)
+        joints, jaws = hasattr(hand, "link_poses"), None
+        own = "x", "z"
+        if self.origin == "ends" or not (joints or (self.approach and self.origin == "tcp")):
+            jaws = self._jaws(hand)
+            own = jaws.base_axes
+        names = (self.closing, self.approach) if self.approach else own
+        unturned, approach = (np.array(AXES[name]) for name in names)
         side = np.cross(approach, unturned)
         closing = math.cos(self.turn) * unturned + math.sin(self.turn) * side
+        ahead = self.ahead  # of the TCP from the origin, along the approach direction
+        if jaws is not None and self.origin != "tcp":
+            ahead += jaws.base_to_tcp if self.origin == "base" else -jaws.end
         pose = np.eye(4)
         pose[:3, :3] = np.stack([closing, np.cross(approach, closing), approach], axis=1)
-        pose[:3, 3] = self._distance(hand) * approach
+        pose[:3, 3] = ahead * approach
         return pose
-
-    def _distance(self, hand: "Hand | None") -> float:
-        """How far the TCP is before the origin, along the approach direction [m]."""
-        if self.origin == "tcp" or (self.origin == "base" and _has_joints(hand)):
-            return self.ahead
-        jaws = self._jaws(hand)
-        return self.ahead + (jaws.base_to_tcp if self.origin == "base" else -jaws.end)
 
     def _link_pose(self, hand: "Hand | None") -> "Floats":
         """Pose of the link in the hand's frame where all joints are at 0."""
@@ -140,24 +142,14 @@ class GripperFrame:
         poses = hand.link_poses(np.zeros((1, len(hand.joint_names))))  # type: ignore[union-attr]
         return np.asarray(poses[0, links.index(self.link)])
 
-    def _own_axes(self, hand: "Hand | None") -> tuple[str, str]:
-        if _has_joints(hand):
-            return "z", "x"
-        closing, approach = self._jaws(hand).base_axes
-        return approach, closing
-
-    def _jaws(self, hand: "Hand | None") -> Jaws:
-        if isinstance(hand, Jaws):
-            return hand
+    def _jaws(self, hand: Any) -> "Jaws":
+        if hasattr(hand, "base_to_tcp"):
+            jaws: Jaws = hand
+            return jaws
         raise SettingError(
             f"poses in the frame {str(self)!r} need the lengths of a parallel gripper: give it "
             "(--hand, in Python hand=...)"
         )
-
-
-def _has_joints(hand: "Hand | None") -> bool:
-    """Whether a hand's frame is that of its base, as of those with joints."""
-    return hasattr(hand, "link_poses")
 
 
 def _of_matrix(value: "ArrayLike") -> GripperFrame:
@@ -173,36 +165,26 @@ def _of_matrix(value: "ArrayLike") -> GripperFrame:
     return GripperFrame(matrix=tuple(map(tuple, matrix.tolist())))
 
 
-def _named(
-    name: str, axes: tuple[str, str], origin: Origin, *, turn: float = 0.0, ahead: float = 0.0
-) -> tuple[str, GripperFrame]:
-    approach, closing = axes
-    return name, GripperFrame(
-        name=name, approach=approach, closing=closing, origin=origin, turn=turn, ahead=ahead
+FRAMES: dict[str, GripperFrame] = {
+    frame.name: frame
+    for frame in (
+        GripperFrame("tcp"),
+        GripperFrame("hand", "", "", origin="base"),
+        GripperFrame("isaac", "", "", origin="base"),
+        GripperFrame("moveit", "", "", origin="base"),
+        GripperFrame("graspgen", origin="base"),
+        GripperFrame("acronym", origin="base"),
+        GripperFrame("graspnetapi", "x", "y", origin="ends", ahead=0.02),
+        GripperFrame("dexnet", "x", "y"),
+        GripperFrame("gpd", "x", "y", origin="ends", ahead=0.06),
+        GripperFrame("burg", "-z", "x", origin="ends"),
+        GripperFrame("panda_hand", "z", "-y", origin="base"),
+        GripperFrame("panda_hand_tcp", "z", "-y"),
+        GripperFrame("panda_link8", "z", "-y", -0.25 * math.pi, "base"),
+        GripperFrame("robotiq_arg2f_base_link", "z", "y", origin="base"),
+        GripperFrame("robotiq_85_base_link", origin="base"),
     )
-
-
-_OWN, _Z_X, _Z_Y, _X_Y = ("", ""), ("z", "x"), ("z", "-y"), ("x", "y")
-
-FRAMES: dict[str, GripperFrame] = dict(
-    [
-        _named("tcp", _Z_X, "tcp"),
-        _named("hand", _OWN, "base"),
-        _named("isaac", _OWN, "base"),
-        _named("moveit", _OWN, "base"),
-        _named("graspgen", _Z_X, "base"),
-        _named("acronym", _Z_X, "base"),
-        _named("graspnetapi", _X_Y, "ends", ahead=0.02),
-        _named("dexnet", _X_Y, "tcp"),
-        _named("gpd", _X_Y, "ends", ahead=0.06),
-        _named("burg", ("-z", "x"), "ends"),
-        _named("panda_hand", _Z_Y, "base"),
-        _named("panda_hand_tcp", _Z_Y, "tcp"),
-        _named("panda_link8", _Z_Y, "base", turn=-0.25 * math.pi),
-        _named("robotiq_arg2f_base_link", ("z", "y"), "base"),
-        _named("robotiq_85_base_link", _Z_X, "base"),
-    ]
-)
+}
 """Frames by name, as the programs state them (see docs/guide/elsewhere.md); several names may stand
 for the same one."""
 
@@ -213,7 +195,7 @@ def frames_of(hand: Any) -> Iterator[GripperFrame]:
     Those by name, and their axes at the TCP and at the base; of hands with joints those of the
     links between base and palm, and of what is fixed to these.
     """
-    if _has_joints(hand):
+    if hasattr(hand, "link_poses"):
         joints, path = hand.tree.joints, hand.tree.chain(hand.palm)
         fixed = (n for link in path for n in hand.tree.children(link) if joints[n].kind == "fixed")
         yield from (GripperFrame(link=name) for name in (*path, *fixed))

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from trimesh import transform_points
 
-from grasp3d.arrays import Bools, Floats, short_repr
+from grasp3d.arrays import Floats, short_repr
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.reach import Reach
-from grasp3d.hand.shapes import hand_triangles
 from grasp3d.hand.triangles import Triangles
 
 
@@ -45,7 +45,7 @@ class GripperPose:
             reach: How a gripper reaches some grasps; None: no gripper.
             row: Number of the grasp.
         """
-        if reach is None or not has_pose(reach)[row]:
+        if reach is None or not np.isfinite(reach.poses[row]).all():
             return None
         return cls(
             reach.poses[row],
@@ -67,15 +67,11 @@ class GripperPose:
 
     def triangles(self, hand: Hand) -> Triangles:
         """The shape of the gripper there, in the frame of the mesh."""
-        return hand_triangles(hand, self.opening, posture=self.posture, pose=self.pose)
+        shape = hand.shape(self.opening, self.posture)
+        return replace(shape, vertices=transform_points(shape.vertices, self.pose))
 
     @property
     def arcs(self) -> list[tuple[float, float]]:
         """Free approach angles about the pose's x-axis, low and high [rad]; none if unknown."""
         margin = self.approach_margin
         return [(-margin, margin)] if math.isfinite(margin) and margin > 0.0 else []
-
-
-def has_pose(reach: Reach) -> Bools:
-    """Whether each grasp has a pose, shape (b,)."""
-    return np.asarray(np.isfinite(reach.poses).all(axis=(1, 2)))

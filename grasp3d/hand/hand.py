@@ -8,11 +8,10 @@ from grasp3d.settings import GraspModel
 from grasp3d.settings.sampling import Grip
 
 if TYPE_CHECKING:
-    from grasp3d.arrays import ArrayLike, Bools, Floats
-    from grasp3d.hand.choices import ObjectMotion
-    from grasp3d.hand.closed_jaws import ClosedJaws
+    from grasp3d.arrays import ArrayLike, Bools
+    from grasp3d.hand.closing import ClosedJaws
     from grasp3d.hand.reach import Reach
-    from grasp3d.hand.table import Approach, Table
+    from grasp3d.hand.table import Table
     from grasp3d.hand.triangles import Triangles
     from grasp3d.mesh import ObjectMesh
 
@@ -74,55 +73,31 @@ class Hand(Protocol):
     def shape(self, opening: float, posture: "ArrayLike" = ()) -> "Triangles":
         """Its solid parts in its own frame at an opening [m] and a posture."""
 
-    def reach(
-        self,
-        mesh: "ObjectMesh",
-        points: "ArrayLike",
-        normals: "ArrayLike",
-        *,
-        grip: "ArrayLike" = 1,
-        table: "Table | None" = None,
-        approach: "Approach | None" = None,
-    ) -> "Reach":
+    def reach(self, mesh: "ObjectMesh", points: Any, normals: Any, **options: Any) -> "Reach":
         """Which grasps it reaches, and in which pose and opening.
 
         Args:
             mesh: The object; its unit must be known.
             points: Contacts, in the mesh's frame, shape (b, n, 3).
             normals: Inward unit normals there, shape (b, n, 3).
-            grip: +1 external grasps, -1 internal ones, one number or shape (b,).
-            table: What the object stands on; None: nothing.
-            approach: Approach angles and allowed directions; None: any direction.
+            options: `grip`: +1 external grasps, -1 internal ones, one number or shape (b,);
+                `table`: what the object stands on, or None; `approach`: an `Approach`, or None.
         """
 
-    def close(
-        self,
-        mesh: "ObjectMesh",
-        poses: "ArrayLike",
-        *,
-        object_motion: "ObjectMotion" = "fixed",
-        friction: float = 0.5,
-        give_way: float = 0.0,
-    ) -> "ClosedJaws":
+    def close(self, mesh: "ObjectMesh", poses: Any, **options: Any) -> "ClosedJaws":
         """What its fingers touch when they close at poses, wide open at first.
 
         Args:
             mesh: The object; its unit must be known.
             poses: From the hand's frame to the mesh's, shape (k, 4, 4).
-            object_motion: free: the object gives way; fixed: it does not move.
-            friction: Coulomb coefficient between the fingers and a free object.
-            give_way: How far the object or the fingers may give way where fingers start in it [m];
-                see `ClosedJaws.shift`.
+            options: `object_motion`: free, the object gives way, or fixed, it does not move;
+                `friction`: Coulomb coefficient between the fingers and a free object; `give_way`:
+                how far the object or the fingers may give way where fingers start in it [m], see
+                `ClosedJaws.shift`.
         """
 
     def blocked(
-        self,
-        mesh: "ObjectMesh",
-        poses: "Floats",
-        closed: "ClosedJaws",
-        *,
-        held: "Bools",
-        table: "Table | None" = None,
+        self, mesh: "ObjectMesh", poses: Any, closed: "ClosedJaws", **options: Any
     ) -> "Bools":
         """Whether the hand collides on its way to poses, shape (k,).
 
@@ -130,9 +105,8 @@ class Hand(Protocol):
             mesh: The object.
             poses: As in `close`.
             closed: What `close` returned for them.
-            held: Whether it is tested around the object that it holds there, or else wide open,
-                shape (k,).
-            table: What the object stands on; None: nothing.
+            options: `held`: whether it is tested around the object that it holds there, or else
+                wide open, shape (k,); `table`: what the object stands on, or None.
         """
 
     @property
@@ -140,12 +114,7 @@ class Hand(Protocol):
         """What is the case at poses that fit, for a sentence: 'jaws ... close on the object,'."""
 
     def fits(
-        self,
-        mesh: "ObjectMesh",
-        poses: "Floats",
-        posture: "Floats",
-        *,
-        table: "Table | None" = None,
+        self, mesh: "ObjectMesh", poses: Any, posture: Any, *, table: "Table | None" = None
     ) -> "Bools":
         """Whether it can close on the object at poses, which tells frames apart, shape (k,).
 

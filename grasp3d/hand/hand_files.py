@@ -3,19 +3,18 @@
 import json
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.presets import FORMAT as ARTICULATED
-from grasp3d.hand.articulated.presets import NAMES
-from grasp3d.hand.gripper_json import FORMAT, KEYS, read_json
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, gripper_of
+from grasp3d.hand.parallel_gripper import ALIASES, FORMAT, KEYS, PRESETS, gripper_of
 from grasp3d.hand.parallel_gripper import preset as known_gripper
+from grasp3d.hand.robot_files import FORMAT as ARTICULATED
+from grasp3d.hand.robot_files import NAMES, made_of, read_json
 from grasp3d.hand.robot_files import SUFFIXES as MODELS
-from grasp3d.hand.robot_files import made_of
 from grasp3d.system.documents import described, is_file, is_folder, parse_json, problem_of_file
 from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.names import printable, unsupported
@@ -95,17 +94,19 @@ def read_hand(
     """
     options = {"fingers": fingers, "palm": palm, "tcp": tcp}
     given = ", ".join(name for name, value in options.items() if value is not None)
-    path, suffix = Path(source), Path(source).suffix.lower()
-    is_file_name = suffix in SUFFIXES or len(path.parts) > 1 or is_file(path) or is_folder(path)
-    if str(source) in {"", *PRESETS, *ALIASES, *NAMES} or not is_file_name:
-        if str(source) in NAMES:
+    path, name = Path(source), str(source)
+    suffix, there = path.suffix.lower(), is_file(path) or is_folder(path)
+    if name in {"", *PRESETS, *ALIASES, *NAMES} or not (
+        suffix in SUFFIXES or len(path.parts) > 1 or there
+    ):
+        if name in NAMES:
             raise SettingError(
-                f"{source} is a hand with joints, known without its links: name the URDF that you "
-                f"have of it: grasp3d hand FILE.urdf -o {source}.json"
+                f"{name} is a hand with joints, known without its links: name the URDF that you "
+                f"have of it: grasp3d hand FILE.urdf -o {name}.json"
             )
         if given:
-            raise SettingError(f"{given}: for URDF and MuJoCo files; {str(source)!r} is no file")
-        return known_gripper(str(source))
+            raise SettingError(f"{given}: for URDF and MuJoCo files; {name!r} is no file")
+        return known_gripper(name)
     if suffix not in SUFFIXES and not is_folder(path):
         raise SettingError(unsupported(path, SUFFIXES, "gripper"))
     if problem := problem_of_file(path):
@@ -159,18 +160,12 @@ def write_hand(path: str | Path, hand: Hand) -> None:
     check_suffix(path, [".json"], "gripper")
     content = dict(hand.description())
     if MODEL in content:
-        content[MODEL] = _from_folder(Path(content[MODEL]), path.parent)
+        model, folder = Path(content[MODEL]).absolute(), path.parent.absolute()
+        with suppress(ValueError):  # on another drive
+            content[MODEL] = Path(os.path.relpath(model, folder)).as_posix()
     text = json.dumps(content, indent=1, allow_nan=False)
     with atomic_write(path) as part:
         part.write_text(f"{text}\n", encoding="utf-8")
-
-
-def _from_folder(path: Path, folder: Path) -> str:
-    """A path as files in a folder name it: from there, or whole where there is no way."""
-    try:
-        return Path(os.path.relpath(path.absolute(), folder.absolute())).as_posix()
-    except ValueError:  # on another drive
-        return path.absolute().as_posix()
 
 
 def hand_of(content: object) -> Hand:

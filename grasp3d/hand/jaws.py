@@ -6,13 +6,15 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from typing import TYPE_CHECKING, Self
 
+import numpy as np
+
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
+from grasp3d.hand.choices import AXES
 from grasp3d.settings import GraspModel, Radians
 from grasp3d.system.documents import check_text, described, number_of
 
 if TYPE_CHECKING:
-    from grasp3d.arrays import Floats
     from grasp3d.settings.sampling import Grip
 
 Corners = tuple[tuple[float, float, float], ...]
@@ -50,11 +52,8 @@ UNIFORM_PRESSURE = 2.0 / 3.0
 """Torsional moment of an evenly pressed disc, per friction, normal force and radius."""
 
 
-AXES: dict[str, tuple[float, float, float]] = {
-    "x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0),
-    "-x": (-1.0, 0.0, 0.0), "-y": (0.0, -1.0, 0.0), "-z": (0.0, 0.0, -1.0),
-}  # fmt: skip
-"""Unit vectors of the axes of a hand's own frame, by name."""
+IN_METRES = "hands and grippers are given in metres"
+"""Why the unit of a mesh must be known where there is one, for errors."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,34 +105,32 @@ class Jaws:
     def _wrong_sizes(self) -> Iterator[str]:
         """Sizes that cannot be, or contradict each other, one sentence each."""
         for name in (*POSITIVE, *LENGTHS):
-            yield from problems_of_length(name, getattr(self, name), positive=name in POSITIVE)
+            yield from _problems_of_length(name, getattr(self, name))
         for small, large in AT_MOST:
             few, most = getattr(self, small), getattr(self, large)
             if few > most:
                 yield f"{small} ({few:g}) must be at most {large} ({most:g})"
-        stroke = self.max_opening - self.min_opening
+        stroke, least = self.max_opening - self.min_opening, f"2 x {self.clearance:g} m"
         if not 2.0 * self.clearance < stroke:
-            yield (
-                f"the stroke of {stroke:g} m must be larger than the clearance on both sides, "
-                f"2 x {self.clearance:g} m"
-            )
-        most = self.finger_thickness
-        if self.tip_thickness is not None and not 0 < self.tip_thickness <= most:
-            yield f"tip_thickness must be above 0 and at most finger_thickness ({most:g} m)"
+            least = f"larger than the clearance on both sides, {least}"
+            yield f"the stroke of {stroke:g} m must be {least}"
+        thick, tip = self.finger_thickness, self.tip_thickness
+        if tip is not None and not 0 < tip <= thick:
+            yield f"tip_thickness must be above 0 and at most finger_thickness ({thick:g} m)"
+        diameter = 2.0 * self.tip_radius
+        if self.round_tips and thick > diameter:
+            limit = f"the diameter of the round tips, {diameter:g}"
+            yield f"finger_thickness ({thick:g}) must be at most {limit}"
 
     def _wrong_tips(self) -> Iterator[str]:
         """What fingertips cannot be, one sentence each."""
-        flat, thick, diameter = not self.round_tips, self.finger_thickness, 2.0 * self.tip_radius
+        flat = not self.round_tips
         if flat != (self.pad_width > 0.0 and self.pad_height > 0.0):
             yield "it needs either flat pads (pad_width and pad_height) or round tips (tip_radius)"
-        if not flat and thick > diameter:
-            most = f"the diameter of the round tips, {diameter:g}"
-            yield f"finger_thickness ({thick:g}) must be at most {most}"
         if not flat and self.inner_faces:
             yield "inner_faces are those of flat pads; round tips have none"
         for number, face in enumerate(self.inner_faces, start=1):
-            if problem := problem_of_face(face):
-                yield f"face {number} of inner_faces {problem}"
+            yield from (f"face {number} of inner_faces {one}" for one in _problems_of_face(face))
         if self.max_force is not None and not 0.0 < self.max_force < math.inf:
             yield f"max_force must be a finite force above 0 [N]; got {self.max_force:g}"
         if self.receptive_field is not None and (flat or self.sensor_resolution is not None):
@@ -146,14 +143,12 @@ class Jaws:
                 check_text(text)
             except ValueError as error:
                 yield str(error)
-        one, two = self.base_axes if len(self.base_axes) == 2 else ("", "")
-        if not {one, two} <= AXES.keys() or one[-1] == two[-1]:
-            names, got = ", ".join(AXES), [*self.base_axes]
-            yield f"base_axes must be two axes at right angles of {names}; got {got}"
-        count = len(self.joint_names)
+        axes, count = self.base_axes, len(self.joint_names)
+        if len(axes) != 2 or len({axis[-1] for axis in axes if axis in AXES}) != 2:
+            yield f"base_axes must be two axes at right angles of {', '.join(AXES)}; got {[*axes]}"
         if not len(self.joint_scale) == len(self.joint_closed) == count:
-            what = f"a number for each of the {count} joint_names"
-            yield f"joint_scale and joint_closed must have {what}"
+            numbers = f"a number for each of the {count} joint_names"
+            yield f"joint_scale and joint_closed must have {numbers}"
 
     @property
     def round_tips(self) -> bool:
@@ -188,19 +183,17 @@ class Jaws:
         least, most = self.limits
         return least, most + inside + 2.0 * self.tip_radius
 
-    @property
-    def base_pose(self) -> "Floats":
-        """Matrix that takes coordinates of the hand's own frame to the gripper's, shape (4, 4).
+    def check_fingers(self, count: int) -> None:
+        """Refuse grasps of so many fingers if they cannot be tested.
 
-        Its translation is in metres.
+        Raises:
+            SettingError: Three fingers and more with flat pads.
         """
-        import numpy as np
-
-        closing, approach = (np.array(AXES[name]) for name in self.base_axes)
-        pose = np.eye(4)
-        pose[:3, :3] = np.stack([closing, np.cross(approach, closing), approach])
-        pose[2, 3] = -self.base_to_tcp
-        return pose
+        if count > 2 and not self.round_tips:
+            raise SettingError(
+                f"gripper {self.name!r} has two fingers with flat pads; for "
+                f"{count} fingers only round tips (tip_radius) can be tested"
+            )
 
     @property
     def touch_area(self) -> float:
@@ -222,12 +215,12 @@ class Jaws:
         return UNIFORM_PRESSURE * friction * radius
 
 
-def problems_of_length(name: str, value: object, *, positive: bool) -> Iterator[str]:
-    """Why a value is no length of a gripper, in metres; positive: nor may it be 0."""
+def _problems_of_length(name: str, value: object) -> Iterator[str]:
+    """Why a value is no length of a gripper, in metres."""
     metres = math.nan if isinstance(value, str) else number_of(value)
     if not 0.0 <= metres < math.inf:
         yield f"{name} must be a length in metres of at least 0; got {described(value)}"
-    if positive and metres == 0.0:
+    if name in POSITIVE and metres == 0.0:
         yield f"{name} must be above 0"
     if metres > LARGEST:
         yield (
@@ -235,50 +228,22 @@ def problems_of_length(name: str, value: object, *, positive: bool) -> Iterator[
         )
 
 
-IN_METRES = "hands and grippers are given in metres"
-"""Why the unit of a mesh must be known where there is one, for errors."""
-
-
-def problem_of_face(face: Corners) -> str | None:
-    """What keeps a face from being one that a jaw touches with; None: nothing does.
-
-    Args:
-        face: Its corners in order, as in `ParallelGripper.inner_faces`.
-
-    Example:
-        >>> from grasp3d.hand.jaws import problem_of_face
-        >>> print(problem_of_face(((0.0, 0.0, 0.0), (0.0, 0.01, 0.0), (0.001, 0.0, 0.01))))
-        has a corner with x = 0.001; it must be at most 0, behind the plane of the pad
-    """
+def _problems_of_face(face: Corners) -> Iterator[str]:
+    """What keeps corners, as in `ParallelGripper.inner_faces`, from being a face of a jaw."""
     if not 3 <= len(face) <= MOST_CORNERS:
-        return f"must have 3 to {MOST_CORNERS} corners; got {len(face)}"
+        yield f"must have 3 to {MOST_CORNERS} corners; got {len(face)}"
     if any(len(corner) != 3 for corner in face):
-        return "must have corners of three numbers, x, y and z"
-    if not all(abs(value) <= LARGEST_COORDINATE for corner in face for value in corner):
-        return f"must have coordinates in metres, at most {LARGEST_COORDINATE:g}"
-    if (behind := max(corner[0] for corner in face)) > 0.0:
-        return (
-            f"has a corner with x = {behind:g}; it must be at most 0, behind the plane of the pad"
-        )
-    return _problem_of_outline(face)
-
-
-def _problem_of_outline(face: Corners) -> str | None:
-    """Whether a face is flat, and convex seen along x."""
-    turns = [_turn(face, i) for i in range(len(face))]
-    if not (min(turns) > 0.0 or max(turns) < 0.0):
-        return "must be convex, with its corners in order and none on a side"
-    (x0, y0, z0), (x1, y1, z1), (x2, y2, z2) = face[:3]
-    for x, y, z in face[3:]:
-        a = ((y - y0) * (z2 - z0) - (z - z0) * (y2 - y0)) / turns[1]
-        b = ((y1 - y0) * (z - z0) - (z1 - z0) * (y - y0)) / turns[1]
-        off = x - x0 - a * (x1 - x0) - b * (x2 - x0)
-        if abs(off) > FLATNESS:
-            return f"must be flat; a corner is {1e3 * abs(off):.3g} mm off the plane of the others"
-    return None
-
-
-def _turn(face: Corners, i: int) -> float:
-    """Twice the signed area of the triangle of a corner and its neighbours, seen along x."""
-    (_, ay, az), (_, by, bz), (_, cy, cz) = face[i - 1], face[i], face[(i + 1) % len(face)]
-    return (by - ay) * (cz - bz) - (bz - az) * (cy - by)
+        yield "must have corners of three numbers, x, y and z"
+    points = np.array(face, dtype=np.float64)
+    if not (np.abs(points) <= LARGEST_COORDINATE).all():
+        yield f"must have coordinates in metres, at most {LARGEST_COORDINATE:g}"
+    if (behind := points[:, 0].max()) > 0.0:
+        yield f"has a corner with x = {behind:g}; it must be at most 0, behind the plane of the pad"
+    before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
+    turns = before[:, 1] * after[:, 2] - before[:, 2] * after[:, 1]
+    if not (turns.min() > 0.0 or turns.max() < 0.0):
+        yield "must be convex, with its corners in order and none on a side"
+    columns = np.column_stack([np.ones(len(points)), points[:, 1:]])
+    plane = np.linalg.solve(columns[:3], points[:3, 0])
+    if (off := np.abs(points[:, 0] - columns @ plane).max()) > FLATNESS:
+        yield f"must be flat; a corner is {1e3 * off:.3g} mm off the plane of the others"

@@ -38,39 +38,28 @@ class LinkShape:
     size: tuple[float, ...] = ()
     """Box: three half lengths; cylinder and capsule: radius, half length (of the capsule's
     segment) along z; sphere: radius; mesh: empty."""
-    vertices: Floats = field(default_factory=lambda: locked(np.zeros((0, 3))))
-    """Mesh: corners of its convex hull in the shape's frame, shape (n, 3); else none. Physics
-    engines collide hulls too."""
     surface: Floats = field(default_factory=lambda: locked(np.zeros((0, 3, 3))))
-    """Mesh: corners of its own triangles in the shape's frame, shape (t, 3, 3); else none."""
+    """Mesh: corners of its triangles in the shape's frame, shape (t, 3, 3); else none."""
 
-    @property
-    def is_flat(self) -> bool:
-        """Whether it is a mesh without volume."""
-        if self.kind != "mesh":
-            return False
-        widths = np.linalg.svd(self.vertices - self.vertices.mean(axis=0), compute_uv=False)
-        return len(widths) < 3 or bool(widths[2] <= FLAT * widths[0])
+    @cached_property
+    def vertices(self) -> Floats:
+        """Mesh: corners of its convex hull in the shape's frame, shape (n, 3); flat ones have none.
 
-    def triangles(self, *, hull: bool = True) -> Floats:
-        """Corners of triangles in the link's frame, shape (t, 3, 3).
-
-        Args:
-            hull: Of a mesh the convex hull; or else its own triangles.
+        Physics engines collide hulls too.
         """
-        if self.kind == "mesh":
-            faces = self._hull() if hull else self.surface
-        else:
-            faces = np.asarray(self._solid().triangles)
-        return np.asarray(faces @ self.pose[:3, :3].T + self.pose[:3, 3])
-
-    def _hull(self) -> Floats:
         from trimesh import convex
 
-        try:
-            return np.asarray(convex.convex_hull(self.vertices).triangles)
-        except QhullError:  # flat
-            return self.surface
+        with suppress(QhullError, ValueError):
+            points = np.unique(self.surface.reshape(-1, 3), axis=0)
+            widths = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+            if widths[-1] > FLAT * widths[0]:
+                return locked(convex.convex_hull(points).vertices)
+        return locked(np.zeros((0, 3)))
+
+    def triangles(self) -> Floats:
+        """Corners of its triangles, not of its hull, in the link's frame, shape (t, 3, 3)."""
+        faces = self.surface if self.kind == "mesh" else np.asarray(self._solid().triangles)
+        return np.asarray(faces @ self.pose[:3, :3].T + self.pose[:3, 3])
 
     def _solid(self) -> Any:
         from trimesh import creation  # it brings much that readers of poses do not need
@@ -83,22 +72,6 @@ class LinkShape:
             return creation.cylinder(self.size[0], 2.0 * self.size[1])
         shape = creation.capsule(height=2.0 * self.size[1], radius=self.size[0])
         return shape.apply_translation(-shape.bounds.mean(axis=0))
-
-
-def mesh_shape(surface: Floats, pose: Floats) -> LinkShape:
-    """The shape of a mesh.
-
-    Args:
-        surface: Corners of its triangles in its own frame, shape (t, 3, 3).
-        pose: From its frame to the link's, shape (4, 4).
-    """
-    from trimesh import convex
-
-    points = np.unique(surface.reshape(-1, 3), axis=0)
-    # Flat ones have none; those with infinite numbers are refused where they are used.
-    with suppress(QhullError, ValueError):
-        points = np.asarray(convex.convex_hull(points).vertices)
-    return LinkShape("mesh", pose, (), locked(points), locked(surface))
 
 
 class LinkMass(NamedTuple):
@@ -157,7 +130,7 @@ class LinkTree:
 
     def geometry(self, link: str) -> Floats:
         """Corners of the collision geometry of a link in its frame, shape (n, 3, 3)."""
-        parts = [shape.triangles(hull=False) for shape in self.shapes(link)]
+        parts = [shape.triangles() for shape in self.shapes(link)]
         return np.concatenate([np.zeros((0, 3, 3)), *parts])
 
     def branch(self, base: str) -> "LinkTree":
@@ -171,8 +144,13 @@ class LinkTree:
         for name in self.links:
             if name in self.joints and self.joints[name].parent in kept:
                 kept.add(name)
-        joints = {name: one for name, one in self.joints.items() if name in kept - {base}}
-        return replace(self, links=tuple(n for n in self.links if n in kept), joints=joints)
+        return replace(
+            self,
+            links=tuple(name for name in self.links if name in kept),
+            joints={name: one for name, one in self.joints.items() if name in kept - {base}},
+            masses={name: one for name, one in self.masses.items() if name in kept},
+            unseen=tuple(name for name in self.unseen if name in kept),
+        )
 
     @cached_property
     def by_name(self) -> dict[str, Joint]:

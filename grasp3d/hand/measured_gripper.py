@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from grasp3d.arrays import Floats
-from grasp3d.hand.jaws import AXES
+from grasp3d.hand.choices import AXES
 from grasp3d.hand.link_tree import Joint, LinkTree
 from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper
 
@@ -68,13 +68,13 @@ def sliding_fingers(tree: LinkTree) -> tuple[str, str] | None:
 
 def turning_preset(tree: LinkTree) -> ParallelGripper | None:
     """The gripper with fingers that turn, known by name, whose joint a description has."""
+    turning = [joint for joint in tree.joints.values() if joint.kind == "turns"]
     for gripper in PRESETS.values():
         for name, scale in zip(gripper.joint_names, gripper.joint_scale, strict=True):
             travel = abs(scale) * (gripper.max_opening - gripper.min_opening)
-            for joint in tree.joints.values():
-                low, high = joint.limits
-                alike = abs(high - low - travel) <= ALIKE * travel
-                if joint.kind == "turns" and joint.name.endswith(name) and alike:
+            for joint in turning:
+                off = abs(joint.limits[1] - joint.limits[0] - travel)
+                if joint.name.endswith(name) and off <= ALIKE * travel:
                     return gripper
     return None
 
@@ -114,25 +114,17 @@ def measured_gripper(
     across = [name for name in AXES if name[-1] != closing[-1]]
     approach = max(across, key=lambda name: float(UNIT[name] @ middle))
     links = [name for name in around if tcp is None and name.lower().endswith("tcp")]
-    named = [float(around[link][:3, 3] @ UNIT[approach]) for link in links]
-    numbers = _sizes(tree, parts, body, (closing, approach), tcp, named)
-    found = numbers["base_to_tcp"]
-    at = [link for link, one in zip(links, named, strict=True) if round(one, DIGITS) == found]
+    named = {link: float(around[link][:3, 3] @ UNIT[approach]) for link in links}
+    numbers, at = _sizes(tree, parts, body, (closing, approach), tcp, named)
     assumed = [
         "the inner sides are flat, and nothing else of a finger touches",
-        f"the TCP is {f'the link {at[0]}' if at else 'in the middle of their flat parts'}",
+        *([] if tcp is not None else [f"the TCP is {at}"]),
         "the palm is as wide as the stroke at least",
         "compliance and clearance are the defaults, the force is not known",
     ]
-    if tcp is not None:
-        del assumed[1]
     where = f"boxes around {fingers[0]}, {fingers[1]} and the palm of {Path(tree.source).name}"
-    return ParallelGripper(
-        name=carrier,
-        base_axes=(closing, approach),
-        **numbers,
-        source=f"{where}; assumed: {'; '.join(assumed)}",
-    )
+    source = f"{where}; assumed: {'; '.join(assumed)}"
+    return ParallelGripper(name=carrier, base_axes=(closing, approach), **numbers, source=source)
 
 
 def _mover(tree: LinkTree, link: str) -> str:
@@ -197,9 +189,9 @@ def _sizes(
     body: Floats,
     axes: tuple[str, str],
     tcp: float | None,
-    named: list[float],
-) -> dict[str, Any]:
-    """Lengths of a gripper [m], and what its joints do. Raises SettingError."""
+    named: dict[str, float],
+) -> tuple[dict[str, Any], str]:
+    """Lengths of a gripper [m], what its joints do, and where its TCP is. Raises SettingError."""
     x, z = UNIT[axes[0]], UNIT[axes[1]]
     frame = np.stack([x, np.cross(z, x), z])
     palm = body.reshape(-1, 3) @ frame.T
@@ -233,8 +225,12 @@ def _sizes(
         )
     pads = [_pad(tree, one, front) for one in fingers]
     least = 0.5 * (front + end)
-    centre = max(float(pad[:, 1].mean()) for pad in pads) if tcp is None else tcp
-    centre = next((one for one in named if least <= one < end), centre)
+    at, centre = "in the middle of their flat parts", max(float(pad[:, 1].mean()) for pad in pads)
+    centre = centre if tcp is None else tcp
+    for link, one in named.items():
+        if least <= one < end:
+            at, centre = f"the link {link}", one
+            break
     if not least <= centre < end:
         what = "the pads' middle is at" if tcp is None else "got"
         raise tree.error(
@@ -262,13 +258,14 @@ def _sizes(
         "palm_length": front - float(palm[:, 2].min()),
         "base_to_tcp": centre,
     }
-    return {
+    numbers = {
         **{name: round(length, DIGITS) for name, length in lengths.items()},
         "inner_faces": (face,) if low < -top - OVERLAP else (),
         "joint_names": tuple(names),
         "joint_scale": tuple(scales.round(DIGITS).tolist()),
         "joint_closed": tuple((ends[:, 0] - scales * narrow).round(DIGITS).tolist()),
     }
+    return numbers, at
 
 
 def _pad(tree: LinkTree, finger: Floats, front: float) -> Floats:

@@ -3,53 +3,31 @@
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
+import mujoco as mj
 import numpy as np
-from mujoco import (
-    FatalError,
-    MjModel,
-    MjSpec,
-    UnexpectedError,
-    mjtBias,
-    mjtDyn,
-    mjtEq,
-    mjtGain,
-    mjtGeom,
-    mjtJoint,
-    mjtTrn,
-    mjtWrap,
-    set_mju_user_warning,
-)
-from trimesh import creation, transformations
+from trimesh import creation, load_scene, transformations
+from trimesh.units import unit_conversion
 
-from grasp3d.arrays import Floats
-from grasp3d.errors import SettingError
-from grasp3d.hand.link_meshes import mesh_triangles
-from grasp3d.hand.link_tree import (
-    Joint,
-    JointKind,
-    LinkMass,
-    LinkShape,
-    LinkTree,
-    ShapeKind,
-    mesh_shape,
-)
+from grasp3d.arrays import Floats, locked
+from grasp3d.errors import MeshError, SettingError
+from grasp3d.hand.link_tree import Joint, JointKind, LinkMass, LinkShape, LinkTree, ShapeKind
 from grasp3d.hand.urdf import Urdf, read_urdf
-from grasp3d.system.names import printable
+from grasp3d.mesh.reading.mesh_files import read_mesh
+from grasp3d.system.documents import is_file
+from grasp3d.system.names import printable, reason_of
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
 """Given to moving links that state none, which MuJoCo would refuse [kg, kg m^2]."""
 
-JOINTS: dict[int, JointKind] = {
-    int(mjtJoint.mjJNT_SLIDE): "slides",
-    int(mjtJoint.mjJNT_HINGE): "turns",
-}
+JOINTS: dict[int, JointKind] = {mj.mjtJoint.mjJNT_SLIDE: "slides", mj.mjtJoint.mjJNT_HINGE: "turns"}
 
 SHAPES: dict[int, tuple[ShapeKind, int]] = {
-    int(mjtGeom.mjGEOM_BOX): ("box", 3),
-    int(mjtGeom.mjGEOM_SPHERE): ("sphere", 1),
-    int(mjtGeom.mjGEOM_CYLINDER): ("cylinder", 2),
-    int(mjtGeom.mjGEOM_CAPSULE): ("capsule", 2),
+    mj.mjtGeom.mjGEOM_BOX: ("box", 3),
+    mj.mjtGeom.mjGEOM_SPHERE: ("sphere", 1),
+    mj.mjtGeom.mjGEOM_CYLINDER: ("cylinder", 2),
+    mj.mjtGeom.mjGEOM_CAPSULE: ("capsule", 2),
 }
 """Kinds of shapes, and how many numbers their sizes are."""
 
@@ -71,46 +49,46 @@ def read_links(path: Path) -> LinkTree:
     return _Reader(path, _compiled(path, urdf), urdf).tree()
 
 
-def _compiled(path: Path, urdf: Urdf | None) -> MjModel:
-    set_mju_user_warning(lambda _: None)  # otherwise it writes a log into the working folder
+def _compiled(path: Path, urdf: Urdf | None) -> mj.MjModel:
+    mj.set_mju_user_warning(lambda _: None)  # otherwise it writes a log into the working folder
     try:
-        spec = MjSpec.from_file(str(path)) if urdf is None else MjSpec.from_string(urdf.text)
+        spec = mj.MjSpec.from_string(urdf.text) if urdf else mj.MjSpec.from_file(str(path))
         spec.compiler.boundmass, spec.compiler.boundinertia = LEAST_MASS, LEAST_INERTIA
         spec.compiler.balanceinertia = True
         return spec.compile()
-    except (ValueError, RuntimeError, FatalError, UnexpectedError) as error:
+    except (ValueError, RuntimeError, mj.FatalError, mj.UnexpectedError) as error:
         reason = " ".join(str(error).split())
         raise SettingError(printable(f"{path}: MuJoCo cannot read it ({reason})")) from error
     finally:
-        set_mju_user_warning(None)
+        mj.set_mju_user_warning(None)
 
 
 class _Reader:
     """A model that MuJoCo has read, as a tree of links."""
 
-    def __init__(self, path: Path, model: MjModel, urdf: Urdf | None) -> None:
+    def __init__(self, path: Path, model: mj.MjModel, urdf: Urdf | None) -> None:
         self.path, self.model, self.urdf = path, model, urdf
         bodies, joints = range(model.nbody), range(model.njnt)
         self.links = [model.body(one).name or f"body {one}" for one in bodies]
         self.names = [model.joint(one).name or f"joint {one}" for one in joints]
         self.paired = {*model.pair_geom1.tolist(), *model.pair_geom2.tolist()}
-        self.equations = np.flatnonzero(model.eq_active0).tolist()
-        self.efforts, self.pulled = self._motors()
+        self.follows, self.closures = self._equations()
+        self.efforts, self.pulled = self._motors() if urdf is None else ({}, frozenset[str]())
 
     def tree(self) -> LinkTree:
         """Its links, with their masses and shapes."""
-        model, urdf, joints = self.model, self.urdf, dict[str, Joint]()
-        for body in range(1, model.nbody):
-            joints.update(self._joints_of(body))
+        model, urdf = self.model, self.urdf
+        joints = {
+            link: joint for body in range(1, model.nbody) for link, joint in self._joints_of(body)
+        }
         root, links = self.links[0], (self.links[0], *joints)
         if urdf is None:
             with_geometry = sorted({*model.geom_bodyid.tolist()} - {0})
             unseen = [self.links[one] for one in with_geometry if not self._numbers(one)]
+            weights = zip(model.body_mass.tolist(), model.body_ipos.tolist(), strict=True)
             masses = {
                 name: LinkMass(weight, tuple(center))
-                for name, weight, center in zip(
-                    self.links, model.body_mass.tolist(), model.body_ipos.tolist(), strict=True
-                )
+                for name, (weight, center) in zip(self.links, weights, strict=True)
                 if weight > 2.0 * LEAST_MASS
             }
         else:
@@ -120,10 +98,9 @@ class _Reader:
                 joints = {link: joint for link, joint in joints.items() if joint.parent != root}
             # Postures have the order of the file.
             order = {name: number for number, name in enumerate(urdf.limits)}
-            ordered = sorted(joints.items(), key=lambda one: order.get(one[1].name, -1))
-            joints = dict(ordered)
+            joints = dict(sorted(joints.items(), key=lambda one: order.get(one[1].name, -1)))
         return LinkTree(
-            str(self.path), links, joints, self.shapes, self.pulled, masses, self._closures(),
+            str(self.path), links, joints, self.shapes, self.pulled, masses, self.closures,
             tuple(unseen),
         )  # fmt: skip
 
@@ -134,14 +111,13 @@ class _Reader:
         """
         model, name = self.model, self.links[body]
         pose = _pose(model.body_pos[body], model.body_quat[body])
-        parent = self.links[model.body_parentid[body]]
-        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-        if count == 0:
+        parent, first = self.links[model.body_parentid[body]], int(model.body_jntadr[body])
+        numbers = range(first, first + int(model.body_jntnum[body]))
+        if not numbers:
             yield name, Joint(f"{name} (fixed)", "fixed", parent, pose, np.array([1.0, 0.0, 0.0]))
-        for number in range(first, first + count):
-            joint = self._joint(number, parent, pose)
-            link = name if number == first + count - 1 else f"{name} ({joint.name})"
-            yield link, joint
+        for number in numbers:
+            link = name if number == numbers[-1] else f"{name} ({self.names[number]})"
+            yield link, self._joint(number, parent, pose)
             parent, pose = link, np.eye(4)
 
     def _joint(self, number: int, parent: str, pose: Floats) -> Joint:
@@ -149,43 +125,40 @@ class _Reader:
         model, name = self.model, self.names[number]
         kind = JOINTS.get(int(model.jnt_type[number]), "free")
         axis, position = np.array(model.jnt_axis[number]), np.array(model.jnt_pos[number])
-        back = np.eye(4)
-        reference = float(model.qpos0[model.jnt_qposadr[number]])  # rarely not 0
+        back, reference = np.eye(4), self._reference(number)
         if kind == "slides":
             back[:3, 3] = -reference * axis
         elif kind == "turns" and reference:
             back = transformations.rotation_matrix(-reference, axis, position)
-        limits = -math.inf, math.inf
+        limits, effort = (-math.inf, math.inf), self.efforts.get(number)
         if self.urdf is not None:
-            limits = self.urdf.limits.get(name, limits)
+            limits, effort = self.urdf.limits.get(name, limits), self.urdf.efforts.get(name)
         elif model.jnt_limited[number]:
             limits = tuple(model.jnt_range[number].tolist())
-        effort = self.efforts.get(number)
-        follows = self._followed(number)
+        follows = self.follows.get(number)
         return Joint(name, kind, parent, pose @ back, axis, limits, follows, position, effort)
 
-    def _followed(self, joint: int) -> tuple[str, float, float] | None:
-        """The joint that another joint follows by an equality constraint, with factor, offset."""
-        model = self.model
-        for number in self.equations:
-            one, two = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
-            if model.eq_type[number] == mjtEq.mjEQ_JOINT and one == joint and two >= 0:
-                offset, factor = (float(value) for value in model.eq_data[number][:2])
-                # The equation is one of changes since the joints' reference values.
-                start, other = (float(model.qpos0[model.jnt_qposadr[end]]) for end in (one, two))
-                return self.names[two], factor, offset + start - factor * other
-        return None
+    def _reference(self, joint: int) -> float:
+        """The value of a joint in the file, rarely not 0."""
+        return float(self.model.qpos0[self.model.jnt_qposadr[joint]])
 
-    def _closures(self) -> tuple[str, ...]:
-        """Names of constraints that a tree with straight couplings does not keep."""
-        model = self.model
-        return tuple(
-            model.equality(number).name or f"equality {number}"
-            for number in self.equations
-            if model.eq_type[number] != mjtEq.mjEQ_JOINT
-            or model.eq_obj2id[number] < 0
-            or model.eq_data[number][2:5].any()
-        )
+    def _equations(self) -> tuple[dict[int, tuple[str, float, float]], tuple[str, ...]]:
+        """Which joints follow others, as `Joint.follows`, and names of other constraints.
+
+        A tree with straight couplings does not keep these.
+        """
+        model, follows, others = self.model, dict[int, tuple[str, float, float]](), list[str]()
+        for number in np.flatnonzero(model.eq_active0).tolist():
+            one, two = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
+            couples = model.eq_type[number] == mj.mjtEq.mjEQ_JOINT and two >= 0
+            offset, factor, *curved = model.eq_data[number][:5].tolist()
+            if couples and one not in follows:
+                # The equation is one of changes since the joints' reference values.
+                offset += self._reference(one) - factor * self._reference(two)
+                follows[one] = self.names[two], factor, offset
+            if not couples or any(curved):
+                others.append(model.equality(number).name or f"equality {number}")
+        return follows, tuple(others)
 
     def _motors(self) -> tuple[dict[int, float], frozenset[str]]:
         """Greatest torque or force of the motors at joints, and joints that are pulled alone.
@@ -194,20 +167,22 @@ class _Reader:
         known.
         """
         model, efforts = self.model, dict[int, float]()
-        if self.urdf is not None:
-            stated = self.urdf.efforts
-            return {
-                n: stated[one] for n, one in enumerate(self.names) if one in stated
-            }, frozenset()
         driven, pulled = set[int](), set[int]()
         for number in range(model.nu):
+            kind, target = model.actuator_trntype[number], int(model.actuator_trnid[number, 0])
             low, high = self._forces(number)
-            kind, joints = model.actuator_trntype[number], self._driven(number)
             one_way = math.isfinite(high - low) and low < high and low * high >= 0.0
-            (pulled if one_way or kind == mjtTrn.mjTRN_TENDON else driven).update(joints)
-            if kind == mjtTrn.mjTRN_JOINT and model.actuator_forcelimited[number] and not one_way:
+            if kind == mj.mjtTrn.mjTRN_TENDON:
+                start = model.tendon_adr[target]
+                wraps = slice(start, start + model.tendon_num[target])
+                over = model.wrap_type[wraps] == mj.mjtWrap.mjWRAP_JOINT
+                pulled.update(map(int, model.wrap_objid[wraps][over]))
+            if kind != mj.mjtTrn.mjTRN_JOINT:
+                continue
+            (pulled if one_way else driven).add(target)
+            if model.actuator_forcelimited[number] and not one_way:
                 gear = abs(float(model.actuator_gear[number, 0]))
-                efforts.setdefault(joints[0], gear * max(abs(low), abs(high)))
+                efforts.setdefault(target, gear * max(abs(low), abs(high)))
         pulled -= driven
         for joint in {*np.flatnonzero(model.jnt_actfrclimited).tolist()} - pulled:
             efforts[joint] = float(np.abs(model.jnt_actfrcrange[joint]).max())
@@ -215,25 +190,13 @@ class _Reader:
             efforts.pop(joint, None)
         return efforts, frozenset(self.names[joint] for joint in pulled)
 
-    def _driven(self, number: int) -> list[int]:
-        """Joints that an actuator drives, by a tendon or not."""
-        model = self.model
-        kind, target = model.actuator_trntype[number], int(model.actuator_trnid[number, 0])
-        if kind == mjtTrn.mjTRN_JOINT:
-            return [target]
-        if kind != mjtTrn.mjTRN_TENDON:
-            return []
-        wraps = slice(model.tendon_adr[target], model.tendon_adr[target] + model.tendon_num[target])
-        over = model.wrap_type[wraps] == mjtWrap.mjWRAP_JOINT
-        return list(map(int, model.wrap_objid[wraps][over]))
-
     def _forces(self, number: int) -> tuple[float, float]:
         """Smallest and largest force of an actuator; infinite: none is stated."""
         model, low, high = self.model, -math.inf, math.inf
         if model.actuator_forcelimited[number]:
             low, high = model.actuator_forcerange[number].tolist()
         kinds = model.actuator_gaintype, model.actuator_biastype, model.actuator_dyntype
-        of_motor = [mjtGain.mjGAIN_FIXED, mjtBias.mjBIAS_NONE, mjtDyn.mjDYN_NONE]
+        of_motor = [mj.mjtGain.mjGAIN_FIXED, mj.mjtBias.mjBIAS_NONE, mj.mjtDyn.mjDYN_NONE]
         if model.actuator_ctrllimited[number] and [kind[number] for kind in kinds] == of_motor:
             ends = model.actuator_gainprm[number, 0] * model.actuator_ctrlrange[number]
             low, high = np.clip(sorted(ends), low, high).tolist()
@@ -257,21 +220,22 @@ class _Reader:
         model, kind = self.model, int(self.model.geom_type[geom])
         pose = _pose(model.geom_pos[geom], model.geom_quat[geom])
         size = tuple(model.geom_size[geom].tolist())
-        if self.urdf is not None and (link, number) in self.urdf.meshes:
-            mesh = self.urdf.meshes[link, number]
-            return mesh_shape(mesh_triangles(mesh, link, self.path), pose)
-        if kind == mjtGeom.mjGEOM_MESH:
-            return mesh_shape(_mesh(model, int(model.geom_dataid[geom])), pose)
-        if kind == mjtGeom.mjGEOM_ELLIPSOID:
-            return mesh_shape(np.asarray(creation.icosphere().triangles * size), pose)
-        if kind not in SHAPES:  # a plane or a height field
+        if kind in SHAPES and (self.urdf is None or (link, number) not in self.urdf.meshes):
+            name, count = SHAPES[kind]
+            return LinkShape(name, pose, size[:count])
+        if self.urdf is not None:
+            triangles = mesh_triangles(self.urdf.meshes[link, number], link, self.path)
+        elif kind == mj.mjtGeom.mjGEOM_MESH:
+            triangles = _mesh(model, int(model.geom_dataid[geom]))
+        elif kind == mj.mjtGeom.mjGEOM_ELLIPSOID:
+            triangles = np.asarray(creation.icosphere().triangles * size)
+        else:  # a plane or a height field
             problem = f"{self.path}: collision geometry of {link} is of no finite shape"
             raise SettingError(printable(problem))
-        name, count = SHAPES[kind]
-        return LinkShape(name, pose, size[:count])
+        return LinkShape("mesh", pose, surface=locked(triangles))
 
 
-def _mesh(model: MjModel, number: int) -> Floats:
+def _mesh(model: mj.MjModel, number: int) -> Floats:
     start, count = model.mesh_vertadr[number], model.mesh_vertnum[number]
     first, faces = model.mesh_faceadr[number], model.mesh_facenum[number]
     vertices = np.asarray(model.mesh_vert[start : start + count], np.float64)
@@ -283,3 +247,52 @@ def _pose(position: Floats, quaternion: Floats) -> Floats:
     pose = np.array(transformations.quaternion_matrix(quaternion), dtype=np.float64)
     pose[:3, 3] = position
     return pose
+
+
+def mesh_triangles(mesh: Element, link: str, path: Path) -> Floats:
+    """Read a mesh that a URDF names, as the corners of its triangles [m], shape (n, 3, 3).
+
+    Raises:
+        SettingError: There is no such file, or it is no mesh.
+    """
+    name, scale = mesh.get("filename", ""), [float(word) for word in mesh.get("scale", "1").split()]
+    file = mesh_file(name, path)
+    if file is None:
+        scheme, _, rest = name.rpartition("://")
+        where = "put it where the file says"
+        if scheme in {"package", "model"}:
+            package = rest.partition("/")[0]
+            where = f"put the folder {package}, which the file takes for a ROS package, beside it"
+        raise SettingError(printable(f"{path}: there is no mesh {name} of link {link}; {where}"))
+    try:
+        if file.suffix.lower() == ".dae":
+            return _collada(file) * scale
+        raw = read_mesh(file)
+    except MeshError as error:
+        raise SettingError(printable(f"{path}: mesh of link {link}: {error}")) from error
+    return np.asarray(raw.vertices[raw.faces] * scale)
+
+
+def _collada(file: Path) -> Floats:
+    """Triangles of a COLLADA file [m], shape (n, 3, 3). Raises MeshError."""
+    try:
+        scene = load_scene(file)
+        return np.asarray(
+            scene.to_mesh().triangles * unit_conversion(scene.units or "meters", "meters")
+        )
+    except Exception as error:  # of any class
+        raise MeshError(f"{file}: cannot be read as COLLADA ({reason_of(error)})") from error
+
+
+def mesh_file(name: str, path: Path) -> Path | None:
+    """The mesh that a URDF names; None: there is none."""
+    scheme, _, rest = name.rpartition("://")
+    folders = path.absolute().parents
+    if scheme in {"package", "model"}:
+        package, _, inside = rest.partition("/")
+        inside = inside.lstrip("/")  # some have two
+        candidates = [folder / package / inside for folder in folders]
+        candidates += [folder / inside for folder in folders if folder.name == package]
+    else:
+        candidates = [path.absolute().parent / rest]  # an absolute path stays what it is
+    return next(filter(is_file, candidates), None)

@@ -1,24 +1,48 @@
 """Grippers of two fingers that move along one axis."""
 
-from dataclasses import asdict, dataclass, replace
+import json
+from collections.abc import Mapping
+from dataclasses import MISSING, asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_type_hints
 
+import numpy as np
+
+from grasp3d.arrays import ArrayLike, Bools
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
-from grasp3d.hand.gripper_json import FORMAT, VERSION, fields_in_json, read_json
 from grasp3d.hand.hand import touching
-from grasp3d.hand.jaws import Jaws
+from grasp3d.hand.jaws import Corners, Jaws
+from grasp3d.hand.robot_files import read_json
+from grasp3d.system.context import unreported
+from grasp3d.system.documents import typed
 from grasp3d.system.names import unknown
 
 if TYPE_CHECKING:
-    from grasp3d.arrays import ArrayLike, Bools
-    from grasp3d.hand.closed_jaws import ClosedJaws
+    from grasp3d.hand.closing import ClosedJaws
     from grasp3d.hand.reach import Reach
     from grasp3d.hand.table import Table
     from grasp3d.hand.triangles import Triangles
     from grasp3d.mesh import ObjectMesh
     from grasp3d.settings import GraspModel
+
+FORMAT, VERSION = "grasp3d gripper", 1
+"""What the keys `format` and `version` of a file contain."""
+
+KEYS = ("format", "version", "unit")
+"""Keys that files have besides the fields of a gripper; people may leave them out."""
+
+_KINDS: dict[Any, str] = {
+    str: "a text",
+    float: "a number",
+    float | None: "a number or null",
+    tuple[str, ...]: "a list of texts",
+    tuple[str, str]: "a list of two texts",
+    tuple[float, ...]: "a list of numbers",
+    tuple[Corners, ...]: "a list of faces, each a list of corners [x, y, z]",
+}
+"""Descriptions of the types of fields."""
+
 
 ROUNDING = 1e-9
 """Fraction of the stroke by which a limit may be exceeded through rounding."""
@@ -113,19 +137,7 @@ class ParallelGripper(Jaws):
         """A model with the gripper's sensor resolution, if it states one."""
         return touching(self, model)
 
-    def check_fingers(self, count: int) -> None:
-        """Refuse grasps of so many fingers if they cannot be tested.
-
-        Raises:
-            SettingError: Three fingers and more with flat pads.
-        """
-        if count > 2 and not self.round_tips:
-            raise SettingError(
-                f"gripper {self.name!r} has two fingers with flat pads; for "
-                f"{count} fingers only round tips (tip_radius) can be tested"
-            )
-
-    def shape(self, opening: float, posture: "ArrayLike" = ()) -> "Triangles":
+    def shape(self, opening: float, posture: ArrayLike = ()) -> "Triangles":
         """Palm, fingers and tips in its own frame [m]; see `jaw_triangles`."""
         from grasp3d.hand.triangles import jaw_triangles
 
@@ -134,7 +146,7 @@ class ParallelGripper(Jaws):
 
     def reach(self, mesh: "ObjectMesh", points: Any, normals: Any, **options: Any) -> "Reach":
         """Which grasps it reaches; see `Hand.reach` and `reach_grasps`."""
-        from grasp3d.hand.jaw_reach import reach_grasps
+        from grasp3d.hand.reach import reach_grasps
 
         return reach_grasps(mesh, points, normals, self, **options)
 
@@ -146,9 +158,9 @@ class ParallelGripper(Jaws):
 
     def blocked(
         self, mesh: "ObjectMesh", poses: Any, closed: "ClosedJaws", **options: Any
-    ) -> "Bools":
+    ) -> Bools:
         """Whether it collides on its way to poses; see `Hand.blocked` and `collides_closing`."""
-        from grasp3d.hand.jaw_reach import collides_closing
+        from grasp3d.hand.reach import collides_closing
 
         return collides_closing(mesh, poses, closed, self, **options)
 
@@ -159,16 +171,12 @@ class ParallelGripper(Jaws):
 
     def fits(
         self, mesh: "ObjectMesh", poses: Any, posture: Any, *, table: "Table | None" = None
-    ) -> "Bools":
+    ) -> Bools:
         """Whether it gets to poses wide open, and then closes on the object, shape (k,).
 
         Each jaw must touch with a twentieth of a pad, with its own fingers or with thin ones: so
         bad poses do not hide a wrong frame. See `Hand.fits`.
         """
-        import numpy as np
-
-        from grasp3d.system.context import unreported
-
         del posture
         thin, fits = self, np.zeros(len(poses), dtype=np.bool_)
         if not self.round_tips:
@@ -186,10 +194,8 @@ class ParallelGripper(Jaws):
             fits[rows] = closed.closed & free & touched
         return fits
 
-    def opens_to(self, closed: "ClosedJaws") -> "Bools":
+    def opens_to(self, closed: "ClosedJaws") -> Bools:
         """Whether it can open to each opening, with clearance on both sides, shape (k,)."""
-        import numpy as np
-
         least, most = self.limits
         slack = ROUNDING * most
         # The object yields to the pads, which end up nearer to each other than at the first touch.
@@ -203,9 +209,32 @@ class ParallelGripper(Jaws):
         return {"format": FORMAT, "version": VERSION, "unit": "m", **asdict(self)}
 
 
-def gripper_of(content: Any) -> ParallelGripper:
-    """A gripper from the content of a JSON file. Raises SettingError."""
-    return ParallelGripper(**fields_in_json(content, ParallelGripper))
+def gripper_of(content: Mapping[str, Any]) -> ParallelGripper:
+    """A gripper from the content of a JSON file, an object of the format of grippers.
+
+    Raises:
+        SettingError: It is not the description of a gripper.
+    """
+    for key, value in (("version", VERSION), ("unit", "m")):
+        stated = content.get(key, value)
+        if stated != value or isinstance(stated, bool):
+            got = json.dumps(stated)[:40]
+            raise SettingError(f"{key} must be {json.dumps(value)}; got {got}")
+    known = {field.name: field for field in fields(ParallelGripper)}
+    # Notes are what only people read, such as where lengths come from: any JSON.
+    for key in (one for one in content if one not in {*KEYS, "notes", *known}):
+        raise SettingError(unknown("field", key, known))
+    needed = [name for name, field in known.items() if field.default is MISSING]
+    if missing := [name for name in needed if name not in content]:
+        raise SettingError(f"{', '.join(missing)} missing; every gripper needs it")
+    kinds, values = get_type_hints(ParallelGripper), dict[str, Any]()
+    for name in (one for one in known if one in content):
+        try:
+            values[name] = typed(content[name], kinds[name])
+        except TypeError as error:
+            got = json.dumps(content[name])[:40]
+            raise SettingError(f"{name} must be {_KINDS[kinds[name]]}; got {got}") from error
+    return ParallelGripper(**values)
 
 
 FOLDER = Path(__file__).with_name("presets")

@@ -29,11 +29,9 @@ largest with which one is if no other is."""
 GIVE_UNIT = "give their unit: a column unit in their table, in Python unit=..."
 """Remedy for messages."""
 
+
 NEAR = 1.0 / 200.0
 """Extent of all the TCPs, in object sizes, that suggests another unit."""
-
-AWAY = 0.8
-"""Fraction of the approach directions away from the object that suggests another frame."""
 
 
 def checked_pose(value: ArrayLike, what: str) -> Floats:
@@ -66,14 +64,18 @@ def checked_poses(values: ArrayLike) -> Floats:
         poses = poses[None]
     if poses.ndim != 3 or poses.shape[1:] != (4, 4):
         raise ContactError(f"poses must be 4x4 matrices, shape (k, 4, 4); got {np.shape(values)}")
-    bad = np.flatnonzero(~np.isfinite(poses).all(axis=(1, 2)))
-    if len(bad):
-        raise ContactError(f"pose {bad[0] + 1} has numbers that are not finite")
+    for k in np.flatnonzero(~np.isfinite(poses).all(axis=(1, 2))):
+        raise ContactError(f"pose {k + 1} has numbers that are not finite")
     if np.abs(poses).max(initial=0.0) > LARGEST:
         raise ContactError(f"poses must not exceed {LARGEST:g}; got {np.abs(poses).max():g}")
-    _check_last_row(poses)
+    last = np.array([0.0, 0.0, 0.0, 1.0])
+    for k in np.flatnonzero(np.abs(poses[:, 3] - last).max(axis=1) > TOLERANCE):
+        transposed = np.abs(poses[k, :, 3] - last).max() <= TOLERANCE
+        cause = "; is it transposed, with the translation in the last row?" if transposed else ""
+        got = numbers_text(poses[k, 3])
+        raise ContactError(f"pose {k + 1}: the last row must be 0 0 0 1; got {got}{cause}")
     poses[:, :3, :3] = _rotations(poses[:, :3, :3])
-    poses[:, 3] = (0.0, 0.0, 0.0, 1.0)
+    poses[:, 3] = last
     return poses
 
 
@@ -88,36 +90,20 @@ def checked_quaternions(values: Floats, where: str = "") -> Floats:
         ContactError: Their length is not 1.
     """
     lengths = np.linalg.norm(values, axis=1)
-    bad = np.flatnonzero(~(np.abs(lengths - 1.0) <= TOLERANCE))
-    if len(bad):
+    for k in np.flatnonzero(~(np.abs(lengths - 1.0) <= TOLERANCE)):
         raise ContactError(
-            f"{where}grasp {bad[0] + 1}: a quaternion must have length 1; got "
-            f"{numbers_text(values[bad[0]])} of length {lengths[bad[0]]:.4g}"
+            f"{where}grasp {k + 1}: a quaternion must have length 1; got "
+            f"{numbers_text(values[k])} of length {lengths[k]:.4g}"
         )
     return np.asarray(values / lengths[:, None])
-
-
-def _check_last_row(poses: Floats) -> None:
-    """Raise ContactError unless the last rows are 0 0 0 1."""
-    expected = np.array([0.0, 0.0, 0.0, 1.0])
-    bad = np.flatnonzero(np.abs(poses[:, 3] - expected).max(axis=1) > TOLERANCE)
-    if not len(bad):
-        return
-    pose = poses[bad[0]]
-    transposed = np.abs(pose[:, 3] - expected).max() <= TOLERANCE
-    cause = "; is it transposed, with the translation in the last row?" if transposed else ""
-    raise ContactError(
-        f"pose {bad[0] + 1}: the last row must be 0 0 0 1; got {numbers_text(pose[3])}{cause}"
-    )
 
 
 def _rotations(matrices: Floats) -> Floats:
     """The nearest rotations (k, 3, 3). Raises ContactError if they are too far."""
     products = matrices.transpose(0, 2, 1) @ matrices
     deviation = np.abs(products - np.eye(3)).max(axis=(1, 2), initial=0.0)
-    bad = np.flatnonzero(~(deviation <= 2.0 * TOLERANCE))
-    if len(bad):
-        raise ContactError(f"pose {bad[0] + 1}: {_why_no_rotation(products[bad[0]])}")
+    for k in np.flatnonzero(~(deviation <= 2.0 * TOLERANCE)):
+        raise ContactError(f"pose {k + 1}: {_why_no_rotation(products[k])}")
     mirrored = np.flatnonzero(np.linalg.det(matrices) < 0.0)
     if len(mirrored):
         others = f", as are {len(mirrored)} of {len(matrices)}" if len(matrices) > 1 else ""
@@ -173,12 +159,11 @@ def check_near(
             ...
         grasp3d.errors.ContactError: all poses (1) are far from the object, 640 times its size: ...
     """
-    points, size, unit = poses[:, :3, 3], mesh.size, mesh.file_unit
-    distances = np.linalg.norm(points - mesh.center, axis=1)
-    if unit is None or not len(points) or not (distances > max(FAR * size, reach)).all():
+    size, unit, distances = mesh.size, mesh.file_unit, _distances(poses, mesh)
+    if unit is None or not len(poses) or not (distances > max(FAR * size, reach)).all():
         return
     unit_of, of_mesh = stated or unit, guess_unit(mesh.file_size).unit
-    other = _likely_units(points, mesh, unit_of)
+    other = _likely_units(poses[:, :3, 3], mesh, unit_of)
     if stated is not None and of_mesh is not None and unit_warning(mesh.file_size, unit):
         remedy = f"if the mesh is in {of_mesh}, not in {unit}, give --unit {of_mesh}"
     elif other:
@@ -187,23 +172,19 @@ def check_near(
         remedy = "are they in another frame? Give the pose of the object in it (--object-pose)"
     ratio = float(np.median(distances)) / size
     raise ContactError(
-        f"all poses ({len(points)}) are far from the object, {ratio:,.0f} times its size: {remedy}"
+        f"all poses ({len(poses)}) are far from the object, {ratio:,.0f} times its size: {remedy}"
     )
 
 
 def _likely_units(points: Floats, mesh: "ObjectMesh", unit: Unit) -> str:
     """Units in which positions [m] that were read in `unit` are at the object; empty: none."""
-
-    def ratio_for(metres: float) -> float:
-        away = np.linalg.norm(points * (metres / METRES[unit]) - mesh.center, axis=1)
-        return float(np.median(away) / mesh.size)
-
-    ratios = {other: ratio_for(metres) for other, metres in METRES.items() if other != unit}
+    ratios = {}
+    for other in (one for one in METRES if one != unit):
+        away = np.linalg.norm(points * (METRES[other] / METRES[unit]) - mesh.center, axis=1)
+        ratios[other] = float(np.median(away)) / mesh.size
     near = [other for other, ratio in ratios.items() if BESIDE[0] <= ratio <= BESIDE[1]]
     nearest = min(ratios, key=lambda other: ratios[other])
-    if not near and ratios[nearest] <= BESIDE[2]:
-        near = [nearest]
-    return " or ".join(near)
+    return " or ".join(near or [nearest] * (ratios[nearest] <= BESIDE[2]))
 
 
 def pose_warning(poses: Floats, mesh: "ObjectMesh", *, reach: float = 0.0) -> str | None:
@@ -217,34 +198,25 @@ def pose_warning(poses: Floats, mesh: "ObjectMesh", *, reach: float = 0.0) -> st
     Returns:
         One sentence, or None if nothing does.
     """
-    points, size = poses[:, :3, 3], mesh.size
-    far = int((np.linalg.norm(points - mesh.center, axis=1) > max(FAR * size, reach)).sum())
-    if far:
+    points, size, unit = poses[:, :3, 3], mesh.size, mesh.file_unit
+    if far := int((_distances(poses, mesh) > max(FAR * size, reach)).sum()):
         return (
-            f"{far} of {len(points)} poses are over {FAR:g} object sizes away from the object: are "
+            f"{far} of {len(poses)} poses are over {FAR:g} object sizes away from the object: are "
             "they in its frame, and in one unit?"
         )
     extent = float(np.linalg.norm(np.ptp(points, axis=0))) / size if len(points) > 2 else 0.0
     origin = float(np.linalg.norm(points, axis=1).max(initial=0.0)) / size
-    unit, small = mesh.file_unit, 0.0 < extent < NEAR > origin
-    other = _likely_units(points, mesh, unit) if unit and small else ""
-    if other:
+    small = 0.0 < extent < NEAR > origin
+    if unit and small and (other := _likely_units(points, mesh, unit)):
         return (
             f"the positions of these poses differ by {extent:.2g} object sizes only: if their "
             f"lengths are in {other}, not in {unit}, {GIVE_UNIT}"
         )
-    return _warn_of_directions(poses, mesh.center, size)
+    return None
 
 
-def _warn_of_directions(poses: Floats, center: Floats, size: float) -> str | None:
-    toward = ((center - poses[:, :3, 3]) * poses[:, :3, 2]).sum(axis=1)
-    away = int((toward < -0.25 * size).sum())
-    if len(poses) < 5 or away < AWAY * len(poses):
-        return None
-    return (
-        f"{away} of {len(poses)} approach directions point away from the object: is the order of "
-        "the quaternions (x y z w), and is z the approach direction?"
-    )
+def _distances(poses: Floats, mesh: "ObjectMesh") -> Floats:
+    return np.asarray(np.linalg.norm(poses[:, :3, 3] - mesh.center, axis=1))
 
 
 def numbers_text(values: Floats) -> str:

@@ -1,15 +1,23 @@
-"""Which grasps a hand reaches on an object, and from where."""
+"""What a parallel gripper reaches on an object, from where, and where it collides."""
 
 import math
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from grasp3d._kernels.jaws import gripper_parts
-from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d._kernels.jaws.gripper_parts import ApproachLimits, GripperShape, make_workspace
+from grasp3d._kernels.jaws.reaching import collide_poses, reach_pairs, reach_tips
+from grasp3d._kernels.surface.box_tree import BoxTree
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr, unit_rows
+from grasp3d.hand.closing import ClosedJaws
+from grasp3d.hand.jaws import IN_METRES, Jaws
+from grasp3d.hand.pose_checks import checked_poses
+from grasp3d.hand.table import Approach, Table, best_approach
 from grasp3d.mesh import ObjectMesh
+from grasp3d.system.context import in_threads
 
 
 class Reachability(IntEnum):
@@ -96,3 +104,221 @@ class Reach:
         others = np.setdiff1d(np.arange(count), rows)
         every["state"][others] = Reachability.NO_GRASP
         return Reach(**{name: locked(values) for name, values in every.items()})
+
+
+CHUNK = 256
+"""Grasps that a thread tests in one call."""
+
+
+class NormalizedScene(NamedTuple):
+    """A gripper and what is around it, in the mesh's normalised frame, as the kernels take them."""
+
+    shape: GripperShape
+    limits: ApproachLimits
+    tree: BoxTree
+
+    @classmethod
+    def of(cls, mesh: ObjectMesh, hand: Jaws, table: Table | None, approach: Approach) -> Self:
+        """Arrange a gripper, an object and a table.
+
+        Args:
+            mesh: The object; its unit must be known.
+            hand: The gripper, in metres.
+            table: What the object stands on; None: nothing.
+            approach: Allowed directions.
+
+        Raises:
+            SettingError: The mesh has no unit.
+        """
+        mesh.needs_metres(IN_METRES)
+        scale = 1.0 / mesh.size
+        lengths = {name: getattr(hand, name) * scale for name in GripperShape._fields}
+        if hand.round_tips:
+            lengths["pad_height"] = 0.0
+        direction = best_approach(table, approach)
+        limited = direction is not None and approach.within < math.pi
+        normal, offset = np.zeros(3), -math.inf
+        if table is not None:
+            normal = np.array(table.normal)
+            offset = float((table.offset - mesh.center @ table.normal) / mesh.size)
+        limits = ApproachLimits(
+            direction=np.zeros(3) if direction is None else np.array(direction),
+            least_cosine=math.cos(approach.within) if limited else -2.0,
+            table_normal=normal,
+            table_offset=offset,
+        )
+        return cls(GripperShape(**lengths), limits, mesh.boxes)
+
+
+def reach_grasps(
+    mesh: ObjectMesh,
+    points: Floats,
+    normals: Floats,
+    hand: Jaws,
+    *,
+    grip: ArrayLike = 1,
+    table: Table | None = None,
+    approach: Approach | None = None,
+) -> Reach:
+    """Test whether a gripper reaches grasps, and find a pose for each.
+
+    A grasp of two fingers is reached where the gripper fits at one of the approach angles about the
+    closing axis at least: no part of it meets the object beyond the compliance, or the table, in
+    the final pose, on the straight way there from outside the object's bounding ball, and while the
+    fingers close from the pre-grasp opening. The middle of the widest arc of free angles becomes
+    the pose. With flat pads the contacts are at the pads' centres, or else up to 0.4 pad heights
+    away from them along z, where that makes the widest arc. Angles between those tested are not.
+
+    Of three to five fingers only round tips are tested, each as a ball: that it touches nothing
+    else, and is above the table. Poses, margins and openings are nan then, and no approach is.
+
+    Args:
+        mesh: The object; its unit must be known.
+        points: Contacts, in the mesh's frame, shape (b, n, 3).
+        normals: Inward unit normals there, shape (b, n, 3).
+        hand: The gripper, in metres.
+        grip: +1 external grasps, -1 internal ones (the fingers inside, pushing outward), one
+            number or shape (b,).
+        table: What the object stands on; None: nothing.
+        approach: Approach angles and allowed directions; None: 32 angles, any direction.
+
+    Raises:
+        SettingError: The mesh has no unit, or flat pads are given more than two contacts.
+        ContactError: Points, normals or grips of wrong shapes or values.
+
+    Example:
+        >>> import numpy as np, trimesh, grasp3d
+        >>> from grasp3d.hand.parallel_gripper import ParallelGripper
+        >>> from grasp3d.hand.reach import reach_grasps
+        >>> from grasp3d.hand.reach import Reachability
+        >>> mesh = grasp3d.load_mesh(trimesh.creation.box([60, 40, 20]), unit="mm", max_edge=90)
+        >>> hand = ParallelGripper(
+        ...     name="hand", max_opening=0.08, finger_thickness=0.02, finger_width=0.02,
+        ...     finger_length=0.045, pad_width=0.018, pad_height=0.018, palm_thickness=0.2,
+        ...     palm_width=0.06, palm_length=0.06)
+        >>> reach = reach_grasps(
+        ...     mesh, np.array([[[0, -0.02, 0], [0, 0.02, 0]]]),
+        ...     np.array([[[0.0, 1, 0], [0, -1, 0]]]), hand)
+        >>> Reachability(reach.state[0]).name, float(reach.opening[0].round(6))
+        ('REACHED', 0.04)
+    """
+    hand.check_fingers(points.shape[1])
+    approach, signs = approach or Approach(), np.full(len(points), grip, dtype=np.int8)
+    scene = NormalizedScene.of(mesh, hand, table, approach)
+    tips, angles = points.shape[1] > 2, approach.angles
+    inner = np.ascontiguousarray((points - mesh.center) / mesh.size)
+    normals = np.ascontiguousarray(unit_rows(normals))
+    results, explain = gripper_parts.no_results(len(points)), True
+
+    def work(rows: slice, workspace: Any) -> None:
+        if tips:
+            reach_tips(
+                inner[rows], normals[rows], scene.shape, scene.limits, scene.tree, workspace,
+                results.codes[rows],
+            )  # fmt: skip
+        else:
+            reach_pairs(
+                inner[rows], normals[rows], signs[rows], scene.shape, scene.limits, explain,
+                scene.tree, workspace, *(array[rows] for array in results),
+            )  # fmt: skip
+
+    in_threads(work, len(points), CHUNK, lambda: make_workspace(1 if tips else angles))
+    return Reach.of(mesh, results, 0 if tips else angles)
+
+
+def collides(
+    mesh: ObjectMesh,
+    poses: ArrayLike,
+    opening: ArrayLike,
+    hand: Jaws,
+    *,
+    grip: ArrayLike = 1,
+    table: Table | None = None,
+    swept: bool = True,
+    only: int = -1,
+) -> Bools:
+    """Test whether a gripper collides at given poses with the object or the table.
+
+    The object may reach up to the compliance into pads and tips.
+
+    Args:
+        mesh: The object; its unit must be known.
+        poses: From the gripper's frame to the mesh's [m], shape (b, 4, 4).
+        opening: Distance between the inner faces of the fingers, or between the nearest points of
+            round tips [m], one number or shape (b,).
+        hand: The gripper, in metres.
+        grip: +1: the fingers close from a clearance outside, -1: from inside, one number or (b,).
+        table: What the object stands on; None: nothing.
+        swept: Whether the straight approach and the clearance are tested too; else the final
+            pose only.
+        only: 0 or 1: that finger is tested without its round tip; 2: the palm, both without the
+            table; -1: all.
+
+    Returns:
+        Whether the gripper collides, shape (b,).
+
+    Raises:
+        SettingError: The mesh has no unit.
+        ContactError: Poses, openings or grips of wrong shapes or values.
+
+    Example:
+        >>> import numpy as np, trimesh, grasp3d
+        >>> from grasp3d.hand.parallel_gripper import ParallelGripper
+        >>> from grasp3d.hand.reach import collides
+        >>> mesh = grasp3d.load_mesh(trimesh.creation.box([60, 40, 20]), unit="mm", max_edge=90)
+        >>> hand = ParallelGripper(
+        ...     name="hand", max_opening=0.08, finger_thickness=0.02, finger_width=0.02,
+        ...     finger_length=0.045, pad_width=0.018, pad_height=0.018, palm_thickness=0.2,
+        ...     palm_width=0.06, palm_length=0.06)
+        >>> collides(mesh, [np.eye(4), np.eye(4)], [0.07, 0.05], hand)
+        array([False,  True])
+    """
+    matrices = checked_poses(poses)
+    count = len(matrices)
+    signs = np.full(count, grip, dtype=np.int8)
+    openings = np.array(np.broadcast_to(np.asarray(opening) / mesh.size, (count,)))
+    scene = NormalizedScene.of(mesh, hand, table, Approach())
+    matrices[:, :3, 3] = (matrices[:, :3, 3] - mesh.center) / mesh.size
+    verdict = np.zeros(count, dtype=np.bool_)
+
+    def work(rows: slice, workspace: Any) -> None:
+        collide_poses(
+            matrices[rows], openings[rows], signs[rows], swept, only, scene.shape, scene.limits,
+            scene.tree, workspace, verdict[rows],
+        )  # fmt: skip
+
+    in_threads(work, count, CHUNK, lambda: make_workspace(1))
+    return verdict
+
+
+def collides_closing(
+    mesh: ObjectMesh,
+    poses: Floats,
+    closed: ClosedJaws,
+    hand: Jaws,
+    *,
+    held: Bools,
+    table: Table | None = None,
+) -> Bools:
+    """Test whether a gripper collides on its way to poses at which its jaws then close.
+
+    Where the jaws do not close symmetrically about the TCP, hand or object has given way.
+
+    Args:
+        mesh: The object; its unit must be known.
+        poses: From the gripper's frame to the mesh's, shape (k, 4, 4).
+        closed: Where the jaws close there.
+        hand: The gripper, in metres.
+        held: Whether it is tested around the object that it holds there, or else wide open, shape
+            (k,).
+        table: What the object stands on; None: nothing.
+
+    Returns:
+        Whether the gripper collides, shape (k,).
+    """
+    wide = hand.limits[1]
+    opening = np.where(held, np.maximum(closed.opening, 0.0), wide)
+    centred = poses.copy()
+    offset = np.where(held, closed.offset, 0.0)
+    centred[:, :3, 3] += offset[:, None] * poses[:, :3, 0]
+    return collides(mesh, centred, opening, hand, table=table)

@@ -1,4 +1,4 @@
-"""URDF and MuJoCo models, and what is made of their links."""
+"""Files of hands: JSON, and URDF and MuJoCo models with what is made of their links."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,9 +7,15 @@ from typing import Any, TypeVar
 import numpy as np
 
 from grasp3d.errors import SettingError
-from grasp3d.system.documents import problem_of_file
+from grasp3d.system.documents import load_json, problem_of_file
 from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import printable
+
+FORMAT, VERSION = "grasp3d articulated hand", 1
+"""What the keys `format` and `version` of the JSON of a hand with joints contain."""
+
+NAMES = ("allegro", "leap", "shadow", "barrett")
+"""Hands that are known; their JSON files have notes on where the numbers come from."""
 
 SUFFIXES = (".urdf", ".xml", ".mjcf")
 
@@ -42,3 +48,16 @@ def _make(path: Path, make: Callable[..., T], *arguments: Any) -> T:
 
     with np.errstate(over="ignore", invalid="ignore"):  # of lengths that are refused
         return make(read_links(path), *arguments)
+
+
+def read_json(path: Path) -> Any:
+    """The content of a JSON file of a hand. Raises SettingError."""
+    try:
+        return read_file(_content, path)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise SettingError(printable(f"{path}: {reason}")) from error
+
+
+def _content(path: Path) -> object:
+    return load_json(path, finite=True)

@@ -6,19 +6,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bools, Floats, angles_between
+from grasp3d.arrays import Bools, Floats, angles_between
 from grasp3d.errors import SettingError
+from grasp3d.hand.choices import AXES
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import GivenHand, given_hand, hand_line
-from grasp3d.hand.jaws import AXES, IN_METRES, Jaws
+from grasp3d.hand.jaws import IN_METRES, Jaws
 from grasp3d.hand.object_pose import ObjectPose
-from grasp3d.hand.reach import Reach
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.table import (
     Approach,
     GivenTable,
     Table,
-    axis_vector,
     best_approach,
     given_table,
 )
@@ -50,9 +49,6 @@ class Scene:
     pose_error: PoseError = field(default_factory=PoseError)
     """How wrong its poses may be."""
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "hand", given_hand(self.hand))
-
     @classmethod
     def of(cls, settings: ReachSettings, mesh: ObjectMesh) -> "Scene | None":
         """The hand and the table beside an object.
@@ -73,12 +69,8 @@ class Scene:
                 raise SettingError("pose_error applies to grippers only; give a gripper as well")
             return None
         mesh.needs_metres(IN_METRES)
-        table: Table | None
-        if settings.table == "stable":
-            table = Table.resting(mesh, settings.resting_pose)
-        else:
-            table = Table.below(mesh, settings.up) if settings.table == "as-is" else None
-        down = -axis_vector(settings.up) if table is None else -table.normal
+        table = given_table(mesh, settings.table, settings.up, settings.resting_pose)
+        down = -np.array(AXES[settings.up]) if table is None else -table.normal
         within = settings.approach_within if table is None else min(settings.approach_within, LEVEL)
         approach = Approach(down, within=within, angles=settings.approach_angles)
         return cls(settings.hand, table, approach, settings.pose_error)
@@ -115,7 +107,7 @@ class Scene:
         if self.table is not None:
             return self.table.normal
         direction = self.approach.direction
-        return axis_vector("z") if direction is None else -direction
+        return np.array(AXES["z"]) if direction is None else -direction
 
     @property
     def jaws(self) -> Jaws | None:
@@ -157,14 +149,6 @@ class Scene:
             return None
         text = "is this the pose of the object as it stands (--table, --up)?"
         return f"the table's up is {tilt:.0f}° from z of the robot's frame: {text}"
-
-    def reach(
-        self, mesh: ObjectMesh, points: ArrayLike, normals: ArrayLike, *, grip: ArrayLike = 1
-    ) -> Reach:
-        """Which grasps the hand reaches here; see `Hand.reach`."""
-        return self.hand.reach(
-            mesh, points, normals, grip=grip, table=self.table, approach=self.approach,
-        )  # fmt: skip
 
     def within_stroke(self, mesh: ObjectMesh, sampling: Sampling) -> Sampling:
         """Settings of the search with openings limited to what the hand may reach.

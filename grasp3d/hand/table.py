@@ -8,7 +8,7 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.hand.choices import Axis, Standing, check_approach
+from grasp3d.hand.choices import AXES, Axis, Standing, check_approach
 from grasp3d.settings import check_choice
 
 if TYPE_CHECKING:
@@ -41,8 +41,10 @@ class Table:
             mesh: The object.
             up: Direction that points up: an axis of the mesh's frame, or three numbers.
         """
-        normal = axis_vector(up) if isinstance(up, str) else np.asarray(up, dtype=np.float64)
-        table = cls(normal, 0.0)
+        if isinstance(up, str):
+            check_choice("axis", up, Axis)
+            up = AXES[up]
+        table = cls(np.asarray(up, dtype=np.float64), 0.0)
         heights = mesh.vertices[mesh.on_surface] @ table.normal
         return cls(table.normal, float(heights.min()))
 
@@ -82,13 +84,17 @@ GivenTable: TypeAlias = Table | Standing | None
 """A table as functions take it: also what the object stands on, in words."""
 
 
-def given_table(mesh: "ObjectMesh", table: GivenTable) -> Table | None:
+def given_table(
+    mesh: "ObjectMesh", table: GivenTable, up: Axis = "z", number: int = 1
+) -> Table | None:
     """The table that is given as such or in words.
 
     Args:
         mesh: The object.
-        table: The table; none, as-is (below the object as it is, z up) or stable (below it in its
-            most probable resting pose).
+        table: The table; none, as-is (below the object as it is) or stable (below it in a resting
+            pose).
+        up: Axis that points up as it is.
+        number: Which of the resting poses; 1: the most probable one.
 
     Raises:
         SettingError: It is none of that.
@@ -97,21 +103,10 @@ def given_table(mesh: "ObjectMesh", table: GivenTable) -> Table | None:
         return table
     if isinstance(table, str):
         check_choice("table", table, Standing)
-        below = Table.resting if table == "stable" else Table.below
-        return None if table == "none" else below(mesh)
+        if table == "stable":
+            return Table.resting(mesh, number)
+        return Table.below(mesh, up) if table == "as-is" else None
     raise SettingError(f"table must be Table(...), or one of none, as-is, stable; got {table!r}")
-
-
-def axis_vector(name: str) -> Floats:
-    """Unit vector of an axis, such as 'z' or '-x', shape (3,).
-
-    Raises:
-        SettingError: No axis has that name.
-    """
-    check_choice("axis", name, Axis)
-    vector = np.zeros(3)
-    vector["xyz".index(name[-1])] = -1.0 if name.startswith("-") else 1.0
-    return vector
 
 
 def _unit_vector(value: Floats, what: str) -> Floats:

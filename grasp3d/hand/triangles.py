@@ -1,18 +1,30 @@
-"""Shapes of hands as triangles, and that of a parallel gripper."""
+"""Shapes of hands, of their free approaches and of tables as triangles, for pictures."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+import trimesh
 
 from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked
-from grasp3d.errors import SettingError
 from grasp3d.hand.jaws import Jaws
+from grasp3d.hand.table import Table
+from grasp3d.mesh import ObjectMesh
 
-if TYPE_CHECKING:
-    import trimesh
+ARC_STEP = math.radians(3.0)
+"""Largest angle between neighbouring points of an arc [rad]."""
+
+TABLE_SIZE, TABLE_DEPTH, TABLE_GAP = 1.3, 0.01, 5e-4
+"""Radius of a table beside that of the object on it; its thickness, and the gap that keeps faces of
+the object from lying in it, as fractions of the object's size."""
+
+TABLE_SIDES = 72
+
+ARC_COLOR = (0x00, 0x72, 0xB2)
+TABLE_COLOR = (0xC9, 0xC4, 0xBA)
 
 
 class Part(IntEnum):
@@ -72,60 +84,100 @@ def jaw_triangles(jaws: Jaws, opening: float) -> Triangles:
     Args:
         jaws: The gripper.
         opening: Distance between the pads, or between the nearest points of round tips [m].
-
-    Raises:
-        SettingError: The opening is no length.
     """
-    if not (math.isfinite(opening) and opening >= 0.0):
-        raise SettingError(f"opening must be a finite length of at least 0; got {opening:g}")
-    parts = [(Part.PALM, _palm(jaws))]
+    inner, thick, end = 0.5 * opening, jaws.finger_thickness, jaws.end
+    front, half = end - jaws.finger_length, 0.5 * jaws.finger_width
+    x, y, z = 0.5 * jaws.palm_thickness, 0.5 * jaws.pad_width, 0.5 * jaws.pad_height
+    meshes = [(Part.PALM, _box((-x, x), 0.5 * jaws.palm_width, (front - jaws.palm_length, front)))]
     for side in (-1.0, 1.0):
-        parts += _finger(jaws, opening, side)
-    meshes = [mesh for _, mesh in parts]
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
-    ids = [np.full(len(mesh.faces), part, np.uint8) for part, mesh in parts]
-    vertices = np.concatenate([mesh.vertices for mesh in meshes])
-    return triangles_of(vertices, np.concatenate(faces), np.concatenate(ids))
+        if jaws.round_tips:
+            centre = inner + jaws.tip_radius
+            ends = side * (centre - 0.5 * thick), side * (centre + 0.5 * thick)
+            tip = trimesh.creation.icosphere(subdivisions=3, radius=jaws.tip_radius)
+            tip.apply_translation([side * centre, 0.0, 0.0])
+            meshes += [(Part.FINGER, _box(ends, half, (front, end))), (Part.TIP, tip)]
+        else:
+            behind, outer = inner + PAD_DEPTH * thick, inner + thick
+            finger = _box((side * behind, side * outer), half, (front, end))
+            pad = _box((side * inner, side * behind), y, (-z, z))
+            meshes += [(Part.FINGER, finger), (Part.PAD, pad)]
+    whole: Any = trimesh.util.concatenate([mesh for _, mesh in meshes])
+    counts = [len(mesh.faces) for _, mesh in meshes]
+    parts = np.repeat(np.array([part for part, _ in meshes], np.uint8), counts)
+    return triangles_of(whole.vertices, whole.faces, parts)
 
 
-def _palm(jaws: Jaws) -> "trimesh.Trimesh":
-    front = jaws.end - jaws.finger_length
-    x, y = 0.5 * jaws.palm_thickness, 0.5 * jaws.palm_width
-    return _box((-x, -y, front - jaws.palm_length), (x, y, front))
-
-
-def _finger(jaws: Jaws, opening: float, side: float) -> "list[tuple[Part, trimesh.Trimesh]]":
-    """Parts of the finger on one side of the closing axis, -1 or 1; lengths in metres."""
-    half = 0.5 * jaws.finger_width
-    low, high = jaws.end - jaws.finger_length, jaws.end
-    inner = 0.5 * opening
-    if jaws.round_tips:
-        centre = inner + jaws.tip_radius
-        from trimesh import creation
-
-        ball = creation.icosphere(subdivisions=3, radius=jaws.tip_radius)
-        ball.apply_translation([side * centre, 0.0, 0.0])
-        near, far = (centre + sign * 0.5 * jaws.finger_thickness for sign in (-1.0, 1.0))
-        return [(Part.FINGER, _beside(side, near, far, half, low, high)), (Part.TIP, ball)]
-    behind, outer = (inner + part * jaws.finger_thickness for part in (PAD_DEPTH, 1.0))
-    y, z = 0.5 * jaws.pad_width, 0.5 * jaws.pad_height
-    return [
-        (Part.FINGER, _beside(side, behind, outer, half, low, high)),
-        (Part.PAD, _beside(side, inner, behind, y, -z, z)),
-    ]
-
-
-def _beside(
-    side: float, near: float, far: float, half: float, low: float, high: float
-) -> "trimesh.Trimesh":
-    """A box from near to far of x = 0, on one side of it."""
-    ends = sorted((side * near, side * far))
-    return _box((ends[0], -half, low), (ends[1], half, high))
-
-
-def _box(low: tuple[float, float, float], high: tuple[float, float, float]) -> "trimesh.Trimesh":
-    from trimesh import creation  # it brings much that readers of poses do not need
-
-    box: trimesh.Trimesh = creation.box(bounds=[low, high])
+def _box(ends: tuple[float, float], half: float, heights: tuple[float, float]) -> trimesh.Trimesh:
+    """A box between two x in any order, about y = 0, and between two z."""
+    (left, right), (low, high) = sorted(ends), heights
+    box: trimesh.Trimesh = trimesh.creation.box(bounds=[(left, -half, low), (right, half, high)])
     return box
+
+
+def approach_triangles(
+    pose: Floats, arcs: Sequence[tuple[float, float]], *, radius: float, inner: float = 0.8
+) -> Triangles:
+    """The free approach angles of a grasp as a fan about its closing axis.
+
+    The fan is on the side that the gripper comes from: at an angle phi the gripper stands in the
+    direction (0, sin phi, -cos phi) of the TCP, in the frame of the pose.
+
+    Args:
+        pose: Matrix of the grasp whose approach is the angle 0, shape (4, 4).
+        arcs: Intervals of approach angles (low, high) about the pose's x-axis [rad]; the approach
+            margin h of a pose in the middle of its arc is the interval (-h, h).
+        radius: Outer radius of the fan.
+        inner: Its inner radius, as a fraction of the outer one.
+
+    Returns:
+        Flat triangles, which have two sides.
+
+    Example:
+        >>> import numpy as np
+        >>> from grasp3d.hand.triangles import approach_triangles
+        >>> fan = approach_triangles(np.eye(4), [(-0.5, 0.5)], radius=2.0)
+        >>> bool(fan.vertices[:, 0].any()), bool(np.all(fan.vertices[:, 2] < 0.0))
+        (False, True)
+    """
+    points: list[Floats] = []
+    faces: list[Ints] = []
+    for low, high in arcs:
+        steps = max(1, math.ceil((high - low) / ARC_STEP))
+        angles = np.linspace(low, high, steps + 1)
+        rim = np.stack([0.0 * angles, np.sin(angles), -np.cos(angles)], axis=1)
+        start = 2 * np.arange(steps) + sum(map(len, points))
+        points.append((radius * np.stack([inner * rim, rim], axis=1)).reshape(-1, 3))
+        faces.append(np.stack([start, start + 1, start + 3, start, start + 3, start + 2], axis=1))
+    vertices = trimesh.transform_points(np.concatenate([np.zeros((0, 3)), *points]), pose)
+    triangles = np.concatenate([np.zeros((0, 6), np.int64), *faces]).reshape(-1, 3)
+    return triangles_of(vertices, triangles)
+
+
+def table_triangles(table: Table, mesh: ObjectMesh) -> Triangles:
+    """A round plate below an object, somewhat larger than it.
+
+    Args:
+        table: The table.
+        mesh: The object that stands on it.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> from grasp3d.hand.triangles import table_triangles
+        >>> from grasp3d.hand.table import Table
+        >>> box = grasp3d.load_mesh(trimesh.creation.box([0.08, 0.05, 0.03]), unit="m")
+        >>> plate = table_triangles(Table.below(box), box)
+        >>> round(float(plate.vertices[:, 2].max()), 3)
+        -0.015
+    """
+    points = mesh.vertices[mesh.on_surface]
+    heights = points @ table.normal
+    flat = points - np.multiply.outer(heights, table.normal)
+    centre = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
+    centre = centre - (centre @ table.normal) * table.normal
+    radius = TABLE_SIZE * float(np.linalg.norm(flat - centre, axis=1).max())
+    depth, gap = TABLE_DEPTH * mesh.size, TABLE_GAP * mesh.size
+    plate = trimesh.creation.cylinder(radius, depth, sections=TABLE_SIDES)
+    turn = trimesh.geometry.align_vectors([0.0, 0.0, 1.0], table.normal)[:3, :3]
+    middle = centre + (table.offset - gap - 0.5 * depth) * table.normal
+    return triangles_of(plate.vertices @ turn.T + middle, plate.faces)

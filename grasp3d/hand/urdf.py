@@ -6,6 +6,7 @@ What is left for MuJoCo are links, joints and shapes; meshes are balls there, wi
 import math
 import re
 from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError, SubElement, fromstring, tostring
 
@@ -188,11 +189,8 @@ def _check_tree(links: dict[str, Element], joints: dict[str, Element]) -> None:
         if child in above or not {parent, child} <= {*links} or child == "world":
             raise ValueError(f"joint {name} joins no two links of its own")
         above[child] = name, parent
-    roots = {name: name for name in links if name not in above}
-    for start in links:
-        path, name = dict[str, None](), start
-        while name not in roots:
-            if name in path:
-                raise ValueError(f"joint {above[name][0]} is part of a loop of joints")
-            path[name], name = None, above[name][1]
-        roots |= dict.fromkeys(path, name)
+    try:
+        TopologicalSorter({child: [parent] for child, (_, parent) in above.items()}).prepare()
+    except CycleError as error:
+        first, _ = above[error.args[1][0]]
+        raise ValueError(f"joint {first} is part of a loop of joints") from error

@@ -21,7 +21,7 @@ from grasp3d.arrays import (
     unit_rows,
 )  # fmt: skip
 from grasp3d.contact.contacts import Contacts
-from grasp3d.hand.closed_jaws import ClosedJaws
+from grasp3d.hand.closing import ClosedJaws
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.mesh.turns import normal_turns, turns_beside

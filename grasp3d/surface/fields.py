@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.hand.closed_jaws import Closing, Touch
+from grasp3d.hand.closing import Closing
 from grasp3d.stability.label import Label
 from grasp3d.system.counts import short_number
 
@@ -347,9 +347,6 @@ def given_poses(fingers: int = 2) -> tuple[Field, ...]:
         Field("reachable", kind="?"),
         REASON,
         *(Field(f"area{number + 1}", AREA, of=_jaw("area", number)) for number in numbers),
-        *(Field(f"touch{number + 1}", of=_jaw("touch", number), kind="u1", texts=names_of(Touch))
-          for number in numbers),
-        Field("apart", of=attrgetter("jaws.apart"), kind="?"),
         Field("turn", RADIANS, of=attrgetter("jaws.turn")),
         Field("shift", LENGTH, of=attrgetter("jaws.shift")),
         CLOSING_SHARE,

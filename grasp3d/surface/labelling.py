@@ -127,7 +127,10 @@ class Labelling:
         if scene is not None and reach is None:
             contacts, grip = grasps_at(mesh, points, vertices), found.grip[vertices]
             signs = np.where(grip < 0, -1, 1)
-            reached = scene.reach(mesh, contacts.points, contacts.normals, grip=signs)
+            reached = scene.hand.reach(
+                mesh, contacts.points, contacts.normals, grip=signs, table=scene.table,
+                approach=scene.approach,
+            )  # fmt: skip
             reason[vertices[~reached.reached]] = Reason.NOT_REACHED
             reach = reached.among(len(mesh.vertices), vertices)
             vertices = vertices[reached.reached]

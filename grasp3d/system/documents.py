@@ -10,7 +10,7 @@ import os
 import re
 import stat
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any, get_args, get_origin, get_type_hints
 
 LONGEST_NUMBER = 300
 """Most digits of a whole number; the largest floating-point number has 309."""
@@ -114,12 +114,17 @@ def typed(value: Any, hint: Any) -> Any:
         if type(value) is not list or (... not in kinds and len(value) != len(kinds)):
             raise TypeError(f"{value!r:.50} is no list of so many values")
         return tuple(typed(item, kinds[0]) for item in value)
-    if kinds:  # a value that may be none
+    if type(value) is dict and get_origin(hint) is dict:
+        return {name: typed(one, kinds[1]) for name, one in value.items()}
+    if type(value) is dict and hasattr(hint, "_fields"):  # a named tuple
+        types = get_type_hints(hint)
+        return hint(**{name: typed(one, types.get(name)) for name, one in value.items()})
+    if kinds and get_origin(hint) is not dict:  # a value that may be none
         return None if value is None else typed(value, kinds[0])
     if hint is float and type(value) is int:
         return float(value)
-    if type(value) is not hint:
-        raise TypeError(f"{value!r:.50} is not of type {hint.__name__}")
+    if type(value) is not hint and hint is not object:
+        raise TypeError(f"{value!r:.50} is not of type {hint}")
     return value
 
 

@@ -22,7 +22,7 @@ from grasp3d.formats.poses import STAGES, GraspPoses
 from grasp3d.formats.postures import POSTURES
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.closing import Closing
 from grasp3d.surface.fields import HAND_GRASPS
 from grasp3d.system.stored_arrays import stored_objects
 from tests.docs.test_formats import Names, sections_of, tables_of

@@ -18,9 +18,9 @@ from grasp3d.grasps.audit import FEWEST, READING, UNCHANGED, PoseReading, audit_
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.jaw_reach import collides
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.parallel_gripper import preset
+from grasp3d.hand.reach import collides
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
 from tests.hand.test_articulated_hand import hand_of

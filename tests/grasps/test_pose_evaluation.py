@@ -24,7 +24,7 @@ from grasp3d.formats import read_poses, write_grasps, write_poses
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.closing import Closing
 from grasp3d.hand.parallel_gripper import preset
 from grasp3d.hand.table import Approach, Table
 from grasp3d.quality import critical_friction_angle

@@ -16,7 +16,7 @@ from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
 from grasp3d.hand.articulated.proposal import articulated_hand_of
-from grasp3d.hand.link_tree import LinkShape, mesh_shape
+from grasp3d.hand.link_tree import LinkShape
 from grasp3d.hand.mujoco_model import read_links
 from tests.helpers.hands import HANDS, hand_file
 
@@ -237,16 +237,16 @@ def test_shapes_have_the_volume_of_what_they_are() -> None:
         (LinkShape("sphere", pose, (1.0,)), 4.0 / 3.0 * np.pi),
         (LinkShape("cylinder", pose, (1.0, 2.0)), 4.0 * np.pi),
         (LinkShape("capsule", pose, (1.0, 2.0)), 16.0 / 3.0 * np.pi),
-        (mesh_shape(corner, pose), trimesh.Trimesh(corner.reshape(-1, 3)).convex_hull.volume),
+        (LinkShape("mesh", pose, surface=corner), 2.0),
     ]:
         solid = trimesh.Trimesh(**trimesh.triangles.to_kwargs(shape.triangles()))
         assert abs(solid.volume / volume - 1.0) < 0.03
         assert solid.volume > 0.0
         if shape.kind != "mesh":
             np.testing.assert_allclose(solid.bounds.mean(axis=0), [1.0, 2.0, 3.0], atol=1e-9)
-    own = mesh_shape(corner, pose)
+    own = LinkShape("mesh", pose, surface=corner)
     assert len(own.vertices) == 14
-    np.testing.assert_allclose(own.triangles(hull=False), corner + [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(own.triangles(), corner + [1.0, 2.0, 3.0])
 
 
 def test_the_base_of_a_scene_is_the_hand_in_it(tmp_path: Path) -> None:

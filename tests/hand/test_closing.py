@@ -10,10 +10,9 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from grasp3d import ObjectMesh, load_mesh
-from grasp3d.errors import ContactError, SettingError
-from grasp3d.hand.closed_jaws import ClosedJaws, Closing
-from grasp3d.hand.closing import close_jaws
-from grasp3d.hand.jaw_reach import collides_closing
+from grasp3d.errors import ContactError
+from grasp3d.hand.closing import ClosedJaws, Closing, close_jaws
+from grasp3d.hand.reach import collides_closing
 from grasp3d.settings.units import Unit
 from grasp3d.system.context import running
 from tests.helpers import shapes
@@ -216,7 +215,7 @@ def test_a_finger_wholly_in_a_cavity_does_not_start_inside() -> None:
 def test_the_wall_of_a_cup_is_between_the_jaws() -> None:
     """One jaw inside, one outside: the far wall is not touched."""
     cup = mesh_of(trimesh.creation.annulus(0.035, 0.04, 0.1, sections=256))
-    found = close_jaws(cup, pose((0.0375, 0.0, 0.045)), pads(compliance=0.0), opening=0.03)
+    found = close_jaws(cup, pose((0.0375, 0.0, 0.045)), pads(compliance=0.0, max_opening=0.03))
     # The inner pad is stopped by its corners.
     check(found, opening=0.04 - math.sqrt(0.035**2 - 0.01**2), atol=1e-5)
     check(found, y=0.0, atol=1e-4)
@@ -303,7 +302,7 @@ def test_units_and_motions_of_everything_change_nothing(blob: ObjectMesh, hand: 
     motion = pose((0.3, -1.0, 0.2), Rotation.from_rotvec([0.3, 1.0, -0.4]))
     turn, moved = motion[:3, :3], motion @ matrices
     for unit, scale in (("m", 1.0), ("mm", 1000.0)):
-        again = close_jaws(blob_mesh(motion, scale, unit), moved, hand, opening="80 mm")
+        again = close_jaws(blob_mesh(motion, scale, unit), moved, hand)
         np.testing.assert_array_equal(again.state, found.state)
         np.testing.assert_allclose(again.opening, found.opening, atol=1e-7)
         expected = found.points @ turn.T + motion[:3, 3]
@@ -339,19 +338,9 @@ def test_refining_a_mesh_changes_nothing(box: ObjectMesh) -> None:
     np.testing.assert_allclose(again.normals, found.normals, atol=1e-8)
 
 
-BAD: dict[str, tuple[dict[str, Any], type[Exception], str]] = {
-    "opening": ({"opening": 0.09}, SettingError, "from 0 to the stroke of gripper 'pads', 0.08 m"),
-    "openings": ({"opening": [0.01, 0.02]}, SettingError, "one for each of the 1 poses"),
-    "shape": ({"poses": np.eye(3)}, ContactError, r"shape \(k, 4, 4\); got \(3, 3\)"),
-}
-
-
-@pytest.mark.parametrize("name", BAD)
-def test_bad_input(box: ObjectMesh, name: str) -> None:
-    changes, error, message = BAD[name]
-    given = {"poses": pose(), "hand": pads(), **changes}
-    with pytest.raises(error, match=message):
-        close_jaws(box, given.pop("poses"), given.pop("hand"), **given)
+def test_poses_of_another_shape_are_refused(box: ObjectMesh) -> None:
+    with pytest.raises(ContactError, match=r"shape \(k, 4, 4\); got \(3, 3\)"):
+        close_jaws(box, np.eye(3), pads())
 
 
 def test_no_poses_give_no_contacts(box: ObjectMesh) -> None:

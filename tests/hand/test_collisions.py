@@ -9,8 +9,8 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from grasp3d import ObjectMesh, load_mesh
-from grasp3d.hand.jaw_reach import collides
 from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reach import collides
 from grasp3d.hand.table import Table
 from tests.helpers import shapes
 from tests.helpers.collisions import Oracle, swept_parts

@@ -16,10 +16,8 @@ from grasp3d._kernels.hands.overlaps import OVERLAPS
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.closing import reaches
-from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
-from grasp3d.hand.articulated.hand_scene import HandScene
-from grasp3d.hand.link_tree import Joint, LinkShape, mesh_shape
+from grasp3d.hand.articulated.contacts import HandContacts, HandScene, hand_contacts, reaches
+from grasp3d.hand.link_tree import Joint, LinkShape
 from grasp3d.mesh import ObjectMesh, load_mesh
 from tests.helpers import shapes as known
 from tests.helpers.hands import HANDS, hand_file
@@ -139,7 +137,8 @@ def test_fingers_far_from_the_object_do_not_pass_through_each_other(kind: str, a
     if kind == "mesh":
         half, turned = 0.003, trimesh.transformations.rotation_matrix(math.pi / 4, Y)
         plate = trimesh.creation.box([2.0 * half, 0.04, 0.04])
-        link = mesh_shape(plate.apply_transform(turned).triangles, np.linalg.inv(turned))
+        surface = np.asarray(plate.apply_transform(turned).triangles)
+        link = LinkShape("mesh", np.linalg.inv(turned), surface=surface)
     joints = {
         name: Joint(name, "slides", "palm", at(sign * away), -sign * X, (0.0, 0.2))
         for name, sign in (("left", -1.0), ("right", 1.0))

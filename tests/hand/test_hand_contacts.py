@@ -17,7 +17,7 @@ from grasp3d.arrays import Floats, unit_rows
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
 from grasp3d.hand.articulated.link_bodies import link_bodies
-from grasp3d.hand.link_tree import LinkShape, mesh_shape
+from grasp3d.hand.link_tree import LinkShape
 from grasp3d.hand.table import Table
 from grasp3d.mesh import ObjectMesh
 from tests.helpers import shapes as known
@@ -31,7 +31,7 @@ SHAPES = {
     "cylinder": shape("cylinder", 0.007, 0.02),
     "capsule": shape("capsule", 0.007, 0.02),
     "sphere": shape("sphere", 0.011),
-    "mesh": mesh_shape(np.asarray(TIP.triangles), np.eye(4)),
+    "mesh": LinkShape("mesh", np.eye(4), surface=np.asarray(TIP.triangles)),
 }
 
 
@@ -268,7 +268,7 @@ def test_motions_units_and_the_order_of_links_change_nothing(seed: int, scale: s
         at(*rng.uniform(-0.05, 0.05, 3), Rotation.random(random_state=rng).as_matrix())
         for _ in some
     ]
-    links = [LinkShape(s.kind, p, s.size, s.vertices) for s, p in zip(some, poses, strict=True)]
+    links = [LinkShape(s.kind, p, s.size, s.surface) for s, p in zip(some, poses, strict=True)]
     motion = at(*rng.normal(0, 0.3, 3), Rotation.random(random_state=rng).as_matrix())
     factor = {"m": 1.0, "cm": 100.0, "mm": 1000.0}[scale]
     one = contacts_of(solid(ring()), *links)
@@ -289,7 +289,7 @@ def test_depths_of_a_shape_do_not_depend_on_others_of_its_link() -> None:
     """Of one that others cover nothing is said: these are deeper, or nearer."""
     block = solid(trimesh.creation.box((0.1, 0.1, 0.1)))
     plate, covered = shape("box", 0.03, 0.02, 0.005), shape("box", 0.01, 0.01, 0.002)
-    hull = mesh_shape(np.asarray(TIP.triangles), at(0.0, 0.0, 0.03))
+    hull = LinkShape("mesh", at(0.0, 0.0, 0.03), surface=np.asarray(TIP.triangles))
     frames = np.array([at(), at(0.01, 0.0, 0.01), at(0.0, 0.0, 0.04)])[:, None, :3]
     found = []
     for link in ([hull], [plate, covered, hull]):

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import SettingError
-from grasp3d.hand.jaw_reach import collides, reach_grasps
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reach import Reach, Reachability
+from grasp3d.hand.reach import Reach, Reachability, collides, reach_grasps
 from grasp3d.hand.table import Approach, Table
 from grasp3d.settings.units import METRES, Unit
 from tests.helpers import shapes

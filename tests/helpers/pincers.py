@@ -8,7 +8,7 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.hand.closed_jaws import ClosedJaws, Closing
+from grasp3d.hand.closing import ClosedJaws, Closing
 from grasp3d.hand.triangles import Triangles, triangles_of
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.measures import Triangles as Surface
@@ -55,9 +55,7 @@ class Pincers:
     def reach(self, *_: Any, **__: Any) -> Any:
         raise SettingError("pincers are closed at given poses")
 
-    def close(
-        self, mesh: ObjectMesh, poses: Any, *, object_motion: str = "fixed", friction: float = 0.5
-    ) -> ClosedJaws:
+    def close(self, mesh: ObjectMesh, poses: Any, **_: Any) -> ClosedJaws:
         poses = np.asarray(poses)
         count, half = len(poses), 0.5 * self.max_opening
         points, normals = np.full((2, count, 2, 3), np.nan)
@@ -83,8 +81,6 @@ class Pincers:
             area=locked(zeros),
             extents=locked(np.zeros((count, 2, 2))),
             corners=locked(np.repeat(points[:, :, None], 8, axis=2)),
-            touch=locked(zeros.astype(np.uint8)),
-            apart=locked(np.zeros(count, dtype=np.bool_)),
             shift=locked(np.zeros(count)),
             turn=locked(np.zeros(count)),
         )

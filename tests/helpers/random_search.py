@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 
 from grasp3d import ObjectMesh
-from grasp3d.hand.jaw_reach import collides
+from grasp3d.hand.reach import collides
 from grasp3d.hand.scene import Scene
 from tests.helpers.closing_jaws import Floats
 

@@ -10,8 +10,7 @@ import trimesh
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d._kernels.surface import polygons
 from grasp3d.arrays import Floats
-from grasp3d.hand.closed_jaws import ClosedJaws, Closing
-from grasp3d.hand.closing import close_jaws
+from grasp3d.hand.closing import ClosedJaws, Closing, close_jaws
 from tests.helpers import shapes
 from tests.helpers.closing_jaws import pads, random_poses, sampled_ball, sliced_pad, tips
 

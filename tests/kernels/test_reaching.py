@@ -25,7 +25,7 @@ from grasp3d._kernels.surface.box_tree import (
     segment_distance,
     triangle_distance,
 )
-from grasp3d.hand.jaw_reach import NormalizedScene
+from grasp3d.hand.reach import NormalizedScene
 from grasp3d.hand.table import Approach
 from tests.helpers import shapes
 from tests.helpers.grippers import TIPS

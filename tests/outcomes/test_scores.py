@@ -102,7 +102,7 @@ def test_columns_are_all_results_and_scores_in_si_units() -> None:
     for name in ("opening", "x1", "z2", "area1", "nx1", "margin"):
         expected = np.array(table[name].to_pylist(), dtype=float)
         np.testing.assert_allclose(columns[name], expected, atol=1e-15, err_msg=name)
-    for name in ("closing", "label", "reachable", "touch1", "reason", "name"):
+    for name in ("closing", "label", "reachable", "reason", "name"):
         assert columns[name].tolist() == table[name].to_pylist()
 
 

@@ -11,8 +11,8 @@ from grasp3d import GraspModel, Label, Sampling, label_surface, load_mesh
 from grasp3d.grasps.best import best_grasps
 from grasp3d.hand.parallel_gripper import preset
 from grasp3d.hand.scene import Scene
-from grasp3d.hand.shapes import ARC_COLOR
 from grasp3d.hand.table import Table
+from grasp3d.hand.triangles import ARC_COLOR
 from grasp3d.mesh import ObjectMesh
 from grasp3d.pictures import layers
 from grasp3d.pictures.grasps import grasp_figure

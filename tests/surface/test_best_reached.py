@@ -8,7 +8,7 @@ import pytest
 
 from grasp3d import Approach, ObjectMesh, SurfaceLabels, label_surface, load_mesh, read_hand
 from grasp3d.arrays import Floats
-from grasp3d.hand.jaw_reach import reach_grasps
+from grasp3d.hand.reach import reach_grasps
 
 LIBRARY = Path(__file__).parents[2] / "meshes"
 MISS = math.radians(1.0)

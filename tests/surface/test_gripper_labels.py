@@ -20,8 +20,7 @@ from grasp3d import (
     label_surface,
     load_mesh,
 )
-from grasp3d.hand.jaw_reach import reach_grasps
-from grasp3d.hand.reach import Reachability
+from grasp3d.hand.reach import Reachability, reach_grasps
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach
 from grasp3d.settings.sampling import Grip

@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -14,16 +14,16 @@ from grasp3d._kernels.hands.link_shapes import LinkShapes
 from grasp3d.arrays import ArrayLike, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.link_bodies import half_widths, link_bodies
-from grasp3d.hand.articulated.presets import FORMAT, VERSION
 from grasp3d.hand.link_tree import Joint, LinkMass, LinkShape, LinkTree
+from grasp3d.hand.robot_files import FORMAT, VERSION
 from grasp3d.hand.triangles import Part, Triangles, triangles_of
+from grasp3d.quality.hand_forces.actuation import Actuation
 from grasp3d.system.names import printable
 
 _KINDS = {"fixed": kinematics.FIXED, "slides": kinematics.SLIDES, "turns": kinematics.TURNS}
 
 
-@dataclass(frozen=True)
-class Coupling:
+class Coupling(NamedTuple):
     """Joints whose values have fixed ratios; structure carries what the motor does not."""
 
     joints: tuple[str, ...]
@@ -36,8 +36,7 @@ BEYOND = 1e-3
 """Angle [rad], or length [m], by which a joint may exceed its limit through rounding."""
 
 
-@dataclass(frozen=True)
-class JointRange:
+class JointRange(NamedTuple):
     """The limits of a joint that moves, whose value a joint of a posture states."""
 
     name: str
@@ -45,13 +44,12 @@ class JointRange:
     """Of the joint that states its value: itself, or the one that it follows."""
     factor: float
     offset: float
-    limits: tuple[float, float]
+    limits: tuple[float, float] = (-math.inf, math.inf)
     """Its smallest and largest value [m or rad]; infinite: none."""
 
-    def excess(self, postures: Floats) -> Floats:
-        """How far it is beyond its limits at postures (k, p), below 0 within them, shape (k,)."""
-        value = self.factor * postures[:, self.column] + self.offset
-        return np.maximum(self.limits[0] - value, value - self.limits[1])
+
+BASE = Joint("", "fixed", "", np.eye(4), np.zeros(3))
+"""In place of the joint that the base does not have."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,23 +65,23 @@ class ArticulatedHand:
     """Its links and joints. The hand's frame is that of the first link, the base."""
     palm: str
     """Name of the link from which the fingers start."""
-    approach: Floats
+    approach: Floats = field(default_factory=lambda: locked([0.0, 0.0, 1.0]))
     """Direction from the palm to the object, in the hand's frame where all joints are at the open
     preshape, unit vector, shape (3,)."""
-    fingertips: tuple[str, ...]
+    fingertips: tuple[str, ...] = ()
     """Names of the links with which the fingers end."""
-    sensors: Mapping[str, float]
+    sensors: Mapping[str, float] = field(default_factory=dict)
     """Sensor resolution alpha of links that have one of their own [rad]; the others have that of
     the contact model."""
-    torques: Floats
+    torques: Floats = field(default_factory=lambda: locked(np.zeros(0)))
     """Greatest torque, or force, of the motor of each joint [N m or N], shape (p,); nan: not
     stated; 0: it has none, and turns freely."""
     couplings: tuple[Coupling, ...] = ()
     masses: Mapping[str, LinkMass] = field(default_factory=dict)
     """What links weigh."""
-    preshapes: Mapping[str, Floats]
+    preshapes: Mapping[str, Floats] = field(default_factory=dict)
     """Postures by name, each of shape (p,); "open" is the one from which the hand closes."""
-    closing: Floats
+    closing: Floats = field(default_factory=lambda: locked(np.zeros(0)))
     """Speeds of the joints when the hand closes, shape (p,); 0: they do not move."""
     source: str = ""
     """Where its numbers come from."""
@@ -93,20 +91,19 @@ class ArticulatedHand:
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
         """The p joints of a posture, in their order in the file: without those that follow."""
-        moving = (joint for joint in self.tree.joints.values() if joint.kind != "fixed")
-        return tuple(joint.name for joint in moving if joint.follows is None)
+        return tuple(name for name, one in self.tree.by_name.items() if one.follows is None)
 
     @cached_property
     def slides(self) -> frozenset[str]:
         """Joints that slide."""
-        return frozenset(one.name for one in self.tree.joints.values() if one.kind == "slides")
+        return frozenset(name for name, one in self.tree.by_name.items() if one.kind == "slides")
 
     @cached_property
     def ranges(self) -> tuple[JointRange, ...]:
         """Limits of all joints that move: of those of a posture, then of those that follow."""
-        joints = [joint for joint in self.tree.joints.values() if joint.kind != "fixed"]
-        found = []
-        for joint in sorted(joints, key=lambda one: one.follows is not None):
+        joints = sorted(self.tree.by_name.values(), key=lambda one: one.follows is not None)
+        found = list[JointRange]()
+        for joint in joints:
             name, factor, offset = self.tree.source_of(joint)
             column = self.joint_names.index(name)
             found.append(JointRange(joint.name, column, factor, offset, joint.limits))
@@ -114,7 +111,10 @@ class ArticulatedHand:
 
     def excess(self, postures: Floats) -> Floats:
         """How far the joints of `ranges` are beyond their limits at postures, shape (k, r)."""
-        return np.array([one.excess(postures) for one in self.ranges]).T
+        columns, factors, offsets, limits = zip(*(one[1:] for one in self.ranges), strict=True)
+        values = np.array(factors) * postures[:, list(columns)] + np.array(offsets)
+        low, high = np.array(limits).T
+        return np.asarray(np.maximum(low - values, values - high))
 
     @cached_property
     def limits_of_joints(self) -> Floats:
@@ -155,29 +155,24 @@ class ArticulatedHand:
     @cached_property
     def chain(self) -> kinematics.Chain:
         """Links and joints as kernels have them."""
-        numbers = {name: number for number, name in enumerate(self.link_names)}
-        columns = {name: number for number, name in enumerate(self.joint_names)}
-        rows = [self._row(self.tree.joints.get(link), numbers, columns) for link in self.link_names]
-        return kinematics.Chain(*(
-            locked(np.array(column, dtype=kind))
-            for column, kind in zip(
-                zip(*rows, strict=True),
-                (np.int64, np.int64, float, float, float, np.int64, float, float),
-                strict=True,
-            )
-        ))  # fmt: skip
+        numbers = {name: number for number, name in enumerate(("", *self.link_names), -1)}
+        joints = [self.tree.joints.get(link, BASE) for link in self.link_names]
+        ranges, still = {one.name: one for one in self.ranges}, JointRange("", -1, 1.0, 0.0)
+        values = [ranges.get(one.name, still) for one in joints]
+        columns: dict[str, Any] = {
+            "parents": [numbers[one.parent] for one in joints],
+            "kinds": [_KINDS[one.kind] for one in joints],
+            "origins": [one.origin for one in joints],
+            "axes": [one.axis for one in joints],
+            "positions": [one.position for one in joints],
+            "columns": [one.column for one in values],
+            "factors": [one.factor for one in values],
+            "offsets": [one.offset for one in values],
+        }
+        return kinematics.Chain(**{name: locked(column) for name, column in columns.items()})
 
-    def _row(
-        self, joint: Joint | None, numbers: Mapping[str, int], columns: Mapping[str, int]
-    ) -> tuple[Any, ...]:
-        if joint is None:
-            return -1, 0, np.eye(4), np.zeros(3), np.zeros(3), -1, 0.0, 0.0
-        name, factor, offset = self.tree.source_of(joint)
-        column = columns[name] if joint.kind != "fixed" else -1
-        return (
-            numbers[joint.parent], _KINDS[joint.kind], joint.origin, joint.axis, joint.position,
-            column, factor, offset,
-        )  # fmt: skip
+    def _error(self, problem: str) -> SettingError:
+        return SettingError(printable(f"{self.name}{problem}"))
 
     def postures(self, values: ArrayLike) -> Floats:
         """Values of the joints as an array, shape (k, p).
@@ -189,20 +184,14 @@ class ArticulatedHand:
         postures = np.atleast_2d(np.array(values, dtype=np.float64, order="C"))
         count = len(self.joint_names)
         if postures.ndim != 2 or postures.shape[1] != count:
-            raise SettingError(
-                printable(
-                    f"{self.name} has {count} joints, and a posture has {postures.shape[-1]} "
-                    f"values; the joints are {', '.join(self.joint_names)}"
-                )
+            raise self._error(
+                f" has {count} joints, and a posture has {postures.shape[-1]} values; the joints "
+                f"are {', '.join(self.joint_names)}"
             )
-        wrong = ~np.isfinite(postures)
-        if wrong.any():
-            row, column = np.argwhere(wrong)[0]
-            raise SettingError(
-                printable(
-                    f"{self.name}: joint {self.joint_names[column]} of posture {row} is "
-                    f"{postures[row, column]:g}; values of joints must be finite"
-                )
+        for row, column in np.argwhere(~np.isfinite(postures)):
+            raise self._error(
+                f": joint {self.joint_names[column]} of posture {row} is "
+                f"{postures[row, column]:g}; values of joints must be finite"
             )
         return postures
 
@@ -268,20 +257,19 @@ class ArticulatedHand:
         del opening
         values = np.asarray(posture, dtype=np.float64)
         (poses,) = self.link_poses(values if values.size else self.preshapes["open"])
-        corners, links = [np.zeros((0, 3, 3))], [np.zeros(0, np.int64)]
-        for link, (shapes, pose) in enumerate(zip(self.shapes, poses, strict=True)):
-            for shape in shapes:
-                corners.append(shape.triangles(hull=False) @ pose[:3, :3].T + pose[:3, 3])
-                links.append(np.full(len(corners[-1]), link))
-        vertices, numbers = np.concatenate(corners).reshape(-1, 3), np.concatenate(links)
+        corners = [
+            self.tree.geometry(link) @ pose[:3, :3].T + pose[:3, 3]
+            for link, pose in zip(self.link_names, poses, strict=True)
+        ]
+        links = np.repeat(np.arange(len(corners)), list(map(len, corners)))
+        vertices = np.concatenate(corners).reshape(-1, 3)
+        parts = [
+            Part.TIP if name in self.fingertips
+            else Part.FINGER if name in self.beyond_palm else Part.PALM
+            for name in self.link_names
+        ]  # fmt: skip
         faces = np.arange(len(vertices)).reshape(-1, 3)
-        parts = np.array([self._part(name) for name in self.link_names], np.uint8)
-        return triangles_of(vertices, faces, parts[numbers], numbers)
-
-    def _part(self, link: str) -> Part:
-        if link in self.fingertips:
-            return Part.TIP
-        return Part.FINGER if link in self.beyond_palm else Part.PALM
+        return triangles_of(vertices, faces, np.array(parts, np.uint8)[links], links)
 
     @cached_property
     def beyond_palm(self) -> frozenset[str]:
@@ -334,12 +322,10 @@ class ArticulatedHand:
     """What is the case at poses that fit."""
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
-        raise SettingError(
-            printable(
-                f"{self.name} is a hand with joints: poses with values of its joints are evaluated "
-                "object by object (grasp3d evaluate MESH GRASPS --hand FILE), and grasps are found "
-                "for grippers only"
-            )
+        raise self._error(
+            " is a hand with joints: poses with values of its joints are evaluated object by "
+            "object (grasp3d evaluate MESH GRASPS --hand FILE), and grasps are found for grippers "
+            "only"
         )
 
     check_fingers = distances = reach = close = blocked = opens_to = fits = _refuse
@@ -362,10 +348,60 @@ class ArticulatedHand:
             "fingertips": list(self.fingertips),
             "sensors": dict(self.sensors),
             "torques": by_name(self.torques),
-            "couplings": [asdict(one) for one in self.couplings],
+            "couplings": [one._asdict() for one in self.couplings],
             "masses": {name: one._asdict() for name, one in self.masses.items()},
             "preshapes": {name: by_name(posture) for name, posture in self.preshapes.items()},
             "closing": by_name(np.where(self.closing == 0.0, np.nan, self.closing)),
             "source": self.source,
             "assumed": list(self.assumed),
         }
+
+
+AT_STOP = 1e-3
+"""Distance from its limit [rad or m] at which a joint is at its stop."""
+
+
+def torques_of(hand: ArticulatedHand, torque_limits: float | None = None) -> Floats:
+    """Greatest torque of the motor of each joint [N m or N], (p,).
+
+    It is nan where a joint has no motor.
+
+    Args:
+        hand: The hand.
+        torque_limits: That of every motor, instead of the stated ones.
+
+    Raises:
+        SettingError: A torque is not stated.
+    """
+    missing = np.array(hand.joint_names)[np.isnan(hand.torques)].tolist()
+    if torque_limits is None and missing:
+        raise SettingError(
+            f"the description of {hand.name} states no torque of the motor of "
+            f"{', '.join(missing)}: state it there, or give that of "
+            "every motor (--torque-limits, in Python torque_limits=...)"
+        )
+    torques = np.where(hand.torques == 0.0, np.nan, torque_limits or hand.torques)
+    if torque_limits is not None and np.isnan(torques).all():
+        raise SettingError(f"{hand.name} has no motor that torque_limits could limit")
+    return torques
+
+
+def actuation_of(
+    hand: ArticulatedHand, posture: Floats, torques: Floats, links: Floats | None = None
+) -> Actuation:
+    """The drives of a hand in a posture.
+
+    Couplings are in the posture: a joint that follows another one has no torque of its own. A joint
+    at its limit is also pushed back by the stop there.
+
+    Args:
+        hand: The hand.
+        posture: Values of its joints (p,).
+        torques: Greatest torques of their motors, as `torques_of` has them, shape (p,).
+        links: Torques that hold the links per acceleration of gravity, as in `Actuation`; None:
+            their weight is neglected.
+    """
+    lower, upper = hand.limits_of_joints.T
+    stops = (posture <= lower + AT_STOP).astype(float) - (posture >= upper - AT_STOP)
+    limits = np.where(np.isnan(torques), 0.0, torques)
+    return Actuation(limits, names=hand.joint_names, stops=stops, links=links)

@@ -1,23 +1,207 @@
 """Contacts of a hand with joints: which of its links touch an object, where, and how far off."""
 
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from grasp3d._kernels.hands.closing import Closing, ClosingScratch, make_closing_scratch
+from grasp3d._kernels.hands.closing import close as close_hands
+from grasp3d._kernels.hands.overlaps import OVERLAPS, self_overlaps
+from grasp3d._kernels.hands.touching import Touches, TouchScratch, make_touch_scratch, touch
 from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.closing import close
-from grasp3d.hand.articulated.hand_scene import HandScene
+from grasp3d.hand.articulated.link_bodies import reach_along
 from grasp3d.hand.choices import ContactRule
 from grasp3d.hand.jaws import IN_METRES
 from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.hand.table import Table
 from grasp3d.settings.checks import check_choice, check_range
+from grasp3d.system.context import in_threads
 
 if TYPE_CHECKING:
     from grasp3d.mesh import ObjectMesh
+
+
+SEARCH = 2.0
+"""Largest gap that is measured, in contact distances."""
+
+CHUNK = 16
+"""Poses that a thread takes at once."""
+
+
+class HandScene:
+    """A hand and an object for the kernels, in the frame of the mesh."""
+
+    def __init__(self, mesh: "ObjectMesh", hand: ArticulatedHand, distance: float) -> None:
+        """Prepare the surface, once for a mesh, and the hand, once for a hand.
+
+        Args:
+            mesh: The object.
+            hand: The hand.
+            distance: Contact distance [m].
+        """
+        self.hand, self.distance = hand, distance
+        self.bodies, self.surface = hand.bodies, mesh.touched_surface
+
+    def frames(self, poses: Floats, postures: Floats) -> Floats:
+        """Frames of the links in that of the mesh [m], shape (k, L, 3, 4).
+
+        Args:
+            poses: Hand's frame to that of the mesh, translations in metres, shape (k, 4, 4).
+            postures: Values of the joints, shape (k, p).
+        """
+        return np.ascontiguousarray(poses[:, None, :3] @ self.hand.link_poses(postures))
+
+    def touch(
+        self, frames: Floats, *, contacts: bool = True, search: float | None = None
+    ) -> Touches:
+        """Gaps up to a distance, and contacts unless they are not wanted."""
+        count, links, shapes = len(frames), frames.shape[1], len(self.bodies.kinds)
+        listed = links if contacts else 0
+        touches = Touches(
+            gaps=np.full((count, shapes), np.inf),
+            points=np.zeros((count, shapes, 3)),
+            contacts=np.full((count, listed, 7), np.nan),
+        )
+        limit = SEARCH * self.distance if search is None else search
+
+        def run(rows: slice, scratch: Any) -> None:
+            touch(
+                frames, self.distance, limit, rows.start, rows.stop, self.bodies, self.surface,
+                touches, scratch,
+            )  # fmt: skip
+
+        in_threads(run, count, CHUNK, lambda: make_touch_scratch(self.bodies))
+        return touches
+
+    def link_gaps(self, touches: Touches) -> Floats:
+        """Signed distance of each link [m], shape (k, L)."""
+        gaps = np.full((len(touches.gaps), len(self.hand.link_names)), np.inf)
+        np.minimum.at(gaps.T, self.bodies.links, touches.gaps.T)
+        return gaps
+
+    def table_depth(self, frames: Floats, table: Table | None) -> Floats:
+        """How deep the hand is in a table [m], shape (k,); nan without one."""
+        if table is None:
+            return np.full(len(frames), np.nan)
+        lowest = np.full(len(frames), np.inf)
+        for body, link in enumerate(self.bodies.links):
+            pose = frames[:, link, :, :3] @ self.bodies.poses[body]
+            pose[..., 3] += frames[:, link, :, 3]
+            up = table.normal @ pose  # (k, 4), in the body's frame
+            lowest = np.minimum(lowest, up[:, 3] - reach_along(self.bodies, body, -up[:, :3]))
+        return np.asarray(table.offset - lowest)
+
+    def self_collisions(self, frames: Floats) -> tuple[Floats, Ints]:
+        """How deep the two links that overlap most do [m], (k,), and which they are (k, 2)."""
+        return self.overlaps(frames, self.may_overlap)
+
+    def overlaps(self, frames: Floats, allowed: Ints) -> tuple[Floats, Ints]:
+        """As `self_collisions`, with 1 for links that may overlap (L, L)."""
+        depths, pairs = np.zeros(len(frames)), np.full((len(frames), 2), -1)
+
+        def run(rows: slice, _: object) -> None:
+            self_overlaps(frames, rows.start, rows.stop, allowed, self.bodies, depths, pairs)
+
+        in_threads(run, len(frames), CHUNK)
+        return depths, pairs
+
+    @cached_property
+    def may_overlap(self) -> Ints:
+        """1: two links are one, or next to each other, or overlap at the open preshape (L, L)."""
+        hand = self.hand
+        chain, count = hand.chain, len(hand.link_names)
+        rigid = np.arange(count)
+        allowed = np.eye(count, dtype=np.int64)
+        for link in range(1, count):
+            parent = rigid[chain.parents[link]]
+            if chain.columns[link] < 0:
+                rigid[link] = parent
+            else:
+                allowed[link, parent] = allowed[parent, link] = 1
+        allowed = np.ascontiguousarray(allowed[np.ix_(rigid, rigid)])
+        frames = self.frames(np.eye(4)[None], hand.preshapes["open"][None])
+        while True:
+            (depth,), (pair,) = self.overlaps(frames, allowed)
+            if depth <= OVERLAPS:
+                return allowed
+            allowed[pair[0], pair[1]] = allowed[pair[1], pair[0]] = 1
+
+
+SMALLEST_STEP, LARGEST_STEP = 1e-3, 0.03
+"""Bounds of the steps of links that may meet [m]."""
+
+
+def close(scene: HandScene, poses: Floats, postures: Floats) -> Floats:
+    """Close hands from postures until links touch (conservative advancement).
+
+    All joints move at their speeds, together. A link that touches stops all joints that move it;
+    others go on. Joints stop at their limits, and where two links of the hand meet those that move
+    one of both alone.
+
+    Args:
+        scene: Hand and object.
+        poses: Hand's frame to that of the mesh [m], shape (k, 4, 4).
+        postures: From which they close, shape (k, p).
+
+    Returns:
+        Postures, shape (k, p).
+    """
+    hand, bodies, values = scene.hand, scene.bodies, postures.copy()
+    speeds, limits, reach = hand.closing, hand.limits_of_joints, reaches(scene)
+    moves = (reach > 0.0) & (speeds != 0.0)
+    apart = scene.may_overlap[np.ix_(bodies.links, bodies.links)] == 0
+    pairs = np.argwhere(np.triu(apart & (moves[:, None] != moves).any(axis=2))).copy(order="C")
+    closing = Closing(speeds.copy(), limits.copy(), reach, _largest_steps(scene), pairs)
+    matrices = np.array(poses, order="C")  # kernels are compiled for arrays that can be written to
+
+    def run(rows: slice, scratch: tuple[ClosingScratch, TouchScratch]) -> None:
+        close_hands(
+            matrices, values, rows.start, rows.stop, closing, hand.chain, bodies, scene.surface,
+            *scratch,
+        )  # fmt: skip
+
+    links = len(hand.link_names)
+
+    def make_scratch() -> tuple[ClosingScratch, TouchScratch]:
+        return make_closing_scratch(closing, links), make_touch_scratch(bodies)
+
+    in_threads(run, len(poses), CHUNK, make_scratch)
+    return values
+
+
+def _largest_steps(scene: HandScene) -> Floats:
+    """Steps of shapes with which no links pass through each other unseen [m], shape (m,).
+
+    Of two alike `self_collisions` sees the way from touching to filling the same place, except its
+    ends: both together move by three quarters of that. What is thinner than 3 mm, or than the
+    thickest shape of its link, may pass.
+    """
+    steps = np.zeros(len(scene.hand.link_names))
+    np.maximum.at(steps, scene.bodies.links, 0.75 * scene.hand.half_widths)
+    return np.clip(steps[scene.bodies.links], SMALLEST_STEP, LARGEST_STEP)
+
+
+def reaches(scene: HandScene) -> Floats:
+    """Largest distance of a shape's points from each joint's axis, shape (m, p); 0: not moved."""
+    hand, bodies, chain = scene.hand, scene.bodies, scene.hand.chain
+    reach = np.zeros((len(bodies.links), len(hand.joint_names)))
+    for body, link in enumerate(bodies.links):
+        middle = bodies.poses[body, :, :3] @ bodies.boxes[body, :3] + bodies.poses[body, :, 3]
+        length, at = float(np.linalg.norm(middle)) + bodies.boxes[body, 6], int(link)
+        while chain.parents[at] >= 0:
+            column = chain.columns[at]
+            arm = length + float(np.linalg.norm(chain.positions[at]))
+            if column >= 0:
+                sliding = hand.chain.kinds[at] == 1
+                reach[body, column] += abs(chain.factors[at]) * (1.0 if sliding else arm)
+            length += float(np.linalg.norm(chain.origins[at][:3, 3]))
+            at = int(chain.parents[at])
+    return reach
+
 
 CONTACT_DISTANCE = 0.005
 """Gap up to which a link counts as touching [m]: published postures are off by millimetres."""

@@ -15,102 +15,100 @@ from typing import Any
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
-from grasp3d.hand.articulated.presets import VERSION, known_numbers
 from grasp3d.hand.articulated.proposal import articulated_hand_of
 from grasp3d.hand.link_tree import LinkMass, LinkTree
-from grasp3d.hand.robot_files import made_of
+from grasp3d.hand.robot_files import NAMES, VERSION, made_of, read_json
+from grasp3d.system.documents import typed
 from grasp3d.system.names import unknown
 
-Read = Callable[[Any], Any]
-"""Makes what is stated of a value of JSON. Raises TypeError, ValueError: it is another one."""
+FOLDER = Path(__file__).parents[1] / "presets"
 
 
-def _text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise TypeError(value)
-    return value
+def known_numbers(tree: LinkTree) -> dict[str, Any] | None:
+    """What is known of a hand, in the names that a file has for links and joints.
+
+    Args:
+        tree: Links and joints of the file; a prefix before all names, as in rh_FFJ1, is found.
+
+    Returns:
+        The description of a hand without its file; None: none has these joints and links.
+    """
+    there = {*tree.by_name, *tree.links}
+    for name in NAMES:
+        content = read_json(FOLDER / f"{name}.json")
+        needed = names_in(content)
+        first = min(needed)
+        for prefix in sorted({one.removesuffix(first) for one in there if one.endswith(first)}):
+            if all(prefix + one in there for one in needed):
+                found: dict[str, Any] = _renamed(content, needed, prefix)
+                return found
+    return None
 
 
-def _number(value: Any, least: float = -math.inf, below: float = math.inf) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise TypeError(value)
-    if not (math.isfinite(value) and least <= value < below):
-        raise ValueError(value)
-    return value
+def names_in(content: Mapping[str, Any]) -> set[str]:
+    """Joints and links that a description names."""
+    joints = {*content["closing"], *content.get("torques", ())}
+    joints.update(*(one["joints"] for one in content.get("couplings", ())))
+    joints.update(*content["preshapes"].values())
+    return joints | {content.get("base", content["palm"]), content["palm"], *content["fingertips"]}
 
 
-def _each(read: Read) -> Read:
-    def read_list(value: Any) -> tuple[Any, ...]:
-        if not isinstance(value, list):
-            raise TypeError(value)
-        return tuple(map(read, value))
-
-    return read_list
-
-
-def _by_name(read: Read) -> Read:
-    def read_object(value: Any) -> dict[str, Any]:
-        if not isinstance(value, dict):
-            raise TypeError(value)
-        return {name: read(one) for name, one in value.items()}
-
-    return read_object
+def _renamed(value: Any, names: set[str], prefix: str) -> Any:
+    """JSON with a prefix before all names of joints and links."""
+    if isinstance(value, dict):
+        return {prefix * (key in names) + key: _renamed(value[key], names, prefix) for key in value}
+    if isinstance(value, list):
+        return [_renamed(one, names, prefix) for one in value]
+    return prefix + value if value in names else value
 
 
-def _direction(value: Any) -> tuple[float, ...]:
-    numbers: tuple[float, ...] = _each(_number)(value)
-    if len(numbers) != 3 or not any(numbers):
-        raise ValueError(value)
-    return numbers
+Numbers = dict[str, float]
 
 
-# Arguments of these are the keys of an object: others, and missing ones, raise TypeError.
+def _is_coupling(one: Coupling) -> bool:
+    several = len(set(one.joints)) == len(one.joints) == len(one.ratios) >= 2
+    return several and all(one.ratios)
 
 
-def _coupling(joints: Any, ratios: Any) -> Coupling:
-    names, numbers = _each(_text)(joints), _each(_number)(ratios)
-    several = len(set(names)) == len(names) == len(numbers) >= 2
-    if not several or not all(numbers):
-        raise ValueError(joints)
-    return Coupling(names, tuple(map(float, numbers)))
-
-
-def _mass(mass: Any, center: Any = (0.0, 0.0, 0.0)) -> LinkMass:
-    x, y, z = _each(_number)([*center])
-    return LinkMass(_number(mass, math.ulp(0.0)), (x, y, z))  # the smallest number above 0
+def _whatever(_: object) -> bool:
+    return True
 
 
 _NUMBERS = "an object of numbers by joints"
-KEYS: dict[str, tuple[Read, str]] = {
-    "name": (_text, "a text"),
-    "description": (_text, "a text, the name of a URDF or MuJoCo file"),
-    "base": (_text, "the name of a link"),
-    "palm": (_text, "the name of a link"),
-    "approach": (_direction, "a list of three numbers, not all 0"),
-    "fingertips": (_each(_text), "a list of names of links"),
+KEYS: dict[str, tuple[Any, Callable[[Any], bool], str]] = {
+    "name": (str, _whatever, "a text"),
+    "description": (str, _whatever, "a text, the name of a URDF or MuJoCo file"),
+    "base": (str, _whatever, "the name of a link"),
+    "palm": (str, _whatever, "the name of a link"),
+    "approach": (tuple[float, float, float], any, "a list of three numbers, not all 0"),
+    "fingertips": (tuple[str, ...], _whatever, "a list of names of links"),
     "sensors": (
-        _by_name(lambda one: _number(one, 0.0, math.pi)),
+        Numbers,
+        lambda values: all(0.0 <= one < math.pi for one in values.values()),
         "an object of sensor resolutions [rad] from 0 to below pi by links",
     ),
     "torques": (
-        _by_name(lambda one: _number(one, 0.0)),
+        Numbers,
+        lambda values: all(one >= 0.0 for one in values.values()),
         f"{_NUMBERS} [N m, or N where they slide], at least 0 (0: no motor)",
     ),
     "couplings": (
-        _each(lambda one: _coupling(**one)),
+        tuple[Coupling, ...],
+        lambda values: all(map(_is_coupling, values)),
         'a list of objects of "joints" and the "ratios" of their values',
     ),
     "masses": (
-        _by_name(lambda one: _mass(**one)),
+        dict[str, LinkMass],
+        lambda values: all(one.mass > 0.0 for one in values.values()),
         'an object by links of "mass" [kg] above 0 and its "center" [m], three numbers',
     ),
-    "preshapes": (_by_name(_by_name(_number)), "an object of postures by name"),
-    "closing": (_by_name(_number), _NUMBERS),
-    "source": (_text, "a text"),
-    "assumed": (_each(_text), "a list of texts"),
-    "notes": (lambda value: value, "anything"),
+    "preshapes": (dict[str, Numbers], _whatever, "an object of postures by name"),
+    "closing": (Numbers, _whatever, _NUMBERS),
+    "source": (str, _whatever, "a text"),
+    "assumed": (tuple[str, ...], _whatever, "a list of texts"),
+    "notes": (object, _whatever, "anything"),
 }
-"""Keys of a description besides format and version: what reads a value, and what it must be."""
+"""Keys of a description besides format and version: type, what a value must fulfil, in words."""
 
 
 def stated_of(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -126,12 +124,15 @@ def stated_of(content: Mapping[str, Any]) -> dict[str, Any]:
     for key in (one for one in content if one not in {"format", "version"}):
         if key not in KEYS:
             raise SettingError(unknown("key", key, KEYS))
-        read, expected = KEYS[key]
+        hint, holds, expected = KEYS[key]
         try:
-            stated[key] = read(content[key])
-        except (TypeError, ValueError) as error:
-            got = json.dumps(content[key])[:60]
-            raise SettingError(f"{key} must be {expected}; got {got}") from error
+            json.dumps(content[key], allow_nan=False)  # raises for numbers that are not finite
+            stated[key] = value = typed(content[key], hint)
+            wrong = not holds(value)
+        except (TypeError, ValueError, OverflowError):
+            wrong = True
+        if wrong:
+            raise SettingError(f"{key} must be {expected}; got {json.dumps(content[key])[:60]}")
     return stated
 
 
@@ -160,11 +161,10 @@ def proposed_hand(tree: LinkTree, palm: str | None) -> ArticulatedHand:
     Raises:
         SettingError: They are of no hand with joints.
     """
-    content = known_numbers(tree)
-    stated = {} if content is None else stated_of(content)
-    if content is not None:
-        name = content["name"]
-        stated["assumed"] = [f"it is the hand {name}, whose joints have the same names"]
+    stated: dict[str, Any] = {}
+    if (content := known_numbers(tree)) is not None:
+        named = f"it is the hand {content['name']}, whose joints have the same names"
+        stated = {**stated_of(content), "assumed": [named]}
     if palm is not None:
         stated["palm"] = palm
     return articulated_hand_of(tree, stated)

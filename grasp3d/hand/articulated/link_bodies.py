@@ -1,7 +1,8 @@
 """The shapes of a hand's links as the kernels take them, with points on their surfaces."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence, Sized
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -28,8 +29,16 @@ is dropped."""
 
 KINDS = {"box": BOX, "cylinder": CYLINDER, "capsule": CAPSULE, "sphere": SPHERE, "mesh": HULL}
 
-Hull = tuple[Floats, list[Ints], Floats, Floats]
-"""Corners, neighbours of each, planes, triangles."""
+
+class Hull(NamedTuple):
+    """The convex hull of a mesh; shapes of other kinds have an empty one."""
+
+    vertices: Floats = np.zeros((0, 3))
+    neighbours: Sequence[Ints] = ()
+    """Of each vertex."""
+    planes: Floats = np.zeros((0, 4))
+    triangles: Floats = np.zeros((0, 3, 3))
+
 
 COVERED = 1e-4
 """Depth in another shape of its link beyond which a point cannot touch anything [m]."""
@@ -41,35 +50,39 @@ def link_bodies(shapes: Sequence[Sequence[LinkShape]]) -> LinkShapes:
     Args:
         shapes: Those of each link.
     """
-    bodies = [(link, shape) for link, some in enumerate(shapes) for shape in some]
-    hulls = [_hull(shape) for _, shape in bodies]
-    samples = [
-        _uncovered(_samples(shape, hull), number, bodies, hulls)
-        for number, ((_, shape), hull) in enumerate(zip(bodies, hulls, strict=True))
-    ]
-    first_vertex = _starts([len(hull[0]) for hull in hulls])
+    links = np.repeat(np.arange(len(shapes)), list(map(len, shapes)))
+    every = [shape for some in shapes for shape in some]
+    hulls = [_hull(shape) for shape in every]
+    samples = []
+    for number, (link, shape, hull) in enumerate(zip(links, every, hulls, strict=True)):
+        same = np.flatnonzero(links == link)
+        others = [(every[other], hulls[other].planes) for other in same if other != number]
+        samples.append(_uncovered(_samples(shape, hull.triangles), shape, others))
+    first_vertex = _starts([hull.vertices for hull in hulls])
     neighbours = [
-        start + other for hull, start in zip(hulls, first_vertex, strict=False) for other in hull[1]
+        start + other
+        for hull, start in zip(hulls, first_vertex, strict=False)
+        for other in hull.neighbours
     ]
     return LinkShapes(
-        kinds=np.array([KINDS[shape.kind] for _, shape in bodies], dtype=np.int64),
-        links=np.array([link for link, _ in bodies], dtype=np.int64),
-        poses=np.array([shape.pose[:3] for _, shape in bodies]).reshape(-1, 3, 4),
-        sizes=np.array([(*shape.size, 0.0, 0.0, 0.0)[:3] for _, shape in bodies]).reshape(-1, 3),
-        boxes=np.array(
-            [_box(shape, hull[0]) for (_, shape), hull in zip(bodies, hulls, strict=True)]
-        ).reshape(-1, 7),
+        kinds=np.array([KINDS[shape.kind] for shape in every], dtype=np.int64),
+        links=links,
+        poses=np.array([shape.pose[:3] for shape in every]).reshape(-1, 3, 4),
+        sizes=np.array([(*shape.size, 0.0, 0.0, 0.0)[:3] for shape in every]).reshape(-1, 3),
+        boxes=np.array([
+            _box(shape, hull.vertices) for shape, hull in zip(every, hulls, strict=True)
+        ]).reshape(-1, 7),
         hull=Hulls(
-            vertices=np.concatenate([np.zeros((0, 3)), *(hull[0] for hull in hulls)]),
-            first=_starts([len(other) for other in neighbours]),
+            vertices=np.concatenate([np.zeros((0, 3)), *(hull.vertices for hull in hulls)]),
+            first=_starts(neighbours),
             neighbours=np.concatenate([np.zeros(0, np.int64), *neighbours]),
             at=first_vertex[:-1],
         ),
-        first_plane=_starts([len(hull[2]) for hull in hulls]),
-        planes=np.concatenate([np.zeros((0, 4)), *(hull[2] for hull in hulls)]),
-        first_sample=_starts([len(rows) for rows in samples]),
+        first_plane=_starts([hull.planes for hull in hulls]),
+        planes=np.concatenate([np.zeros((0, 4)), *(hull.planes for hull in hulls)]),
+        first_sample=_starts(samples),
         samples=np.concatenate([np.zeros((0, 6)), *samples]),
-    )
+    )  # fmt: skip
 
 
 def reach_along(bodies: LinkShapes, body: int, directions: Floats) -> Floats:
@@ -97,33 +110,30 @@ def half_widths(bodies: LinkShapes) -> Floats:
     return np.asarray(widths)
 
 
-def _starts(sizes: Iterable[int]) -> Ints:
-    return np.concatenate([[0], np.cumsum(np.array(sizes, dtype=np.int64))]).astype(np.int64)
+def _starts(parts: Sequence[Sized]) -> Ints:
+    return np.cumsum([0, *map(len, parts)])
 
 
 def _box(shape: LinkShape, vertices: Floats) -> Floats:
     """Box around a shape in its frame, and radius of the ball around the box's centre."""
+    centre, size = np.zeros(3), shape.size
     if shape.kind == "mesh":
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         centre, half = 0.5 * (low + high), 0.5 * (high - low)
         radius = float(np.linalg.norm(vertices - centre, axis=1).max())
-        return np.array([*centre, *half, radius])
-    size = shape.size
-    if shape.kind == "box":
+    elif shape.kind == "box":
         half, radius = np.array(size), math.hypot(*size)
-    elif shape.kind == "sphere":
-        half, radius = np.full(3, size[0]), size[0]
     else:
-        capsule = shape.kind == "capsule"
-        half = np.array([size[0], size[0], size[1] + capsule * size[0]])
-        radius = half[2] if capsule else math.hypot(*size)
-    return np.array([0.0, 0.0, 0.0, *half, radius])
+        round_end = 0.0 if shape.kind == "cylinder" else size[0]
+        half = np.array([size[0], size[0], round_end + sum(size[1:])])
+        radius = half[2] if round_end else math.hypot(*size)
+    return np.array([*centre, *half, radius])
 
 
 def _hull(shape: LinkShape) -> Hull:
     """Corners of a mesh's hull, their neighbours, its planes, and its triangles; else none."""
     if shape.kind != "mesh":
-        return np.zeros((0, 3)), [], np.zeros((0, 4)), np.zeros((0, 3, 3))
+        return Hull()
     hull = ConvexHull(shape.vertices)
     used, faces = np.unique(hull.simplices, return_inverse=True)
     vertices, faces = shape.vertices[used], faces.reshape(-1, 3)
@@ -141,7 +151,7 @@ def _hull(shape: LinkShape) -> Hull:
         large = outward[np.argsort(-area)[: COARSE // 4]]
         outward = np.concatenate([large, _directions(COARSE - len(large)), outward])
     heights = (outward @ vertices.T).max(axis=1)
-    return vertices, neighbours, np.column_stack([outward, heights]), triangles
+    return Hull(vertices, neighbours, np.column_stack([outward, heights]), triangles)
 
 
 def _directions(count: int) -> Floats:
@@ -156,51 +166,49 @@ def _line(half: float) -> Floats:
     return np.linspace(-half, half, math.ceil(2.0 * half / SPACING) + 1)
 
 
-def _disc(radius: float) -> Floats:
-    """Points of a disc, its rim among them, shape (n, 2)."""
-    rings = math.ceil(radius / SPACING)
-    radii = radius * np.arange(1, rings + 1) / rings
-    return np.concatenate([np.zeros((1, 2)), *(one * _circle(one) for one in radii)])
-
-
 def _circle(radius: float) -> Floats:
     """Unit vectors around a circle, shape (n, 2)."""
     turn = 2.0 * math.pi * np.arange(n := max(8, math.ceil(2.0 * math.pi * radius / SPACING))) / n
     return np.stack([np.cos(turn), np.sin(turn)], axis=1)
 
 
-def _samples(shape: LinkShape, hull: Hull) -> Floats:
-    """Points on the surface of a shape in its frame, and outward unit normals, shape (s, 6)."""
-    size = shape.size
+def _samples(shape: LinkShape, hull: Floats) -> Floats:
+    """Points on the surface of a shape in its frame, and outward unit normals, shape (s, 6).
+
+    Of a mesh they are on the triangles of its hull.
+    """
     if shape.kind == "mesh":
-        return _hull_samples(hull[3])
+        return _hull_samples(hull)
     if shape.kind == "box":
-        parts = []
-        for axis in range(3):
-            i, j = (axis + 1) % 3, (axis + 2) % 3
-            a, b = (grid.ravel() for grid in np.meshgrid(_line(size[i]), _line(size[j])))
-            for sign in (-1.0, 1.0):
-                rows = np.zeros((len(a), 6))
-                rows[:, i], rows[:, j] = a, b
-                rows[:, axis], rows[:, 3 + axis] = sign * size[axis], sign
-                parts.append(rows)
-        return np.concatenate(parts)
-    radius = size[0]
-    if shape.kind == "sphere":
-        around = _directions(max(24, math.ceil(4.0 * math.pi * (radius / SPACING) ** 2)))
-        return np.hstack([radius * around, around])
-    around, heights = _circle(radius), _line(size[1])
+        return _box_samples(shape.size)
+    radius, *half = shape.size
+    ball = _directions(max(24, math.ceil(4.0 * math.pi * (radius / SPACING) ** 2)))
+    ends = np.hstack([radius * ball, ball])
+    if not half:
+        return ends
+    around, heights = _circle(radius), _line(half[0])
     side = np.zeros((len(heights), len(around), 6))
     side[..., :2], side[..., 2], side[..., 3:5] = radius * around, heights[:, None], around
+    ends[:, 2] += np.sign(ball[:, 2]) * half[0]
     if shape.kind == "cylinder":
-        disc = _disc(radius)
+        radii = radius * np.arange(1, (rings := math.ceil(radius / SPACING)) + 1) / rings
+        disc = np.concatenate([np.zeros((1, 2)), *(one * _circle(one) for one in radii)])
         ends = np.zeros((2, len(disc), 6))
-        ends[..., :2], ends[..., 2], ends[..., 5] = disc, [[-size[1]], [size[1]]], [[-1.0], [1.0]]
-    else:
-        ball = _directions(max(24, math.ceil(4.0 * math.pi * (radius / SPACING) ** 2)))
-        ends = np.hstack([radius * ball, ball])
-        ends[:, 2] += np.sign(ball[:, 2]) * size[1]
+        ends[..., :2], ends[..., 2], ends[..., 5] = disc, [[-half[0]], half], [[-1.0], [1.0]]
     return np.concatenate([side.reshape(-1, 6), ends.reshape(-1, 6)])
+
+
+def _box_samples(size: Sequence[float]) -> Floats:
+    parts = []
+    for axis in range(3):
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        a, b = (grid.ravel() for grid in np.meshgrid(_line(size[i]), _line(size[j])))
+        for sign in (-1.0, 1.0):
+            rows = np.zeros((len(a), 6))
+            rows[:, i], rows[:, j] = a, b
+            rows[:, axis], rows[:, 3 + axis] = sign * size[axis], sign
+            parts.append(rows)
+    return np.concatenate(parts)
 
 
 def _hull_samples(triangles: Floats) -> Floats:
@@ -231,33 +239,29 @@ def _hull_samples(triangles: Floats) -> Floats:
 
 
 def _uncovered(
-    samples: Floats,
-    number: int,
-    bodies: Sequence[tuple[int, LinkShape]],
-    hulls: Sequence[Hull],
+    samples: Floats, shape: LinkShape, others: Sequence[tuple[LinkShape, Floats]]
 ) -> Floats:
-    """Points of a shape that are not inside other shapes of its link: nothing touches these."""
-    link, shape = bodies[number]
+    """Points of a shape that are not inside other shapes, with planes, of its link.
+
+    Nothing touches these.
+    """
     points = samples[:, :3] @ shape.pose[:3, :3].T + shape.pose[:3, 3]
     covered = np.zeros(len(points), dtype=bool)
-    for other, ((its_link, body), hull) in enumerate(zip(bodies, hulls, strict=True)):
-        if its_link == link and other != number:
-            local = (points - body.pose[:3, 3]) @ body.pose[:3, :3]
-            covered |= _depth(local, body, hull[2]) < -COVERED
+    for other, planes in others:
+        local = (points - other.pose[:3, 3]) @ other.pose[:3, :3]
+        covered |= _depth(local, other, planes) < -COVERED
     return samples[~covered]
 
 
 def _depth(points: Floats, shape: LinkShape, planes: Floats) -> Floats:
     """Signed distance of points from a shape's surface, inside exact, in its frame."""
-    size = shape.size
     if shape.kind == "box":
-        return np.asarray((np.abs(points) - np.array(size)).max(axis=1))
+        return np.asarray((np.abs(points) - np.array(shape.size)).max(axis=1))
     if shape.kind == "mesh":
         return np.asarray((points @ planes[:, :3].T - planes[:, 3]).max(axis=1))
-    if shape.kind == "sphere":
-        return np.asarray(np.linalg.norm(points, axis=1) - size[0])
-    beyond = np.abs(points[:, 2]) - size[1]
+    radius, *half = shape.size
+    beyond = np.abs(points[:, 2]) - sum(half)
     across = np.linalg.norm(points[:, :2], axis=1)
-    if shape.kind == "capsule":
-        return np.asarray(np.hypot(across, np.maximum(beyond, 0.0)) - size[0])
-    return np.asarray(np.maximum(across - size[0], beyond))
+    if shape.kind == "cylinder":
+        return np.asarray(np.maximum(across - radius, beyond))
+    return np.asarray(np.hypot(across, np.maximum(beyond, 0.0)) - radius)

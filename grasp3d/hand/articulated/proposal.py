@@ -60,35 +60,26 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
         SettingError: There are no such links or joints, nothing moves, or it moves in ways that
             have no posture: free joints, closed loops.
     """
-    known, assumed = dict(stated or {}), list((stated or {}).get("assumed", ()))
-    base = known.get("base")
-    if base is None:
-        base = _base(tree)
-        if base != tree.links[0]:
-            assumed.append(f"the base is {base}, with most joints below it")
-    couplings = tuple(known.get("couplings", ()))
+    known = dict(stated or {})
+    assumed, couplings = [*known.get("assumed", ())], known.get("couplings", ())
+    base: str = known.get("base") or _base(tree)
+    if "base" not in known and base != tree.links[0]:
+        assumed.append(f"the base is {base}, with most joints below it")
     whole = _coupled(tree.branch(base), couplings)
     _check(whole)
     # Read at once: a missing mesh is then refused here, and another process gets all of it.
     shapes = {link: whole.shapes(link) for link in whole.links}
     for link, some in shapes.items():
-        if any(shape.is_flat for shape in some):
+        if any(shape.kind == "mesh" and not len(shape.vertices) for shape in some):
             raise tree.error(f"a collision mesh of {link} is flat, and has no hull")
     whole = replace(whole, shapes=shapes.__getitem__)
     whole.check_links(known.get("masses", {}))
-    of_file = {name: one for name, one in whole.masses.items() if name in whole.links}
     hand = ArticulatedHand(
         name=known.get("name") or Path(tree.source).stem,
         tree=whole,
         palm=base,
-        approach=locked([0.0, 0.0, 1.0]),
-        fingertips=(),
-        sensors={},
-        torques=locked(np.zeros(0)),
         couplings=couplings,
-        masses=known.get("masses", of_file),
-        preshapes={},
-        closing=locked(np.zeros(0)),
+        masses=known.get("masses", whole.masses),
         source=known.get("source", ""),
     )
     if not hand.joint_names:
@@ -162,41 +153,35 @@ class _Proposal:
         closing = self._closing()
         preshapes = self._preshapes(closing)
         approach = self._approach(preshapes["open"])
-        if unseen := [link for link in tree.unseen if link in tree.links]:
+        if tree.unseen:
             self.assumed.append(
                 f"links that are only seen, without collision geometry, touch nothing: "
-                f"{', '.join(unseen)}"
+                f"{', '.join(tree.unseen)}"
             )
-        if endless := [
-            n for n, ends in zip(self.names, self.limits, strict=True) if np.isinf(ends).any()
-        ]:
+        if endless := self._named(np.isinf(self.limits).any(axis=1)):
             self.assumed.append(f"joints without limits: {', '.join(endless)}")
         return replace(
             self.bare,
             approach=locked(approach),
-            sensors=dict(known.get("sensors", {})),
+            sensors=known.get("sensors", {}),
             torques=locked(self._torques()),
             preshapes=preshapes,
             closing=locked(closing),
             assumed=tuple(self.assumed),
         )
 
+    def _named(self, which: Any) -> list[str]:
+        return [name for name, one in zip(self.names, which, strict=True) if one]
+
     def _fingertips(self) -> tuple[str, ...]:
-        moved, ends = set[str](), dict[str, str]()
-        for name in self.tree.links:
-            joint = self.tree.joints.get(name)
-            if joint is None or (joint.kind == "fixed" and joint.parent not in moved):
-                continue
-            moved.add(name)
-            above = ends.pop(joint.parent, joint.parent)
-            ends[name] = name if self.tree.shapes(name) else above
-        # Several ends that have no geometry of their own may stand for one link.
-        found = tuple(dict.fromkeys(end for end in ends.values() if self.tree.shapes(end)))
         # What carries something that moves, or is fixed to it as a camera on the palm, is no end.
-        carriers = {joint.parent for joint in self.tree.joints.values() if joint.kind != "fixed"}
-        found = tuple(name for name in found if carriers.isdisjoint(self.tree.rigid(name)))
-        inner = {above for name in found for above in self.tree.chain(name)[1:]}
-        found = tuple(name for name in found if name not in inner)
+        carriers = {joint.parent for joint in self.tree.by_name.values()}
+        ends = [
+            name for name in self.bare.beyond_base
+            if self.tree.shapes(name) and carriers.isdisjoint(self.tree.rigid(name))
+        ]  # fmt: skip
+        inner = {above for name in ends for above in self.tree.chain(name)[1:]}
+        found = tuple(name for name in ends if name not in inner)
         if not found:
             seen = f"; only seen are {', '.join(self.tree.unseen)}" if self.tree.unseen else ""
             raise self.tree.error(f"no finger ends with a link that has collision geometry{seen}")
@@ -209,87 +194,84 @@ class _Proposal:
         self.assumed.append(f"the palm is {palm}, the last link that carries all fingertips")
         return palm
 
-    def _middles(self, links: Iterable[str]) -> Floats:
-        """Middles of the boxes around links, in their frames, shape (n, 3)."""
-        boxes = [self.tree.geometry(link).reshape(-1, 3) for link in links]
+    def _numbers(self, links: Iterable[str]) -> list[int]:
+        return [self.tree.links.index(link) for link in links]
+
+    @cached_property
+    def _middles(self) -> Floats:
+        """Middles of the boxes around the fingertips, in their frames, shape (n, 3)."""
+        boxes = [self.tree.geometry(tip).reshape(-1, 3) for tip in self.bare.fingertips]
         return np.array([
             0.5 * (box.min(axis=0) + box.max(axis=0)) if len(box) else np.zeros(3) for box in boxes
         ])  # fmt: skip
 
-    def _numbers(self, links: Iterable[str]) -> list[int]:
-        return [self.tree.links.index(link) for link in links]
-
-    def _points(self, posture: Floats, links: Iterable[str], middles: Floats) -> Floats:
-        poses = self.bare.link_poses(posture)[0, self._numbers(links)]
-        points: Floats = np.einsum("nij,nj->ni", poses[:, :3, :3], middles) + poses[:, :3, 3]
+    def _tips(self, posture: Floats) -> Floats:
+        """Where these middles are, shape (n, 3)."""
+        poses = self.bare.link_poses(posture)[0, self._numbers(self.bare.fingertips)]
+        points: Floats = np.einsum("nij,nj->ni", poses[:, :3, :3], self._middles) + poses[:, :3, 3]
         return points
 
     @cached_property
     def _meeting(self) -> Floats:
         """Posture in which the fingertips are closest together."""
-        tips = self.bare.fingertips
-        middles = self._middles(tips)
         low, high = np.clip(self.limits, -np.pi, np.pi).T
-        room = high - low > 1e-9
-        start = np.clip(0.5 * (low + high), low, high)
-
-        def whole(values: Floats) -> Floats:
-            posture: Floats = start.copy()
-            posture[room] = values
-            return posture
+        room, found = high - low > 1e-9, np.clip(0.5 * (low + high), low, high)
 
         def residuals(values: Floats) -> Floats:
-            points = self._points(whole(values), tips, middles)
+            found[room] = values
+            points = self._tips(found)
             apart = (points - points.mean(axis=0)).ravel()
             return np.asarray(np.concatenate([apart, KEPT * (values - self.zero[room])]))
 
-        if not room.any():
-            return whole(start[room])
-        found = least_squares(residuals, start[room], bounds=(low[room], high[room]))
-        return whole(np.asarray(found.x))
+        if room.any():
+            ends = low[room], high[room]
+            found[room] = least_squares(residuals, found[room], bounds=ends).x
+        return np.asarray(found)
+
+    @cached_property
+    def _target(self) -> Floats:
+        """Where the fingertips meet, shape (3,)."""
+        return np.asarray(self._tips(self._meeting).mean(axis=0))
 
     def _closing(self) -> Floats:
         if "closing" in self.known:
             return self._by_name(self.known["closing"], np.zeros(len(self.names)), "closing")
-        tips = self.bare.fingertips
-        middles = self._middles(tips)
-        target = self._points(self._meeting, tips, middles).mean(axis=0)
         halfway = 0.5 * (self.zero + self._meeting)
-        points = self._points(halfway, tips, middles)
-        poses = self.bare.link_poses(halfway)
-        rows, numbers = np.zeros(len(tips), np.int64), np.array(self._numbers(tips))
-        moves = self.bare.jacobians(poses, rows, numbers, points)
-        toward = np.einsum("nip,ni->p", moves, target - points)
-        bends = [self._bends(name, poses[0]) for name in self.names]
+        points, poses = self._tips(halfway), self.bare.link_poses(halfway)
+        numbers = np.array(self._numbers(self.bare.fingertips))
+        moves = self.bare.jacobians(poses, np.zeros_like(numbers), numbers, points)
+        toward = np.einsum("nip,ni->p", moves, self._target - points)
+        bends = [
+            one is not None
+            and self.tree.joints[one[0]].kind == self.tree.joints[one[1]].kind
+            and abs(float(one[2][0] @ one[2][1])) >= PARALLEL
+            for one in self._in_fingers(halfway)
+        ]
         self.assumed.append(
             "joints close it that turn about nearly the same axis as the last one of their finger, "
             "in the direction in which it comes nearer to where the fingertips meet"
         )
         return np.where(bends, np.sign(toward), 0.0)
 
-    def _in_finger(self, name: str, poses: Floats) -> tuple[str, str, Floats] | None:
-        """The links that a joint and the last joint of its finger move, and their axes, (2, 3).
+    def _in_fingers(self, posture: Floats) -> list[tuple[str, str, Floats] | None]:
+        """For each joint the links that it and the last joint of its finger move, and their axes.
 
         None: it moves several fingers at once, as that of a wrist does, or none.
         """
-        joints = self.tree.joints
-        link = next(link for link, joint in joints.items() if joint.name == name)
-        tips = [tip for tip in self.bare.fingertips if link in self.tree.chain(tip)]
-        if len(tips) != 1:
-            return None
-        last = next(one for one in self.tree.chain(tips[0]) if joints[one].kind != "fixed")
-        turns = poses[self._numbers([link, last]), :3, :3]
-        axes = [turn @ joints[one].axis for turn, one in zip(turns, (link, last), strict=True)]
-        return link, last, np.array(axes)
-
-    def _bends(self, name: str, poses: Floats) -> bool:
-        """Whether a joint turns about the axis of the last joint of a finger, or slides as it."""
-        found = self._in_finger(name, poses)
-        if found is None:
-            return False
-        link, last, axes = found
-        same = self.tree.joints[link].kind == self.tree.joints[last].kind
-        return same and abs(float(axes[0] @ axes[1])) >= PARALLEL
+        poses, joints = self.bare.link_poses(posture)[0], self.tree.joints
+        chains = [self.tree.chain(tip) for tip in self.bare.fingertips]
+        found = list[tuple[str, str, Floats] | None]()
+        link_of = {joint.name: link for link, joint in joints.items()}
+        for link in (link_of[name] for name in self.names):
+            above = [chain for chain in chains if link in chain]
+            if len(above) != 1:
+                found.append(None)
+                continue
+            last = next(one for one in above[0] if joints[one].kind != "fixed")
+            turns = poses[self._numbers([link, last]), :3, :3]
+            axes = [turn @ joints[one].axis for turn, one in zip(turns, (link, last), strict=True)]
+            found.append((link, last, np.array(axes)))
+        return found
 
     def _spreads(self, closing: Floats) -> Bools:
         """Joints that do not close the hand, with a counterpart in another finger, shape (p,).
@@ -297,8 +279,7 @@ class _Proposal:
         Both turn about nearly the same axis, and so do the last joints of their fingers: fingers
         side by side spread so, while the base of a thumb is alone.
         """
-        poses = self.bare.link_poses(self.zero)[0]
-        found = [self._in_finger(name, poses) for name in self.names]
+        found = self._in_fingers(self.zero)
         still = [one if speed == 0.0 else None for one, speed in zip(found, closing, strict=True)]
         return np.array([
             one is not None and any(
@@ -310,10 +291,9 @@ class _Proposal:
         ])  # fmt: skip
 
     def _preshapes(self, closing: Floats) -> dict[str, Floats]:
-        stated = self.known.get("preshapes", {})
         found = {
             name: locked(self._by_name(values, self.zero, f"preshape {name}"))
-            for name, values in stated.items()
+            for name, values in self.known.get("preshapes", {}).items()
         }
         for name, posture in found.items():
             self._check_limits(name, posture)
@@ -321,24 +301,23 @@ class _Proposal:
             turned = (closing == 0.0) & (np.abs(self._meeting - self.zero) > TURNED)
             turned &= ~self._spreads(closing)
             found["open"] = locked(np.where(turned, self._meeting, self.zero))
-            others = [name for name, one in zip(self.names, turned, strict=True) if one]
+            others = ", ".join(self._named(turned))
             self.assumed.append(
                 "open: joints are at 0, or at the limit nearest to 0"
-                + (f", but as where the fingertips meet: {', '.join(others)}" if others else "")
+                + (f", but as where the fingertips meet: {others}" if others else "")
             )
         return found
 
     def _check_limits(self, name: str, posture: Floats) -> None:
         """Refuse a preshape beyond the limits of joints. Raises SettingError."""
-        for one in self.bare.ranges:
-            if (excess := one.excess(posture[None])[0]) > BEYOND:
-                low, high = one.limits
-                joint, value = self.names[one.column], posture[one.column]
-                unit, meant = "m" if joint in self.bare.slides else "rad", ""
-                if unit == "rad" and excess > 1.0:
-                    meant = f" ({value:g}° are {np.radians(value):.3g} rad)"
+        for one, excess in zip(self.bare.ranges, self.bare.excess(posture[None])[0], strict=True):
+            if excess > BEYOND:
+                (low, high), joint, value = one.limits, self.names[one.column], posture[one.column]
+                unit = "m" if joint in self.bare.slides else "rad"
+                degrees = f" ({value:g}° are {np.radians(value):.3g} rad)"
                 raise self.tree.error(
-                    f"preshape {name}: {joint} is at {value:g} {unit}{meant}, beyond the limits of "
+                    f"preshape {name}: {joint} is at {value:g} {unit}"
+                    f"{degrees if unit == 'rad' and excess > 1.0 else ''}, beyond the limits of "
                     f"{one.name}, from {low:.4g} to {high:.4g}"
                 )
 
@@ -346,48 +325,38 @@ class _Proposal:
         if "approach" in self.known:
             stated = np.array(self.known["approach"], dtype=np.float64)
             return stated if abs(np.linalg.norm(stated) - 1.0) < ROUNDED else unit_rows(stated)
-        number = self._numbers([self.bare.palm])[0]
-        tips = self.bare.fingertips
-        target = self._points(self._meeting, tips, self._middles(tips)).mean(axis=0)
+        palm = self.bare.palm
+        (number,) = self._numbers([palm])
+        corners = self.tree.triangles(self.tree.rigid(palm)).reshape(-1, 3)
+        box = np.zeros((2, 3))
+        if len(corners):
+            box[:] = corners.min(axis=0), corners.max(axis=0)
         inverse = np.linalg.inv(self.bare.link_poses(self._meeting)[0, number])
-        box = self._palm_box()
-        way = unit_rows(inverse[:3, :3] @ target + inverse[:3, 3] - box.mean(axis=0))
+        way = unit_rows(inverse[:3, :3] @ self._target + inverse[:3, 3] - box.mean(axis=0))
         turn = self.bare.link_poses(opened)[0, number, :3, :3]
         near = np.flatnonzero(np.abs(way) >= np.cos(np.radians(FARTHEST_APPROACH)))
         axis = near[np.ptp(box, axis=0)[near].argmin()]
         chosen = np.sign(way[axis]) * np.eye(3)[axis]
         sign = "-" if way[axis] < 0.0 else "+"
         self.assumed.append(
-            f"the approach direction is {sign}{'xyz'[axis]} of {self.bare.palm}: the palm's "
+            f"the approach direction is {sign}{'xyz'[axis]} of {palm}: the palm's "
             "thinnest side toward where the fingertips meet"
         )
         return np.asarray(np.round(turn @ chosen, 12) + 0.0)
 
-    def _palm_box(self) -> Floats:
-        """Ends of the box around the palm, and what is fixed to it, in its frame, shape (2, 3)."""
-        corners = self.tree.triangles(self.tree.rigid(self.bare.palm)).reshape(-1, 3)
-        if not len(corners):
-            return np.zeros((2, 3))
-        return np.stack([corners.min(axis=0), corners.max(axis=0)])
-
     def _torques(self) -> Floats:
-        joints = self.tree.by_name
-        unknown = np.full(len(self.names), np.nan)
+        found, odd = np.full(len(self.names), np.nan), dict[float, list[str]]()
         if "torques" in self.known:
-            return self._by_name(self.known["torques"], unknown, "torques")
-        found, odd = unknown.copy(), dict[float, list[str]]()
-        pulled = [name for name in self.names if name in self.tree.pulled]
+            return self._by_name(self.known["torques"], found, "torques")
         for number, name in enumerate(self.names):
-            effort = joints[name].effort
-            if name in pulled:
+            effort = self.tree.by_name[name].effort
+            if name in self.tree.pulled:
                 found[number] = 0.0
-            if name in pulled or effort is None:
-                continue
-            if 0.0 < effort < largest_torque(self.bare, name):
+            elif effort is not None and 0.0 < effort < largest_torque(self.bare, name):
                 found[number] = effort
-            else:
+            elif effort is not None:
                 odd.setdefault(effort, []).append(name)
-        if pulled:
+        if pulled := self._named(found == 0.0):
             self.assumed.append(f"joints that only tendons pull have no motor: {', '.join(pulled)}")
         for effort, names in odd.items():
             self.assumed.append(
@@ -404,13 +373,10 @@ class _Proposal:
         for name, value in values.items():
             if name not in self.names:
                 joint = self.tree.by_name.get(name)
+                why = f"{name!r} is no joint of a posture; known: {', '.join(self.names)}"
                 if joint is not None and joint.follows is not None:
-                    raise self.tree.error(
-                        f"{what}: {name} follows {joint.follows[0]}, and has no value of its own: "
-                        "take it out"
-                    )
-                raise self.tree.error(
-                    f"{what}: {name!r} is no joint of a posture; known: {', '.join(self.names)}"
-                )
+                    first = joint.follows[0]
+                    why = f"{name} follows {first}, and has no value of its own: take it out"
+                raise self.tree.error(f"{what}: {why}")
             found[self.names.index(name)] = value
         return found

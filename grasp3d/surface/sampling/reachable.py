@@ -21,8 +21,7 @@ from grasp3d._kernels.search.rays import Origins, Rays, neighbour_rays, starting
 from grasp3d._kernels.search.reachable_partners import explain_pairs, keep_reached, search_reachable
 from grasp3d._kernels.surface.surface_contacts import Surface
 from grasp3d.arrays import Bools, Floats, Ints
-from grasp3d.hand.jaw_reach import NormalizedScene
-from grasp3d.hand.reach import Reach
+from grasp3d.hand.reach import NormalizedScene, Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.surface.sampling.surface_rays import SurfaceRays
