@@ -6,12 +6,12 @@ from .poses import GraspPoses as GraspPoses
 from .reading import holds_poses as holds_poses
 from .reading import read_grasps as read_grasps
 from .reading import read_poses as read_poses
+from .surfaces.exports import write_fields as write_fields
+from .surfaces.exports import write_glb as write_glb
+from .surfaces.exports import write_vtp as write_vtp
 from .surfaces.files import read_labels as read_labels
-from .surfaces.glb import write_glb as write_glb
 from .surfaces.npz import write_npz as write_npz
-from .surfaces.parquet import write_fields as write_fields
 from .surfaces.ply import write_ply as write_ply
-from .surfaces.vtp import write_vtp as write_vtp
 from .writing import Posed as Posed
 from .writing import write_grasps as write_grasps
 from .writing import write_poses as write_poses

@@ -8,7 +8,6 @@ from grasp3d.mesh.reading.sources import Source
 from grasp3d.surface.fields import DECIDED, EPSILONS, FLOAT, present
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES
-from grasp3d.system.names import reason_of
 from grasp3d.system.ply_files import (
     ply_header,
     property_names,
@@ -73,21 +72,17 @@ def read_ply(source: Source) -> Stored | None:
     """Read a labelled PLY; None: it has no labels. Raises MeshError."""
     with source.path.open("rb") as stream:
         header = ply_header(stream)
-        names = property_names(header)
         settings = settings_of_header(header)
-        if {*LABELLED}.isdisjoint(names):
+        if {*LABELLED}.isdisjoint(property_names(header)):
             return None
-        if missing := [name for name in LABELLED if name not in names]:
-            raise damaged(source, f"its vertices have no property {missing[0]!r}")
-        if PACKED not in settings:
-            raise damaged(source, "not their grasps: it is of an older version, or incomplete")
         try:
             fingers = fingers_of(settings)
             columns, faces = read_ply_columns(stream, header)
             values = unpacked(source, settings.pop(PACKED)) | {"faces": faces}
-        except (OSError, MemoryError, ValueError, OverflowError) as error:
-            reason = getattr(error, "strerror", None) or reason_of(error)
-            raise damaged(source, f"it cannot be read ({reason})") from error
+            for name in LABELLED:
+                columns[name]
+        except (OSError, MemoryError, ValueError, OverflowError, KeyError) as error:
+            raise damaged(source, error) from error
     for field in VERTICES:
         if field.ply not in {"", FLOAT} and {*field.column_names(fingers)} <= columns.keys():
             values[field.name] = field.from_columns(columns, fingers)
