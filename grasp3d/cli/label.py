@@ -19,9 +19,9 @@ from grasp3d.cli.report import (
 )
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.formats.contacts import SUFFIXES
+from grasp3d.formats.files import check_frame, check_hand, write_grasps
 from grasp3d.formats.format import format_called, format_of, suffixes
 from grasp3d.formats.surfaces.files import writer_for
-from grasp3d.formats.writing import check_frame, check_hand, write_grasps
 from grasp3d.grasps.best import best_grasps, check_external
 from grasp3d.grasps.causes import causes_text
 from grasp3d.grasps.distinct import distance_of_distinct

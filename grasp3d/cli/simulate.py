@@ -8,9 +8,9 @@ from grasp3d.cli.commands import Simulate
 from grasp3d.cli.existing_files import check_output
 from grasp3d.cli.report import Report, escaped, label_meaning
 from grasp3d.errors import SettingError
+from grasp3d.formats.files import check_hand, write_grasps
 from grasp3d.formats.format import format_of, suffixes
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.formats.writing import check_hand, write_poses
 from grasp3d.grasps.audit import READINGS, explained
 from grasp3d.grasps.evaluation import poses_on
 from grasp3d.hand.frames import AUTO
@@ -32,7 +32,7 @@ def run(command: Simulate) -> int:
     check_hand(format_of(output), command.hand)
     coacd_module()  # before anything is read
     tried = _simulate(command)
-    write_poses(output, tried)
+    write_grasps(output, tried)
     report = Report(quiet=command.quiet)
     if command.grasps is not None:
         report.line(escaped(f"poses read in {tried.frame_words}"))

@@ -4,15 +4,21 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
 
 from grasp3d.arrays import Floats, locked
 from grasp3d.errors import MeshError, OutputError
-from grasp3d.formats.surfaces.exports import write_fields, write_glb, write_vtp
-from grasp3d.formats.surfaces.npz import read_npz, write_npz
-from grasp3d.formats.surfaces.ply import read_ply, write_ply
+from grasp3d.formats.surfaces.layouts import (
+    read_npz,
+    read_ply,
+    write_fields,
+    write_glb,
+    write_npz,
+    write_ply,
+    write_vtp,
+)  # fmt: skip
 from grasp3d.formats.surfaces.stored import (
     DAMAGE,
     FIELDS,
@@ -98,8 +104,10 @@ def read_labels(path: str | Path, *, unit: Unit | None = None) -> SurfaceLabels:
 def labels_in(path: Path, *, unit: Unit | None = None) -> SurfaceLabels | None:
     """The labels of a file; None: it has none, as a PLY that is a mesh. As `read_labels`."""
     stored = read_file(_stored, path)
+    if stored is None:
+        return None
     try:
-        return None if stored is None else _labels(stored, unit)
+        return _labels(stored, unit)
     except DAMAGE as error:
         raise damaged(stored.source, error) from error
 
@@ -129,12 +137,12 @@ def _labels(stored: Stored, unit: Unit | None) -> SurfaceLabels:
             sampling=with_lengths_scaled(settings.sampling, scale),
         )
 
-    def floats(*names: str) -> tuple[Floats, ...]:
-        return tuple(locked(values[name], np.float64) for name in names)
+    def floats(*names: str) -> Any:
+        return (locked(values[name], np.float64) for name in names)
 
     partners = SurfacePoints(locked(values["partner_faces"]), locked(values["partner_weights"]))
     labels = SurfaceLabels.of_vertices(
-        mesh, settings.model, angles=floats("critical_angle", "critical_angle_best"),
+        mesh, settings.model, angles=tuple(floats("critical_angle", "critical_angle_best")),
         partner_points=partners, grip=values["grip"], reason=values["reason"],
         reach=_reach(values, settings), sampling=settings.sampling, mode=settings.mode,
         search=settings.search, scene=settings.scene, load=settings.load,
@@ -173,7 +181,7 @@ def _load_result(
     values: Arrays, settings: FileSettings, mesh: ObjectMesh, bounds: str
 ) -> LoadResult:
     """Forces and payloads under the load. Raises one of `DAMAGE`."""
-    load, scene, how = settings.load, settings.scene, bounds
+    load, scene, how = settings.load, settings.scene, cast(Certainty, bounds)
     if load is None or how not in get_args(Certainty):
         raise ValueError(f"its force_bounds are {bounds[:20]!r}")
     case = LoadCase.of(load, mesh, settings.model, None if scene is None else scene.hand)
@@ -208,7 +216,8 @@ def _mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
     if not size > 0.0:
         raise ValueError(f"its size is {size}")
     report = dict(surface["report"])
-    steps = tuple(RepairStep(**step) for step in report.pop("repairs"))
+    report["repairs"] = tuple(RepairStep(**step) for step in report["repairs"])
+    report["source"], report["warnings"] = str(report["source"]), tuple(report["warnings"])
     mesh = ObjectMesh(
         vertices=locked(vertices * scale_of(settings.options.unit)),
         file_points=locked(vertices),
@@ -221,7 +230,7 @@ def _mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
         center_mass=locked(center_mass),
         volume=float(surface["volume"]),
         options=settings.options,
-        report=MeshReport(**{**report, "repairs": steps, "warnings": tuple(report["warnings"])}),
+        report=MeshReport(**report),
     )
     if mesh.file_unit != settings.options.unit:
         raise ValueError(f"its unit is {mesh.file_unit} and {settings.options.unit}")

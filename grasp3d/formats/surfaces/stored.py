@@ -59,8 +59,8 @@ def damaged(source: Source, error: Exception) -> MeshError:
     """The error for a labelled file that cannot be read."""
     what = f"there is no {error}" if isinstance(error, KeyError) else reason_of(error)
     return MeshError(
-        f"{source.where}: has labels, but {what}; label the mesh again, or export it without its "
-        "labels"
+        f"{source.where}: has labels, but they are damaged: {what}; label the mesh again, or "
+        "export it without its labels"
     )
 
 
