@@ -11,8 +11,8 @@ from .formats import write_glb as write_glb
 from .formats import write_npz as write_npz
 from .formats import write_ply as write_ply
 from .formats import write_vtp as write_vtp
-from .formats.reading import read_grasps as read_grasps
-from .formats.writing import write_grasps as write_grasps
+from .formats.files import read_grasps as read_grasps
+from .formats.files import write_grasps as write_grasps
 from .grasps.best import best_grasps as best_grasps
 from .grasps.evaluation import evaluate_grasps as evaluate_grasps
 from .hand.hand_files import read_hand as read_hand

@@ -32,7 +32,7 @@ from scipy.spatial import ConvexHull
 import grasp3d
 from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.batch import ClusterSettings
-from grasp3d.formats import GraspPoses, write_poses
+from grasp3d.formats import GraspPoses, write_grasps
 from grasp3d.outcomes import SCORES, SimulationSettings
 from grasp3d.outcomes.parts import parts_of
 from grasp3d.outcomes.ranking import roc_auc
@@ -190,7 +190,7 @@ def work(path: Path, gripper: str, left: list[Case], output: Path, count: int) -
         begun, done = time.perf_counter(), 0
         for case in left:
             tried = simulated(case, mesh, poses)
-            write_poses(output / case.file, tried)
+            write_grasps(output / case.file, tried)
             done += tried.count
     except grasp3d.GraspError as error:
         return f"{path.name}, {gripper}: {error}"

@@ -22,7 +22,7 @@ import numpy as np
 import trimesh
 
 import grasp3d
-from grasp3d.formats import read_object_pose, read_poses, write_poses
+from grasp3d.formats import read_object_pose, read_poses, write_grasps
 from grasp3d.formats.format import formats
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.surfaces.files import READERS as LABELLED
@@ -79,7 +79,7 @@ def write_example(name: str, path: Path) -> None:
     elif name in FORMATS:
         down = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (3, 1, 1))
         poses = GraspPoses(poses=down, opening=0.05, outcome=1.0, scores=0.5, unit="m", hand=HAND)
-        write_poses(path, replace(poses, object_file="box.stl"), format=kind)
+        write_grasps(path, replace(poses, object_file="box.stl"), format=kind)
     else:
         options = {"stl_text": {"file_type": "stl_ascii"}, "ply_text": {"encoding": "ascii"}}
         BOX.export(path, **options.get(name, {}))

@@ -20,9 +20,9 @@ from grasp3d.describe.causes import causes_text
 from grasp3d.describe.verdict import verdict_of
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.formats.contacts import SUFFIXES
+from grasp3d.formats.files import check_frame, check_hand, write_grasps
 from grasp3d.formats.format import format_called, format_of, suffixes
 from grasp3d.formats.surfaces.files import writer_for
-from grasp3d.formats.writing import check_frame, check_hand, write_grasps
 from grasp3d.grasps.best import best_grasps, check_external
 from grasp3d.grasps.distinct import distance_of_distinct
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses

@@ -6,9 +6,9 @@ from pathlib import Path
 from grasp3d.cli.commands import Simulate
 from grasp3d.cli.report import Report, escaped, label_meaning
 from grasp3d.errors import SettingError
+from grasp3d.formats.files import check_hand, write_grasps
 from grasp3d.formats.format import format_of, suffixes
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.formats.writing import check_hand, write_poses
 from grasp3d.grasps.audit import READINGS, explained
 from grasp3d.grasps.evaluation import poses_on
 from grasp3d.hand.frames import AUTO
@@ -30,7 +30,7 @@ def run(command: Simulate, report: Report) -> int:
     check_hand(format_of(output), command.hand)
     coacd_module()  # before anything is read
     tried = _simulate(command, report)
-    write_poses(output, tried)
+    write_grasps(output, tried)
     if command.grasps is not None:
         report.line(escaped(f"poses read in {tried.frame_words}"))
     print_outcomes(report, tried)

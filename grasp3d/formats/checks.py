@@ -1,4 +1,4 @@
-"""Values of JSON, YAML and NumPy files, checked.
+"""Values of JSON, YAML and NumPy files, checked, and outcomes of grasps among them.
 
 Nothing here walks a document deeper than the shape that is expected: YAML may refer to one list
 many times.
@@ -6,7 +6,8 @@ many times.
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
 from itertools import chain
@@ -17,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import HEADER_ERRORS, Floats
-from grasp3d.errors import ContactError, OutputError
+from grasp3d.errors import ContactError, OutputError, SettingError
 from grasp3d.system.documents import (
     described,
     file_bytes,
@@ -31,16 +32,26 @@ from grasp3d.system.versions import package_version
 
 Entries = Sequence[Mapping[str, Any]]
 
+Values = npt.NDArray[Any] | Sequence[Any]
+"""One value of each grasp."""
 
-def check_file(path: Path) -> None:
-    """Raise ContactError unless there is such a file, or a folder of files."""
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Name a file, or a folder of files, in the errors of its content, each in one line.
+
+    Raises:
+        ContactError: There is no such file, or its content is wrong.
+    """
     if (problem := problem_of_file(path)) and not (is_folder(path) and not path.suffix):
         raise ContactError(printable(f"{path}: {problem}"))
-
-
-def one_line(path: Path, problem: str) -> ContactError:
-    """The error of a file; the messages of libraries can have several lines."""
-    return ContactError(printable(f"{path}: {' '.join(problem.split())}"))
+    try:
+        yield
+    except (ContactError, SettingError, ValueError, OSError) as error:
+        kind = type(error) if isinstance(error, ContactError) else ContactError
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+        reason = f"cannot be read ({reason})" if isinstance(error, OSError) else reason
+        raise kind(printable(f"{path}: {reason}")) from error
 
 
 def library(module: str, package: str) -> Any:
@@ -48,11 +59,6 @@ def library(module: str, package: str) -> Any:
     if find_spec(module) is None:
         raise OutputError(f"this format needs {package}: pip install 'grasp3d[datasets]'")
     return import_module(module)
-
-
-def short_list(names: Sequence[str], most: int = 12) -> str:
-    """The first of some names, for messages."""
-    return " ".join(names[:most]) + (" ..." if len(names) > most else "")
 
 
 def load_yaml(path: Path) -> Any:
@@ -109,9 +115,10 @@ def grasp_list(value: object, what: str) -> list[Any]:
     return value
 
 
-def entries_of(grasps: Iterable[object]) -> list[dict[str, Any]]:
-    """Grasps that are objects of keys and values each. Raises ContactError."""
-    return [mapping(entry, f"grasp {number}") for number, entry in enumerate(grasps, 1)]
+def entries_of(value: object, what: str) -> list[dict[str, Any]]:
+    """Grasps of a list that are objects of keys and values each. Raises ContactError."""
+    listed = enumerate(grasp_list(value, what), 1)
+    return [mapping(entry, f"grasp {number}") for number, entry in listed]
 
 
 def required(document: Mapping[str, Any], key: str, where: str = "") -> Any:
@@ -141,35 +148,28 @@ def numbers(values: Sequence[Any], shape: tuple[int, ...], what: str) -> Floats:
     Raises:
         ContactError: Values that are no numbers, or lists of other lengths.
     """
-    flat, of_one = list(values), 1
+    found = _numbers(values, shape)
+    if found is not None:
+        return found
+    row = next(k for k, value in enumerate(values) if _numbers([value], shape) is None)
+    words = "a number" if not shape else " x ".join(map(str, shape)) + " numbers, in lists"
+    words = f"a list of {shape[0]} numbers" if len(shape) == 1 else words
+    raise ContactError(f"grasp {row + 1}: {what} must be {words}; got {described(values[row])}")
+
+
+def _numbers(values: Sequence[Any], shape: tuple[int, ...]) -> Floats | None:
+    """The same; None: they are no such numbers."""
+    flat = list(values)
     for size in shape:
-        wrong = next((k for k, one in enumerate(flat) if not _is_list(one, size)), None)
-        if wrong is not None:
-            raise _no_numbers(values, wrong // of_one, shape, what)
-        flat, of_one = list(chain.from_iterable(flat)), of_one * size
+        if not all(isinstance(one, list) and len(one) == size for one in flat):
+            return None
+        flat = list(chain.from_iterable(flat))
     try:
         if all(isinstance(one, int | float | str | None) for one in flat):
             return np.array(flat, dtype=np.float64).reshape(len(values), *shape)
     except (TypeError, ValueError, OverflowError):
         pass
-    wrong = next(k for k, one in enumerate(flat) if not _is_number(one))
-    raise _no_numbers(values, wrong // of_one, shape, what)
-
-
-def _is_list(value: object, size: int) -> bool:
-    return isinstance(value, list) and len(value) == size
-
-
-def _is_number(value: object) -> bool:
-    return value is None or isinstance(value, bool) or str(value).strip().lower() == "nan" or (
-        isinstance(value, int | float | str) and not math.isnan(number_of(value))
-    )  # fmt: skip
-
-
-def _no_numbers(values: Sequence[Any], row: int, shape: tuple[int, ...], what: str) -> ContactError:
-    words = "a number" if not shape else " x ".join(map(str, shape)) + " numbers, in lists"
-    words = f"a list of {shape[0]} numbers" if len(shape) == 1 else words
-    return ContactError(f"grasp {row + 1}: {what} must be {words}; got {described(values[row])}")
+    return None
 
 
 def optional_numbers(entries: Entries, key: str) -> Floats:
@@ -213,7 +213,68 @@ def text_or_none(value: object, what: str) -> str | None:
     return value
 
 
-def json_numbers(values: npt.NDArray[Any]) -> Any:
+OUTCOMES = ("outcome", "success")
+"""Names that state outcomes in grasp3d's own formats, which writes the first."""
+
+WORDS = {"1": 1.0, "1.0": 1.0, "true": 1.0, "0": 0.0, "0.0": 0.0, "false": 0.0}
+"""Outcomes as text, in lower case; those that are empty are not known."""
+
+
+def outcomes_of(
+    outcome: str | None,
+    count: int,
+    names: Iterable[str],
+    read: Callable[[str], Values],
+    *,
+    default: Sequence[str] = OUTCOMES,
+) -> Floats:
+    """Outcomes of grasps: 1 held, 0 failed, nan not tried, shape (count,).
+
+    Args:
+        outcome: Name of the values; None: those of the format.
+        count: Number of grasps.
+        names: Names of the values that the file has of each grasp; parts of paths are separated
+            by /, and the last ones alone may name one.
+        read: The values of a name, one of each grasp.
+        default: Names of the format, of which a file has one.
+
+    Raises:
+        ContactError: The file has no such values, one of them is no outcome, or it has values
+            of two names.
+    """
+    names = list(names)
+    found = [name for name in default if name in names]
+    if outcome is not None:
+        found = [one for one in names if one == outcome or one.endswith(f"/{outcome}")]
+        found = [outcome] if outcome in names else found
+        if not found:
+            listed = ", ".join(names[:30]) + ", ..." * (len(names) > 30) or "nothing"
+            raise ContactError(f"no outcome is called {outcome!r}: its grasps have {listed}")
+    if len(found) > 1:
+        raise ContactError(
+            f"it has both {' and '.join(found)}: give the one that is meant (--outcome)"
+        )
+    if not found:
+        return np.full(count, math.nan)
+    outcomes = []
+    for number, value in enumerate(np.asarray(read(found[0]), dtype=object).tolist(), 1):
+        text = "" if value is None else str(value).strip().lower()
+        if text not in {"", "nan"} and text not in WORDS:
+            raise ContactError(
+                f"grasp {number}: {found[0]} must be 1 or true (it held), 0 or false (it failed), "
+                f"or empty (not tried); got {described(value)}"
+            )
+        outcomes.append(WORDS.get(text, math.nan))
+    return np.array(outcomes, dtype=np.float64)
+
+
+def outcomes_of_entries(outcome: str | None, entries: Entries) -> Floats:
+    """Outcomes of grasps that have keys each, of a format without outcomes. As `outcomes_of`."""
+    keys = dict.fromkeys(key for entry in entries for key in entry) if outcome else ()
+    return outcomes_of(outcome, len(entries), keys, lambda key: [one.get(key) for one in entries])
+
+
+def json_values(values: npt.NDArray[Any]) -> Any:
     """Lists of numbers or text for JSON; nan and infinite numbers, which it has not, are null."""
     if values.dtype.kind != "f":
         return values.tolist()
@@ -222,15 +283,10 @@ def json_numbers(values: npt.NDArray[Any]) -> Any:
     return numbers_or_none.tolist()
 
 
-def json_text(values: object) -> str:
-    """JSON text of a value without nan."""
-    return json.dumps(values, allow_nan=False)
-
-
-def write_text(path: Path, text: str) -> None:
+def write_text(path: Path, parts: Iterable[str]) -> None:
     """Make or replace a file. Raises OutputError."""
-    with atomic_write(path) as part:
-        part.write_text(text, encoding="utf-8")
+    with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
+        stream.writelines(parts)
 
 
 def write_array(path: Path, values: npt.NDArray[Any]) -> None:
@@ -246,24 +302,29 @@ def write_yaml(path: Path, document: Mapping[str, Any]) -> None:
     text = yaml.dump(
         document, Dumper=dumper, sort_keys=False, default_flow_style=None, allow_unicode=True
     )
-    write_text(path, f"# written by grasp3d {package_version()}\n{text}")
+    write_text(path, [f"# written by grasp3d {package_version()}\n", text])
 
 
-def rows_of(columns: Mapping[str, Any], count: int) -> Iterator[dict[str, Any]]:
-    """An entry for each grasp, from the values of all, as JSON has them."""
-    return ({name: values[row] for name, values in columns.items()} for row in range(count))
-
-
-def write_rows(path: Path, header: str, rows: Iterable[Mapping[str, Any]]) -> None:
-    """Write what applies to all grasps, then one line for each grasp.
+def write_rows(
+    path: Path, header: Mapping[str, Any], columns: Mapping[str, Any], count: int
+) -> None:
+    """Write JSON: what applies to all grasps, then one line for each grasp.
 
     Args:
-        path: JSON file to make or replace.
-        header: JSON text of what applies to all.
-        rows: The entries.
+        path: File to make or replace.
+        header: What applies to all.
+        columns: By name, the values of all grasps, as JSON has them.
+        count: Number of grasps.
+
+    Raises:
+        OutputError: The file cannot be written, or a value is none that JSON has.
     """
-    with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
-        stream.write(f'{{"grasp3d": {header},\n"grasps": [')
-        for number, row in enumerate(rows):
-            stream.write(("," if number else "") + "\n" + json_text(row))
-        stream.write("\n]}\n")
+    try:
+        lines = [
+            json.dumps({name: values[row] for name, values in columns.items()}, allow_nan=False)
+            for row in range(count)
+        ]
+        start = f'{{"grasp3d": {json.dumps(header, allow_nan=False)},\n"grasps": [\n'
+    except (TypeError, ValueError) as error:
+        raise OutputError(f"{path}: its settings are no JSON: {error}") from error
+    write_text(path, [start, ",\n".join(lines), "\n]}\n"])

@@ -1,8 +1,7 @@
 """Contacts of grasps in files: JSON, CSV and Parquet."""
 
-import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
 from grasp3d.formats import checks
-from grasp3d.formats.own import OBJECT, numbers_of, stated_in, stated_unit
+from grasp3d.formats.own import OBJECT, stacked, stated_in, stated_unit
 from grasp3d.mesh.object_mesh import scale_of
 from grasp3d.settings import MAX_FINGERS
 from grasp3d.settings.units import Unit
@@ -44,10 +43,8 @@ def read_contacts(path: str | Path, *, unit: Unit | None = None) -> Floats:
         ContactError: The file is missing, or contains no such contacts.
     """
     contacts, stated = contacts_in(Path(path))
-    try:
+    with checks.reading(Path(path)):
         return np.asarray(contacts * scale_of(stated_unit(stated, unit)))
-    except ContactError as error:
-        raise checks.one_line(Path(path), str(error)) from error
 
 
 def contacts_in(path: Path) -> tuple[Floats, Unit | None]:
@@ -55,27 +52,17 @@ def contacts_in(path: Path) -> tuple[Floats, Unit | None]:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise ContactError(unsupported(path, SUFFIXES, "contacts"))
-    checks.check_file(path)
-    try:
+    with checks.reading(path):
         points, stated = read_file(_from_json if suffix == ".json" else _from_table, path)
-        return _checked(points, stated.get("frame")), stated_unit(stated.get("unit"), None)
-    except OSError as error:
-        raise checks.one_line(path, f"cannot be read ({error.strerror or error})") from error
-    except (ContactError, ValueError) as error:
-        raise checks.one_line(path, str(error)) from error
-
-
-def _checked(points: Floats, frame: object) -> Floats:
-    """Contacts of at least one grasp, finite, in the object's frame. Raises ContactError."""
-    if frame not in OBJECT:
-        raise ContactError(f"its contacts are in the frame {str(frame)!r}; known: 'object'")
-    if not len(points):
-        raise ContactError("there are no grasps in it, only column names")
-    if not 2 <= points.shape[1] <= MAX_FINGERS:
-        raise ContactError(f"a grasp has 2 to {MAX_FINGERS} contacts; got {points.shape[1]}")
-    if len(bad := np.argwhere(~np.isfinite(points))):
-        raise ContactError(f"grasp {bad[0, 0] + 1}: contact {bad[0, 1] + 1} is not finite")
-    return points
+        if (frame := stated.get("frame")) not in OBJECT:
+            raise ContactError(f"its contacts are in the frame {str(frame)!r}; known: 'object'")
+        if not len(points):
+            raise ContactError("there are no grasps in it, only column names")
+        if not 2 <= points.shape[1] <= MAX_FINGERS:
+            raise ContactError(f"a grasp has 2 to {MAX_FINGERS} contacts; got {points.shape[1]}")
+        if len(bad := np.argwhere(~np.isfinite(points))):
+            raise ContactError(f"grasp {bad[0, 0] + 1}: contact {bad[0, 1] + 1} is not finite")
+        return points, stated_unit(stated.get("unit"), None)
 
 
 def _from_table(path: Path) -> tuple[Floats, Mapping[str, Any]]:
@@ -86,14 +73,9 @@ def _from_table(path: Path) -> tuple[Floats, Mapping[str, Any]]:
     numbers = [int(name[1:]) for name in table if _COORDINATE.fullmatch(name)]
     count = min(max(numbers, default=2), MAX_FINGERS + 1)
     required = [f"{axis}{number}" for number in range(1, count + 1) for axis in "xyz"]
-    if missing := [name for name in required if name not in table]:
-        found = checks.short_list([*table])
-        raise ContactError(
-            f"column {missing[0]} is missing of x1 y1 z1 x2 y2 z2 ...; found {found}"
-        )
-    points = np.stack([numbers_of(table[name], name) for name in required], axis=1)
+    points = stacked(table, required, " of x1 y1 z1 x2 y2 z2 ...").reshape(-1, count, 3)
     stated: dict[str, Any] = {name: table[name] for name in ("unit", "frame") if name in table}
-    return points.reshape(-1, count, 3), stated_in(stated) if len(points) else {}
+    return points, stated_in(stated) if len(points) else {}
 
 
 def _from_json(path: Path) -> tuple[Floats, Mapping[str, Any]]:
@@ -102,12 +84,11 @@ def _from_json(path: Path) -> tuple[Floats, Mapping[str, Any]]:
     stated = content if isinstance(content, dict) else {}
     listed = stated.get("grasps") if stated else content
     rows = checks.grasp_list(listed, "its grasps, each a list of contacts [x, y, z],")
-    rows = [row["contacts"] if isinstance(row, dict) and "contacts" in row else row for row in rows]
-    grasps = [  # of a file that write_grasps wrote
+    grasps = [  # also of a file that write_grasps wrote
         [one.get("point") if isinstance(one, dict) else one for one in row]
         if isinstance(row, list)
         else row
-        for row in rows
+        for row in (one.get("contacts", one) if isinstance(one, dict) else one for one in rows)
     ]
     count = len(grasps[0]) if isinstance(grasps[0], list) else 0
     points = checks.numbers(grasps, (count, 3), "its contacts, as many as of grasp 1,")
@@ -119,34 +100,16 @@ def write_contacts(path: Path, grasps: GraspTable, metrics: Mapping[str, Floats]
     """Write grasps with contacts; see `write_grasps`. Raises OutputError."""
     check_suffix(path, SUFFIXES, "table")
     settings = grasps.settings()
-    if path.suffix.lower() == ".json":
-        header = checks.json_text({key: _or_null(value) for key, value in settings.items()})
-        checks.write_rows(path, header, _json_rows(grasps, metrics))
+    if path.suffix.lower() != ".json":
+        from grasp3d.system.tables import write_columns
+
+        write_columns(path, grasps.table_columns(metrics), settings=settings)
         return
-    from grasp3d.system.tables import write_columns
-
-    write_columns(path, grasps.table_columns(metrics), settings=settings)
-
-
-def _json_rows(
-    grasps: GraspTable, metrics: Mapping[str, Floats] | None
-) -> Iterator[dict[str, Any]]:
-    """An entry for each grasp; what is not finite is null."""
-    columns = {
-        name: checks.json_numbers(values) for name, values in grasps.columns(metrics).items()
-    }
-    contacts = {
-        field.name: checks.json_numbers(values) for field, values in grasps.contact_values()
-    }
+    columns = {name: checks.json_values(one) for name, one in grasps.columns(metrics).items()}
+    contacts = {field.name: checks.json_values(one) for field, one in grasps.contact_values()}
     columns["contacts"] = [
-        [
-            {name: values[row][number] for name, values in contacts.items()}
-            for number in range(grasps.contacts.count)
-        ]
-        for row in range(grasps.size)
+        [dict(zip(contacts, one, strict=True)) for one in zip(*grasp, strict=True)]
+        for grasp in zip(*contacts.values(), strict=True)
     ]
-    return checks.rows_of(columns, grasps.size)
-
-
-def _or_null(value: Any) -> Any:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    header = {name: checks.json_values(np.array(one)) for name, one in settings.items()}
+    checks.write_rows(path, header, columns, grasps.size)

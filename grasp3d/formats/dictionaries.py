@@ -6,6 +6,7 @@ Nothing is executed; see `grasp3d.system.stored_arrays`.
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,17 +15,15 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
-from grasp3d.formats.checks import load_array
+from grasp3d.formats.checks import entries_of, load_array, outcomes_of, write_array
 from grasp3d.formats.format import Given
 from grasp3d.formats.frames import from_quaternions, quaternions
-from grasp3d.formats.outcomes import outcomes_of
 from grasp3d.formats.poses import STAGES, GraspPoses
 from grasp3d.formats.postures import matched, wrist_of
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.robot_files import NAMES as HANDS
 from grasp3d.system.documents import described, is_folder
-from grasp3d.system.files import atomic_write
 from grasp3d.system.stored_arrays import RefusedError, array_in, stored_objects
 
 Rows = dict[str, Any]
@@ -64,37 +63,34 @@ def load_npy(path: Path) -> Any:
     files = sorted(one for one in path.rglob("*") if one.suffix.lower() == SUFFIX)
     if not files or len(files) > MOST_FILES:
         raise ContactError(f"has {len(files):,} files {SUFFIX}; from 1 to {MOST_FILES:,} are read")
-    _check_hands([file.relative_to(path).as_posix() for file in files])
+    names = {file: file.relative_to(path).with_suffix("").as_posix() for file in files}
+    words = {word for name in names.values() for word in re.split("[^a-z]+", name.lower())}
+    _only(words & {*HANDS}, "hands")  # their joints may be as many
     found: list[Rows] = []
-    for file in files:
+    for file, name in names.items():
         try:
-            found += _of_file(file, file.relative_to(path).with_suffix("").as_posix())
+            found += _of_file(file, name)
         except (ContactError, ValueError, OSError) as error:
             raise ContactError(f"{file.relative_to(path)}: {error}") from error
     return found
 
 
-def _check_hands(files: Sequence[str]) -> None:
-    """Refuse files that are called after several hands: their joints may be as many."""
-    first: dict[str, str] = {}
-    for file in files:
-        for word in {*HANDS} & {*re.split("[^a-z]+", file.lower())}:
-            first.setdefault(word, file)
-    if len(first) > 1:
+def _only(found: AbstractSet[Any], what: str) -> Any:
+    """What all files state; None: nothing. Raises ContactError if it differs."""
+    if len(found) > 1:
+        listed = " and ".join(sorted(map(str, found))[:2])
         raise ContactError(
-            f"has files of {len(first)} hands, such as {' and '.join([*first.values()][:2])}: put "
-            "those of each hand into a folder of their own, and evaluate it with its hand"
+            f"has grasps of {len(found)} {what}, such as {listed}: put the files of each into a "
+            "folder of their own"
         )
+    return next(iter(found), None)
 
 
 def _of_file(path: Path, name: str) -> list[Rows]:
-    content: Any = stored_objects(path)
+    content: Any = stored_objects(path) or []
     listed = content[0] if len(content) == 1 and isinstance(content[0], list) else content
-    if not listed:
-        raise ContactError("there are no grasps in it")
-    if wrong := [one for one in listed if not isinstance(one, dict)]:
-        raise ContactError(f"must have dictionaries of grasps; got {described(wrong[0])}")
-    return [{**one, "name": name} for one in listed]
+    rows = entries_of(listed, "its content")
+    return [{**one, "name": name} for one in rows]
 
 
 def have(*keys: str) -> Callable[[Any], bool]:
@@ -114,7 +110,7 @@ def _numbers(value: Any, what: str, deep: int) -> Floats:
         if len({part.shape for part in parts}) == 1:
             return np.stack(parts)
     try:
-        array = array_in([value] if isinstance(value, int | float) else value)
+        array = array_in([value] if isinstance(value, int | float | np.generic) else value)
     except RefusedError as error:
         stored = value.ravel().tolist() if isinstance(value, np.ndarray) else value
         raise ContactError(f"{what} must be numbers; got {described(stored)}") from error
@@ -147,49 +143,63 @@ def grasps_in(
         given: The hand, and the scale that is wanted, if there are several.
         root: Link of the poses where the joints of the wrist are not in the file.
     """
-    _check_joints(parts)
-    counts = [len(part["grasp"]) for part in parts]
+    columns, counts = parts[0]["grasp"].shape[1], [len(part["grasp"]) for part in parts]
+    for number, part in enumerate(parts, 1):
+        for stage, values in part.items():
+            if (found := values.shape[1]) != columns or columns <= POSE:
+                raise ContactError(
+                    f"dictionary {number}: {stage}_qpos must have {POSE} numbers of a pose and "
+                    f"those of the joints, as many in all; got {found}, in the first {columns}"
+                )
+    if sum(counts) > MOST_GRASPS:
+        raise ContactError(f"it has more than {MOST_GRASPS:,} grasps")
     to_object, object_pose = _object_poses(content, counts)
     fields: dict[str, Any] = {}
     for stage in ALL_STAGES:
         if all(stage in part for part in parts):
             values = np.concatenate([part[stage] for part in parts])
-            turned = np.roll(values[:, 3:POSE], -1, axis=1)
-            prefix = "" if stage == "grasp" else f"{stage}_"
-            fields[f"{prefix}poses"] = to_object @ from_quaternions(values[:, :3], turned)
-            fields[f"{prefix}posture"] = values[:, POSE:]
-    joints, wrist = fields["posture"].shape[1], wrist_of(given.hand)
-    is_whole = joints == len(given.hand.joint_names)
+            start = "" if stage == "grasp" else f"{stage}_"
+            fields[f"{start}poses"] = to_object @ _matrices(values[:, :POSE])
+            fields[f"{start}posture"] = values[:, POSE:]
+    joints, wrist = columns - POSE, wrist_of(given.hand)
+    names = _only({tuple(texts_in(rows, "joint_names")) for rows in content}, "lists of joints")
     elsewhere = ["in its scene_cfg" for rows in content if "scene_cfg" in rows]
     elsewhere += [text for rows in content for text in texts_in(rows, "scene_path")]
     is_known = not elsewhere or any("obj_pose" in rows for rows in content)
-    found = GraspPoses(
+    held = ("succ_flag",) * any("succ_flag" in rows for rows in content)
+    poses = GraspPoses(
         **fields,
-        joint_names=_joint_names(content, joints),
-        outcome=_outcome(content, counts, given),
-        names=_names(content, counts),
-        object_file=_object_file(content),
+        joint_names=names if len(names) == joints else (),
+        outcome=outcomes_of(
+            given.outcome, sum(counts), held, lambda key: _of_each(content, key, counts),
+            default=held,
+        ),
+        names=tuple(str(rows["name"]) for rows in content if rows["name"] and max(counts) == 1),
+        object_file=_only(
+            {text for rows in content for text in texts_in(rows, "obj_path")}, "objects"
+        ),
         object_pose=object_pose,
-        gripper_frame=FRAMES["hand"] if is_whole else GripperFrame(link=root),
+        gripper_frame=FRAMES["hand"]
+        if joints == len(given.hand.joint_names)
+        else GripperFrame(link=root),
         settings={} if is_known else {"frame": f"of the scene {elsewhere[-1]}"},
-    )
-    found = _of_one_scale(found, content, counts, given.object_scale)
-    return matched(found, given.hand, wrist=wrist.joints)
+    )  # fmt: skip
+    poses = _of_one_scale(poses, content, counts, given.object_scale)
+    return matched(poses, given.hand, wrist=wrist.joints)
 
 
-def _check_joints(parts: Sequence[Mapping[str, Floats]]) -> None:
-    """Refuse dictionaries of different numbers of joints. Raises ContactError."""
-    columns = parts[0]["grasp"].shape[1]
-    for number, part in enumerate(parts, 1):
-        for stage, values in part.items():
-            if values.shape[1] != columns or columns <= POSE:
-                raise ContactError(
-                    f"dictionary {number}: {stage}_qpos must have {POSE} numbers of a pose and "
-                    f"those of the joints, as many in all; got {values.shape[1]}, in the first "
-                    f"{columns}"
-                )
-    if sum(len(part["grasp"]) for part in parts) > MOST_GRASPS:
-        raise ContactError(f"it has more than {MOST_GRASPS:,} grasps")
+def _of_each(content: Sequence[Rows], key: str, counts: Sequence[int]) -> Floats:
+    """Numbers of a key for each grasp, nan where a dictionary has none, shape (k,)."""
+    numbered = zip(content, counts, range(1, len(content) + 1), strict=True)
+    return np.concatenate([
+        np.resize(np.nan if rows.get(key) is None else numbers_in(rows, key, number), count)
+        for rows, count, number in numbered
+    ])  # fmt: skip
+
+
+def _matrices(values: Floats, where: str = "") -> Floats:
+    """Poses (n, 4, 4) of x, y, z and the quaternion w, x, y, z, shape (n, 7)."""
+    return from_quaternions(values[:, :3], np.roll(values[:, 3:], -1, axis=1), where)
 
 
 def _object_poses(
@@ -206,52 +216,11 @@ def _object_poses(
     ]
     if other := [len(one) for one in at if len(one) != POSE]:
         raise ContactError(f"obj_pose must have {POSE} numbers; got {other[0]}")
-    values = np.stack(at)
-    poses = from_quaternions(values[:, :3], np.roll(values[:, 3:], -1, axis=1), "obj_pose: ")
+    poses = _matrices(np.stack(at), "obj_pose: ")
     if np.abs(poses - poses[0]).max() < SAME:
         same = np.abs(poses[0] - np.eye(4)).max() < SAME
         return np.eye(4), None if same else ObjectPose.of(poses[0])
     return np.asarray(np.linalg.inv(poses)).repeat(counts, axis=0), None
-
-
-def _joint_names(content: Sequence[Rows], joints: int) -> tuple[str, ...]:
-    """The names of joints, if there are as many, the same in all. Raises ContactError."""
-    named = {tuple(texts_in(rows, "joint_names")) for rows in content}
-    if len(named) > 1:
-        raise ContactError(
-            "all its dictionaries must have the same joint_names: put the files of each hand into "
-            "a folder of their own"
-        )
-    (names,) = named
-    return names if len(names) == joints else ()
-
-
-def _outcome(content: Sequence[Rows], counts: Sequence[int], given: Given) -> Floats:
-    known = "succ_flag" in {key for rows in content for key in rows}
-    values = [
-        np.resize(numbers_in(rows, "succ_flag", k), count) if rows.get("succ_flag") is not None
-        else np.full(count, np.nan)
-        for k, (rows, count) in enumerate(zip(content, counts, strict=True), 1)
-    ]  # fmt: skip
-    names = ("succ_flag",) * known
-    return outcomes_of(
-        given.outcome, sum(counts), names, lambda _: np.concatenate(values), default=names
-    )
-
-
-def _names(content: Sequence[Rows], counts: Sequence[int]) -> tuple[str, ...]:
-    """Names of grasps: those of their files in a folder, if each has one."""
-    return tuple(str(rows["name"]) for rows in content if rows["name"] and max(counts) == 1)
-
-
-def _object_file(content: Sequence[Rows]) -> str | None:
-    files = {text for rows in content for text in texts_in(rows, "obj_path")}
-    if len(files) > 1:
-        raise ContactError(
-            f"its grasps are of {len(files)} objects, such as {', '.join(sorted(files)[:2])}: put "
-            "the files of each object into a folder of their own, and evaluate it with its mesh"
-        )
-    return next(iter(files), None)
 
 
 def _of_one_scale(
@@ -272,9 +241,7 @@ def _of_one_scale(
     scale = float(known[0]) if wanted is None else wanted
     chosen = np.flatnonzero(np.abs(scales - scale) <= SAME * scale)
     if not len(chosen):
-        raise ContactError(
-            f"it has no grasps of the object at the scale {scale:g}; known are {listed}"
-        )
+        raise ContactError(f"no grasps of the object at the scale {scale:g}; known are {listed}")
     some = poses if len(chosen) == poses.count else poses.take(chosen)
     return replace(some, object_scale=scale)
 
@@ -298,16 +265,14 @@ def qpos_of(poses: Floats, posture: Floats) -> Floats:
 
 def stages_of(poses: GraspPoses) -> dict[str, Floats]:
     """Rows of a pose and the joints of the stages that are known, in their order."""
-    found = {"grasp": qpos_of(poses.poses, poses.posture)}
-    for stage in STAGES:
-        posture, moved = getattr(poses, f"{stage}_posture"), getattr(poses, f"{stage}_poses")
+    found = {"pregrasp": None, "grasp": qpos_of(poses.poses, poses.posture)}
+    for stage in STAGES[1:]:
+        posture, moved = getattr(poses, f"{stage}posture"), getattr(poses, f"{stage}poses")
         if posture.size:
-            found[stage] = qpos_of(poses.poses if moved is None else moved, posture)
-    return {stage: found[stage] for stage in ALL_STAGES if stage in found}
+            found[stage[:-1]] = qpos_of(poses.poses if moved is None else moved, posture)
+    return {stage: values for stage, values in found.items() if values is not None}
 
 
 def write_objects(path: Path, content: Any) -> None:
     """Write dictionaries, a pickle in an .npy file. Raises OutputError."""
-    values = np.array(content, dtype=object)
-    with atomic_write(path) as part, part.open("wb") as stream:
-        np.save(stream, values, allow_pickle=True)
+    write_array(path, np.array(content, dtype=object))

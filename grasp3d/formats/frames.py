@@ -1,6 +1,6 @@
 """Frames of files of poses: the gripper's and the object's, quaternions, what a hand must have."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from grasp3d.arrays import ArrayLike, Floats
-from grasp3d.errors import ContactError, FileUnreadError, GraspError, OutputError
+from grasp3d.errors import ContactError
 from grasp3d.formats import checks
 from grasp3d.formats.format import Format
 from grasp3d.formats.poses import GraspPoses
@@ -21,7 +21,6 @@ from grasp3d.hand.pose_checks import checked_quaternions
 from grasp3d.settings.units import METRES
 from grasp3d.system.documents import described, file_bytes, load_json
 from grasp3d.system.limited_reading import read_file
-from grasp3d.system.names import printable
 
 ResultT = TypeVar("ResultT")
 
@@ -33,7 +32,7 @@ class UnknownUnitError(ContactError):
     """Poses need a unit, and their file states none."""
 
 
-def missing_of_hand(hand: Hand | str | None, form: Format, *, joints: bool = False) -> str:
+def missing_of_hand(hand: Hand | str | None, form: Format, *, joints: bool) -> str:
     """What a hand lacks for files of a format, a sentence; empty: nothing.
 
     Args:
@@ -61,26 +60,20 @@ def missing_of_hand(hand: Hand | str | None, form: Format, *, joints: bool = Fal
     )
 
 
-def as_in_file(poses: GraspPoses) -> GraspPoses:
-    """Poses of the TCP as those of `gripper_frame`, in which files have them."""
-    return _moved(poses, to_file=True)
-
-
-def of_tcp(poses: GraspPoses) -> GraspPoses:
+def of_tcp(poses: GraspPoses, *, inverse: bool = False) -> GraspPoses:
     """Poses of `gripper_frame`, as a file has them, as those of the TCP.
+
+    Args:
+        poses: The poses.
+        inverse: Whether to return those of `gripper_frame` of poses of the TCP.
 
     Raises:
         ContactError: The distance between the two is known, but not the unit of the poses.
         SettingError: The frame depends on a gripper, and there is none.
     """
-    return _moved(poses, to_file=False)
-
-
-def _moved(poses: GraspPoses, *, to_file: bool) -> GraspPoses:
     if poses.gripper_frame == FRAMES["tcp"]:
         return poses
-    hand = poses.hand if isinstance(poses.hand, Hand) else None
-    motion = poses.gripper_frame.to_tcp(hand)
+    motion = poses.gripper_frame.to_tcp(poses.hand if isinstance(poses.hand, Hand) else None)
     if motion[:3, 3].any():
         if poses.unit is None:
             raise UnknownUnitError(
@@ -89,7 +82,7 @@ def _moved(poses: GraspPoses, *, to_file: bool) -> GraspPoses:
                 "Python unit=...)"
             )
         motion[:3, 3] /= METRES[poses.unit]
-    change = np.asarray(np.linalg.inv(motion)) if to_file else motion
+    change = np.asarray(np.linalg.inv(motion)) if inverse else motion
     return poses.changed(lambda moved: moved @ change)
 
 
@@ -129,44 +122,48 @@ def as_read_again(poses: Floats) -> Floats:
     return poses
 
 
-def joint_values(hand: ParallelGripper, openings: Floats, form: Format) -> Floats:
-    """Values of the finger joints at openings [m] of (k,), shape (k, joints); nan: not known.
-
-    Raises:
-        OutputError: Openings are known, but the gripper has no joints.
-    """
-    if np.isfinite(openings).any() and (missing := missing_of_hand(hand, form, joints=True)):
-        raise OutputError(missing)
+def joint_values(hand: ParallelGripper, openings: Floats) -> Floats:
+    """Values of the finger joints at openings [m] of (k,), shape (k, joints); nan: not known."""
     closed, scale = np.array(hand.joint_closed), np.array(hand.joint_scale)
     return np.asarray(closed + scale * openings[:, None])
 
 
-def openings_of_joints(hand: ParallelGripper, joints: list[dict[str, float]]) -> Floats:
-    """Openings [m] from joint values by name, the mean over the joints, (k,); nan: not stated.
+def openings_of_joints(
+    hand: ParallelGripper, rows: Sequence[Mapping[str, Any]], what: str
+) -> Floats:
+    """Openings [m] from joint values of each grasp by name, the mean over the joints, (k,).
+
+    Args:
+        hand: The gripper.
+        rows: Values by name of each grasp; without any its opening is nan.
+        what: What they are, for messages.
 
     Raises:
-        ContactError: The joints are those of another gripper.
+        ContactError: They are no numbers, or those of another gripper.
     """
-    scales = dict(zip(hand.joint_names, hand.joint_scale, strict=True))
-    closed = dict(zip(hand.joint_names, hand.joint_closed, strict=True))
-    openings = np.full(len(joints), np.nan)
-    for number, values in enumerate(joints):
-        own = [name for name in values if scales.get(name)]
-        if values and scales and not own:
-            stated = ", ".join(name[:40] for name in list(values)[:4])
-            raise ContactError(
-                f"its joints ({stated}) are not those of gripper {hand.name!r} "
-                f"({', '.join(scales)}): give the gripper that the file was written for"
-            )
-        if own:
-            opening = np.mean([(values[name] - closed[name]) / scales[name] for name in own])
-            if opening < -0.1 * hand.max_opening:
-                raise ContactError(
-                    f"grasp {number + 1}: its joint values mean an opening of {opening:.4g} m: are "
-                    f"they those of gripper {hand.name!r}?"
-                )
-            openings[number] = max(opening, 0.0)  # below 0 where fingers are pressed together
-    return openings
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    values = {
+        str(name): checks.numbers([row.get(name) for row in rows], (), f"{what} {name}")
+        for name in names
+    }
+    known = zip(hand.joint_names, hand.joint_closed, hand.joint_scale, strict=True)
+    each = [(values[name] - closed) / scale
+            for name, closed, scale in known if scale and name in values]  # fmt: skip
+    if values and hand.joint_names and not each:
+        stated = ", ".join(name[:40] for name in [*values][:4])
+        raise ContactError(
+            f"its joints ({stated}) are not those of gripper {hand.name!r} "
+            f"({', '.join(hand.joint_names)}): give the gripper that the file was written for"
+        )
+    if not each:
+        return np.full(len(rows), np.nan)
+    openings = np.nansum(each, axis=0) / np.isfinite(each).sum(axis=0)  # nan: of no joint
+    if len(bad := np.flatnonzero(openings < -0.1 * hand.max_opening)):
+        raise ContactError(
+            f"grasp {bad[0] + 1}: its joint values mean an opening of {openings[bad[0]]:.4g} m: "
+            f"are they those of gripper {hand.name!r}?"
+        )
+    return np.asarray(np.maximum(openings, 0.0))  # below 0 where fingers are pressed together
 
 
 GivenPose = ObjectPose | Path | ArrayLike
@@ -193,7 +190,7 @@ def read_object_pose(source: GivenPose) -> ObjectPose:
         >>> read_object_pose("mug.txt").position
         (0.4, 0.0, 0.1)
     """
-    return _of_file(source, ObjectPose.of) or ObjectPose.of(_text(source))
+    return _read(source, ObjectPose.of)
 
 
 def read_frame(source: GivenFrame) -> GripperFrame:
@@ -207,30 +204,19 @@ def read_frame(source: GivenFrame) -> GripperFrame:
         ContactError: There is no such file, or the matrix is none.
         SettingError: It is 'auto'.
     """
-    return _of_file(source, GripperFrame.of) or GripperFrame.of(_text(source))
+    return _read(source, GripperFrame.of)
 
 
-def _text(source: object) -> Any:
-    return str(source) if isinstance(source, Path) else source
-
-
-def _of_file(source: object, of: Callable[[Any], ResultT]) -> ResultT | None:
-    """What the content of a file states; None: the source is no file. Raises ContactError."""
+def _read(source: object, of: Callable[[Any], ResultT]) -> ResultT:
+    """What a text, an array, or the content of a file states. Raises ContactError."""
     path = Path(source) if isinstance(source, str | Path) else None
     if path is None or path.suffix.lower() not in _READERS:
-        return None
-    checks.check_file(path)
-    try:
+        return of(str(source) if isinstance(source, Path) else source)
+    with checks.reading(path):
         content = read_file(_READERS[path.suffix.lower()], path)
         if isinstance(content, dict):
             raise ContactError(f"must be a matrix of 4 rows; got {described(content)}")
         return of(content)
-    except FileUnreadError:  # which names the file
-        raise
-    except OSError as error:
-        raise ContactError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (GraspError, ValueError) as error:
-        raise ContactError(printable(f"{path}: {error}")) from error
 
 
 def _text_or_rows(path: Path) -> Any:

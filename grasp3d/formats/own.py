@@ -1,6 +1,6 @@
 """What the project's own formats, JSON, CSV and Parquet, state of all grasps and of each."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, get_args
 
 import numpy as np
@@ -9,8 +9,8 @@ import numpy.typing as npt
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError, SettingError
 from grasp3d.formats import checks
+from grasp3d.formats.checks import Values, outcomes_of
 from grasp3d.formats.format import Given
-from grasp3d.formats.outcomes import Values, outcomes_of
 from grasp3d.formats.poses import STAGES, VECTOR_COLUMNS, GraspPoses
 from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand
@@ -33,9 +33,6 @@ CONTENT = (
 
 OF_ALL = ("unit", "object_pose", "frame", "gripper_frame")
 """Columns that state the same in every row."""
-
-NUMBERS = ("opening", "pregrasp_opening", "score")
-"""Columns of one number for each pose, but outcomes."""
 
 
 def header_of(poses: GraspPoses) -> dict[str, Any]:
@@ -62,16 +59,8 @@ STATED = frozenset({
 """Keys that are no settings."""
 
 
-def fields_of(header: Mapping[str, Any], given: Given) -> dict[str, Any]:
-    """Fields of `GraspPoses` that a header states.
-
-    Args:
-        header: What `header_of` returned, or a part of it.
-        given: A gripper, which replaces that of the file, and the unit if this states none.
-
-    Raises:
-        ContactError: Invalid values, or another unit.
-    """
+def _fields_of(header: Mapping[str, Any], given: Given) -> dict[str, Any]:
+    """Fields of `GraspPoses` that a header states; a given gripper replaces that of the file."""
     at, frame, of_gripper, file = (
         checks.text_or_none(header.get(name), name)
         for name in ("object_pose", "frame", "gripper_frame", "object_file")
@@ -132,18 +121,6 @@ def stated_in(columns: Mapping[str, Iterable[Any]]) -> dict[str, str]:
     return stated
 
 
-def columns_of(poses: GraspPoses, **placed: Any) -> dict[str, Any]:
-    """The columns of every file, with poses and postures as this one has them."""
-    return {
-        "name": np.array(poses.names),
-        **placed,
-        "opening": poses.opening,
-        "pregrasp_opening": poses.pregrasp_opening,
-        "score": poses.scores,
-        "outcome": poses.outcome,
-    }
-
-
 def joint_names(poses: GraspPoses) -> tuple[str, ...]:
     """Names of the joints of postures, else of those of the hand. Raises OutputError."""
     names = poses.joint_names or getattr(poses.hand, "joint_names", ())
@@ -152,36 +129,98 @@ def joint_names(poses: GraspPoses) -> tuple[str, ...]:
     return names
 
 
-def stages_of(poses: GraspPoses) -> dict[str, Floats]:
-    """Postures, and postures and poses before and after the grasp, as far as they are known."""
-    found = {"posture": poses.posture}
+def table_of(poses: GraspPoses, **stated: npt.NDArray[Any]) -> dict[str, npt.NDArray[Any]]:
+    """What is known of each grasp, as files of every kind call it, normals outward.
+
+    Args:
+        poses: The poses.
+        stated: Columns that only some of them have.
+
+    Returns:
+        Columns in their order: poses (k, 4, 4), postures (k, p), numbers and texts (k,), and
+        vectors (k, n, 3).
+    """
+    placed = {"name": np.array(poses.names), "pose": poses.poses}
     for stage in STAGES:
-        found[f"{stage}_posture"] = getattr(poses, f"{stage}_posture")
-        if (moved := getattr(poses, f"{stage}_poses")) is not None:
-            found[f"{stage}_pose"] = moved
-    return {name: values for name, values in found.items() if values.size}
+        placed[f"{stage}posture"] = getattr(poses, f"{stage}posture")
+        if (moved := getattr(poses, f"{stage}poses")) is not None:
+            placed[f"{stage}pose"] = moved
+    numbers = {
+        "opening": poses.opening,
+        "pregrasp_opening": poses.pregrasp_opening,
+        "score": poses.scores,
+        "outcome": poses.outcome,
+    }
+    further = {name: one for name, one in poses.columns.items() if name not in VECTOR_COLUMNS}
+    vectors = {name: poses.columns[name] for name in VECTOR_COLUMNS if name in poses.columns}
+    if "normals" in vectors:
+        vectors["normals"] = 0.0 - vectors["normals"]
+    known = {name: values for name, values in placed.items() if values.size}
+    return {**known, **numbers, **stated, **further, **vectors}
 
 
-def vectors_of(poses: GraspPoses) -> dict[str, Floats]:
-    """Contacts and outward normals, as far as they are known, shape (k, n, 3)."""
-    signs = {"contacts": 1.0, "normals": -1.0}
-    known = {name: poses.columns[name] for name in VECTOR_COLUMNS if name in poses.columns}
-    return {name: 0.0 + signs[name] * values for name, values in known.items()}
+def poses_of(
+    table: Mapping[str, Values],
+    header: Mapping[str, Any],
+    given: Given,
+    *,
+    further: Iterable[str],
+    pose: Callable[[str], Floats | None],
+    posture: Callable[[str], tuple[tuple[str, ...], Floats] | None],
+) -> GraspPoses:
+    """Poses of the columns of a file of any kind, and of what states the same of all grasps.
 
+    Args:
+        table: Values of each grasp by name.
+        header: What applies to all.
+        given: What is given beside the file.
+        further: Names of the columns that have no meaning of their own.
+        pose: The poses whose name has such a start, of `STAGES`, shape (k, 4, 4); None:
+            there are none.
+        posture: The same of postures, shape (k, p), with the names of their joints.
 
-def poses_of(table: Mapping[str, Values], given: Given, **fields: Any) -> GraspPoses:
-    """Poses with the numbers that files of every kind have in columns of the same names."""
-    rows = len(fields["poses"])
-    opening, pregrasp_opening, scores = (
-        numbers_of(table[name], name) if name in table else np.nan for name in NUMBERS
-    )
+    Raises:
+        ContactError: Values are missing or wrong.
+    """
+    fields: dict[str, Any] = {}
+    for start in STAGES:
+        if (placed := pose(start)) is not None:
+            fields[f"{start}poses"] = placed
+        if (found := posture(start)) is not None:
+            own, values = found
+            names = fields.setdefault("joint_names", own)
+            if {*own} != {*names}:
+                raise ContactError(f"{start}posture must have the joints of the posture")
+            fields[f"{start}posture"] = values[:, [own.index(name) for name in names]]
+    known = {"opening": "opening", "pregrasp_opening": "pregrasp_opening", "scores": "score"}
+    for field, name in known.items():
+        if name in table:
+            fields[field] = numbers_of(table[name], name)
+    named = enumerate(table.get("name", ()), 1)
     return GraspPoses(
-        opening=np.asarray(opening),
-        pregrasp_opening=np.asarray(pregrasp_opening),
-        scores=np.asarray(scores),
-        outcome=outcomes_of(given.outcome, rows, table, table.__getitem__),
+        outcome=outcomes_of(given.outcome, len(fields["poses"]), table, table.__getitem__),
+        names=tuple(f"grasp_{k}" if name is None else str(name) for k, name in named),
+        columns={name: _column(table[name], name) for name in further},
         **fields,
+        **_fields_of(dict(header) | stated_in(table), given),
     )
+
+
+def stacked(table: Mapping[str, Values], names: Sequence[str], words: str = "") -> Floats:
+    """Numbers of columns, shape (k, columns).
+
+    Args:
+        table: Values of each grasp by name.
+        names: Names of the columns.
+        words: What a message says of all of them.
+
+    Raises:
+        ContactError: A column is missing, or has no numbers.
+    """
+    if missing := [name for name in names if name not in table]:
+        found = " ".join([*table][:12]) + " ..." * (len(table) > 12)
+        raise ContactError(f"column {missing[0]} is missing{words}; found {found}")
+    return np.stack([numbers_of(table[name], name) for name in names], axis=1)
 
 
 def numbers_of(values: Values, name: str) -> Floats:
@@ -191,12 +230,12 @@ def numbers_of(values: Values, name: str) -> Floats:
     return checks.numbers(list(values), (), name)
 
 
-def column_of(values: Values, name: str) -> npt.NDArray[Any]:
+def _column(values: Values, name: str) -> npt.NDArray[Any]:
     """Text if there is any text, otherwise numbers. Raises ContactError."""
     if isinstance(values, np.ndarray) and values.dtype.kind in "fiub":
         return values
     if all(isinstance(value, int | float | None) for value in values):
-        return checks.numbers(list(values), (), name)
+        return numbers_of(values, name)
     if wrong := [value for value in values if isinstance(value, list | dict)]:
         raise ContactError(
             f"{name} must be numbers or text in all grasps; got {described(wrong[0])}"

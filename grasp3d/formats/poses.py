@@ -1,14 +1,15 @@
 """Poses of a gripper on an object, with the openings, scores and outcomes that belong to them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Self, get_args
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.errors import ContactError
+from grasp3d.formats.checks import outcomes_of
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
@@ -40,12 +41,9 @@ OWN_NAMES = frozenset({
 NUMBERS = ("opening", "pregrasp_opening", "scores", "outcome")
 """Fields of one number for each pose."""
 
-STAGES = ("pregrasp", "squeeze")
-"""Before the grasp, and where the hand would be if the object gave way: `..._posture`, `..._poses`.
-"""
-
-PART = 10_000
-"""Texts that are checked at a time."""
+STAGES = ("", "pregrasp_", "squeeze_")
+"""Starts of the names of poses and postures: of the grasp, before it, and where the hand would be
+if the object gave way."""
 
 VECTOR_COLUMNS = ("contacts", "normals")
 """Columns of shape (k, n, 3), for n contacts."""
@@ -126,25 +124,28 @@ class GraspPoses:
 
     def __post_init__(self) -> None:
         poses = checked_poses(self.poses)
-        count = len(poses)
+        count, scale = len(poses), self.object_scale
+        if self.unit is not None and self.unit not in METRES:
+            units = ", ".join(METRES)
+            raise ContactError(f"the unit of poses must be one of {units}; got {self.unit!r}")
+        if scale is not None and not (np.isfinite(scale) and scale > 0.0):
+            raise ContactError(f"the object's scale must be a finite number above 0; got {scale:g}")
         values: dict[str, Any] = {
             "poses": locked(poses),
-            "names": self._checked_names(count),
+            "names": _names(self.names, count),
             **self._checked_joints(count),
+            **{name: _numbers(name, getattr(self, name), count) for name in NUMBERS},
             "columns": {
                 name: _column(name, column, count) for name, column in self.columns.items()
             },
             "settings": dict(self.settings),
         }
-        for name in NUMBERS:
-            values[name] = _numbers(name, getattr(self, name), count)
-        _check_values(values)
-        if self.unit is not None and self.unit not in get_args(Unit):
-            units = ", ".join(get_args(Unit))
-            raise ContactError(f"the unit of poses must be one of {units}; got {self.unit!r}")
-        scale = self.object_scale
-        if scale is not None and not (np.isfinite(scale) and scale > 0.0):
-            raise ContactError(f"the object's scale must be a finite number above 0; got {scale:g}")
+        for name in ("opening", "pregrasp_opening"):
+            one = values[name]
+            _refuse((one < 0.0) | np.isinf(one), one, f"{name} must be a length of at least 0")
+        outcome = values["outcome"]
+        bad = ~(np.isnan(outcome) | (outcome == 0.0) | (outcome == 1.0))
+        _refuse(bad, outcome, "outcome must be 1 (held), 0 (failed) or nan (not tried)")
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
@@ -226,8 +227,7 @@ class GraspPoses:
         return replace(self, **self._posed(change))
 
     def _posed(self, change: Callable[[Floats], Floats]) -> dict[str, Any]:
-        names = ("poses", *(f"{stage}_poses" for stage in STAGES))
-        given = {name: getattr(self, name) for name in names}
+        given = {f"{stage}poses": getattr(self, f"{stage}poses") for stage in STAGES}
         return {name: change(poses) for name, poses in given.items() if poses is not None}
 
     def moved(self, transform: Floats) -> Self:
@@ -272,109 +272,86 @@ class GraspPoses:
         index = np.asarray(indices)
         # An empty list has no type of its own.
         rows = np.arange(self.count)[index if index.size else index.astype(np.int64)]
-        further = (f"{stage}_posture" for stage in STAGES)
+        postures = (f"{stage}posture" for stage in STAGES)
         return replace(
             self,
             **self._posed(lambda poses: poses[rows]),
-            **{name: getattr(self, name)[rows] for name in ("posture", *further, *NUMBERS)},
+            **{name: getattr(self, name)[rows] for name in (*postures, *NUMBERS)},
             names=tuple(self.names[k] for k in rows),
             columns={name: values[rows] for name, values in self.columns.items()},
         )
 
+    def with_outcomes(self, outcome: str | None) -> Self:
+        """The same with the outcomes that scores or further columns state; None: its own."""
+        if outcome is None:
+            return self
+        values = {"score": self.scores, **self.columns}
+        found = outcomes_of(outcome, self.count, values, values.__getitem__)
+        return replace(self, outcome=found)
+
     def _checked_joints(self, count: int) -> dict[str, Any]:
         """Postures, names of their joints, and poses before and after the grasp."""
-        posture = _checked_posture(self.posture, count, "posture")
-        joints, names = posture.shape[1], tuple(self.joint_names)
-        values: dict[str, Any] = {"posture": posture, "joint_names": names}
-        if names and len(names) != joints:
-            raise ContactError(
-                f"{len(names)} joints are named, but the posture has {joints} values"
-            )
-        if len(set(names)) < len(names) or not _are_printable(names):
-            raise ContactError(
-                f"the names of joints must be different texts; got {ascii(names)[:80]}"
-            )
+        values: dict[str, Any] = {"joint_names": tuple(self.joint_names)}
         for stage in STAGES:
-            name = f"{stage}_posture"
-            values[name] = _checked_posture(getattr(self, name), count, name)
-            if values[name].shape[1] not in {0, joints}:
+            name = f"{stage}posture"
+            posture = np.asarray(getattr(self, name), dtype=np.float64)
+            if not posture.size and posture.shape[:1] != (count,):
+                posture = np.zeros((count, 0))
+            if posture.ndim != 2 or len(posture) != count:
                 raise ContactError(
-                    f"the {name} must have {joints} joints, as the posture; got "
-                    f"{values[name].shape[1]}"
+                    f"the {name} must be numbers of shape ({count}, joints); got {posture.shape}"
                 )
-            if (poses := getattr(self, f"{stage}_poses")) is not None:
-                values[f"{stage}_poses"] = locked(checked_poses(poses))
-                if len(values[f"{stage}_poses"]) != count:
-                    raise ContactError(f"{count} poses need as many {stage}_poses")
+            _refuse(np.isinf(posture) if stage else ~np.isfinite(posture), posture,
+                    f"its {name} must be finite")  # fmt: skip
+            values[name] = locked(posture)
+            joints = values["posture"].shape[1]
+            if posture.shape[1] not in {0, joints}:
+                raise ContactError(f"the {name} must have {joints} joints, as the posture")
+            if stage and (poses := getattr(self, f"{stage}poses")) is not None:
+                values[f"{stage}poses"] = moved = locked(checked_poses(poses))
+                if len(moved) != count:
+                    raise ContactError(f"{count} poses need as many {stage}poses")
+        names = values["joint_names"]
+        if len(names) not in {0, joints} or len(set(names)) < len(names) or _unprintable(names):
+            raise ContactError(f"{joints} joints need as many names that differ; got {names!a:.80}")
         return values
 
-    def _checked_names(self, count: int) -> tuple[str, ...]:
-        names = tuple(self.names) or tuple(f"grasp_{k + 1}" for k in range(count))
-        if len(names) != count:
-            raise ContactError(f"{count} poses need {count} names; got {len(names)}")
-        if not _are_printable(names):
-            wrong = next(k for k, name in enumerate(names) if not _are_printable([name]))
-            raise ContactError(
-                f"grasp {wrong + 1}: a name must be text that can be printed; "
-                f"got {ascii(names[wrong])[:40]}"
-            )
-        return names
+
+def _refuse(bad: npt.NDArray[np.bool_], values: Floats, what: str) -> None:
+    """Name the first grasp with a bad value. Raises ContactError."""
+    for row, *joint in np.argwhere(bad)[:1]:
+        where = f"value {joint[0] + 1} of " if joint else ""
+        raise ContactError(f"grasp {row + 1}: {where}{what}; got {values[row, *joint]:g}")
 
 
-def _are_printable(texts: Sequence[object] | npt.NDArray[np.str_]) -> bool:
-    parts = (texts[low : low + PART] for low in range(0, len(texts), PART))
-    return all(
-        all(isinstance(text, str) for text in part) and "".join(map(str, part)).isprintable()
-        for part in parts
-    )
+def _unprintable(texts: Iterable[object]) -> list[int]:
+    """Numbers of those that are no texts, or such as cannot be printed."""
+    return [
+        k for k, one in enumerate(texts, 1) if not isinstance(one, str) or not one.isprintable()
+    ]
+
+
+def _names(names: Iterable[str], count: int) -> tuple[str, ...]:
+    """Names of grasps, by their numbers if there are none."""
+    names = tuple(names) or tuple(f"grasp_{k + 1}" for k in range(count))
+    if len(names) != count:
+        raise ContactError(f"{count} poses need {count} names; got {len(names)}")
+    if wrong := _unprintable(names):
+        raise ContactError(
+            f"grasp {wrong[0]}: a name must be text that can be printed; got "
+            f"{names[wrong[0] - 1]!a:.40}"
+        )
+    return names
 
 
 def _numbers(name: str, values: ArrayLike, count: int) -> Floats:
     """Numbers of each pose, shape (k,), from as many or from one for all; nan is allowed."""
     try:
-        numbers = np.asarray(values, dtype=np.float64)
-        return locked(np.broadcast_to(numbers, (count,)))
+        return locked(np.broadcast_to(np.asarray(values, dtype=np.float64), (count,)))
     except (TypeError, ValueError, OverflowError) as error:
         raise ContactError(
             f"{name} must be numbers of shape ({count},); got shape {np.shape(values)}"
         ) from error
-
-
-def _checked_posture(values: ArrayLike, count: int, name: str) -> Floats:
-    """Values of further joints, shape (k, p); none for a hand without any."""
-    joints = np.asarray(values, dtype=np.float64)
-    if not joints.size and joints.shape[:1] != (count,):
-        joints = np.zeros((count, 0))
-    if joints.ndim != 2 or len(joints) != count:
-        raise ContactError(
-            f"the {name} must be finite numbers of shape ({count}, joints); got {joints.shape}"
-        )
-    known = np.isfinite(joints) if name == "posture" else ~np.isinf(joints)
-    if len(bad := np.argwhere(~known)):
-        row, joint = bad[0]
-        raise ContactError(
-            f"grasp {row + 1}: value {joint + 1} of its {name} must be finite; got "
-            f"{joints[row, joint]:g}"
-        )
-    return locked(joints)
-
-
-def _check_values(values: Mapping[str, Floats]) -> None:
-    """Refuse openings and outcomes that are impossible."""
-    for name in ("opening", "pregrasp_opening"):
-        bad = np.flatnonzero((values[name] < 0.0) | np.isinf(values[name]))
-        if len(bad):
-            raise ContactError(
-                f"grasp {bad[0] + 1}: {name} must be a length of at least 0; "
-                f"got {values[name][bad[0]]:g}"
-            )
-    outcome = values["outcome"]
-    bad = np.flatnonzero(~(np.isnan(outcome) | (outcome == 0.0) | (outcome == 1.0)))
-    if len(bad):
-        raise ContactError(
-            f"grasp {bad[0] + 1}: outcome must be 1 (held), 0 (failed) or nan (not tried); "
-            f"got {outcome[bad[0]]:g}"
-        )
 
 
 def _column(name: str, values: ArrayLike, count: int) -> npt.NDArray[Any]:
@@ -385,13 +362,13 @@ def _column(name: str, values: ArrayLike, count: int) -> npt.NDArray[Any]:
     if array.dtype.kind == "O":
         array = np.array(["" if value is None else str(value) for value in array.ravel().tolist()])
     vectors = name in VECTOR_COLUMNS
-    fits = array.shape[::2] == (count, 3) if vectors and array.ndim == 3 else not vectors
-    if not fits or (not vectors and array.shape != (count,)):
-        shape = f"({count}, contacts, 3)" if vectors else f"({count},)"
-        raise ContactError(f"column {name!r} of poses must have shape {shape}; got {array.shape}")
-    if array.dtype.kind not in ("fiub" if vectors else "fiubU"):
-        kind = "numbers" if vectors else "numbers or text"
-        raise ContactError(f"column {name!r} of poses must be {kind}")
-    if array.dtype.kind == "U" and not _are_printable(array):
+    shape = (count, *array.shape[1:2], 3) if vectors else (count,)
+    kind, size = ("numbers", ", contacts, 3") if vectors else ("numbers or text", ",")
+    if array.shape != shape or array.dtype.kind not in ("fiub" if vectors else "fiubU"):
+        raise ContactError(
+            f"column {name!r} of poses must be {kind} of shape ({count}{size}); got "
+            f"{array.dtype} of {array.shape}"
+        )
+    if array.dtype.kind == "U" and _unprintable(array):
         raise ContactError(f"column {name!r} of poses has text that cannot be printed")
     return locked(array)

@@ -88,11 +88,13 @@ def matched(poses: GraspPoses, hand: ArticulatedHand, *, wrist: Sequence[str] = 
     """
     names, count = poses.joint_names, poses.posture.shape[1]
     if not count:
-        raise ContactError(
-            printable(
-                f"{hand.name} is a hand with joints, but the poses have no values of them"
-                f"{_meant(poses, hand)}"
-            )
+        plain = [name for name in poses.columns if name in hand.joint_names]
+        meant = f"tables have them in columns called joint:{hand.joint_names[0]}"
+        if plain:
+            meant = f"rename the column '{plain[0]}' to 'joint:{plain[0]}'"
+        raise _refused(
+            f"{hand.name} is a hand with joints, but the poses have no values of them: {meant}, "
+            "and so on"
         )
     if names == hand.joint_names:
         return poses if poses.hand is hand else replace(poses, hand=hand)
@@ -101,7 +103,15 @@ def matched(poses: GraspPoses, hand: ArticulatedHand, *, wrist: Sequence[str] = 
         found = _named(names, hand, wrist)
         _check_followers(poses, found, hand)
     else:
-        found = _in_order(count, hand, wrist)
+        joints = [*hand.joint_names]
+        if count != len(joints):
+            joints = [name for name in joints if name not in wrist]
+        if count != len(joints):
+            raise _refused(
+                f"the postures have {count} values without names, but {hand.name} has "
+                f"{len(hand.joint_names)} joints: {_listed(hand.joint_names)}"
+            )
+        found = {name: (k, 1.0) for k, name in enumerate(joints)}
         settings[ORDER] = f"not stated: that of {hand.name} is assumed"
     columns = [found.get(name, (-1, 0.0)) for name in hand.joint_names]
     at, signs = (np.array(values) for values in zip(*columns, strict=True))
@@ -110,16 +120,8 @@ def matched(poses: GraspPoses, hand: ArticulatedHand, *, wrist: Sequence[str] = 
         return posture[:, at] * signs if posture.size else posture
 
     postures: dict[str, Any] = {name: of_hand(getattr(poses, name)) for name in POSTURES}
-    joints = hand.joint_names if names else ()
-    return replace(poses, hand=hand, joint_names=joints, settings=settings, **postures)
-
-
-def _meant(poses: GraspPoses, hand: ArticulatedHand) -> str:
-    """How a file states them, which may have them in its other columns."""
-    plain = [name for name in poses.columns if name in hand.joint_names]
-    if plain:
-        return f": rename the column '{plain[0]}' to 'joint:{plain[0]}', and so on"
-    return f": tables have them in columns called joint:{hand.joint_names[0]}, and so on"
+    known = hand.joint_names if names else ()
+    return replace(poses, hand=hand, joint_names=known, settings=settings, **postures)
 
 
 def as_in_model(poses: GraspPoses, hand: ArticulatedHand) -> tuple[tuple[str, ...], GraspPoses]:
@@ -144,25 +146,11 @@ def as_in_model(poses: GraspPoses, hand: ArticulatedHand) -> tuple[tuple[str, ..
     )
 
 
-POSTURES = ("posture", *(f"{stage}_posture" for stage in STAGES))
+POSTURES = tuple(f"{stage}posture" for stage in STAGES)
 """Fields of poses that are values of joints."""
 
 Columns = Mapping[str, tuple[int, float]]
 """Column of each joint of a hand that is there, and the sign of its axis."""
-
-
-def _in_order(count: int, hand: ArticulatedHand, wrist: Sequence[str]) -> Columns:
-    joints = hand.joint_names
-    if count != len(joints):
-        joints = tuple(name for name in joints if name not in wrist)
-    if count != len(joints):
-        raise ContactError(
-            printable(
-                f"the postures have {count} values without names, but {hand.name} has "
-                f"{len(hand.joint_names)} joints: {_listed(hand.joint_names)}"
-            )
-        )
-    return {name: (k, 1.0) for k, name in enumerate(joints)}
 
 
 def _named(names: tuple[str, ...], hand: ArticulatedHand, wrist: Sequence[str]) -> Columns:
@@ -183,7 +171,7 @@ def _named(names: tuple[str, ...], hand: ArticulatedHand, wrist: Sequence[str]) 
     surplus = [name for name in names if name not in own]
     missing = [name for name in hand.joint_names if name not in found and name not in wrist]
     if surplus or missing:
-        raise ContactError(printable(_difference(surplus, missing, hand.name)))
+        raise _refused(_difference(surplus, missing, hand.name))
     return found
 
 
@@ -202,13 +190,11 @@ def _check_followers(poses: GraspPoses, found: Columns, hand: ArticulatedHand) -
             wrong = np.flatnonzero(np.abs(posture[:, own] - follows) > LOOSE)
             if len(wrong):
                 first = wrong[0]
-                raise ContactError(
-                    printable(
-                        f"grasp {first + 1}: joint {joint.name} of its {name} is at "
-                        f"{posture[first, own]:.4g}, but it follows {source}, which says "
-                        f"{follows[first]:.4g}; so in {len(wrong)} of {poses.count} grasps: give "
-                        f"the hand that they are of, or leave {joint.name} out"
-                    )
+                raise _refused(
+                    f"grasp {first + 1}: joint {joint.name} of its {name} is at "
+                    f"{posture[first, own]:.4g}, but it follows {source}, which says "
+                    f"{follows[first]:.4g}; so in {len(wrong)} of {poses.count} grasps: give "
+                    f"the hand that they are of, or leave {joint.name} out"
                 )
 
 
@@ -217,11 +203,9 @@ def refuse_joints(poses: GraspPoses, hand: Hand | None) -> None:
     joints = poses.posture.shape[1]
     if joints and isinstance(hand, ParallelGripper):
         named = f" ({_listed(poses.joint_names)})" if poses.joint_names else ""
-        raise ContactError(
-            printable(
-                f"the poses have values of {joints} joints{named}, but {hand.name} is a gripper "
-                "of two jaws, which has none: give the hand that they are of"
-            )
+        raise _refused(
+            f"the poses have values of {joints} joints{named}, but {hand.name} is a gripper "
+            "of two jaws, which has none: give the hand that they are of"
         )
 
 
@@ -246,11 +230,9 @@ def _of_shadow(hand: ArticulatedHand) -> dict[str, tuple[str, float]]:
             axis = to_palm @ links[names.index(link), :3, :3] @ joint.axis
             cosine = float(axis @ SHADOW[model])
             if abs(cosine) < PARALLEL:
-                raise ContactError(
-                    printable(
-                        f"joint {joint.name} of {hand.name} does not turn about the axis that "
-                        f"robot0:{model} has in DexGraspNet: give a description of the Shadow hand"
-                    )
+                raise _refused(
+                    f"joint {joint.name} of {hand.name} does not turn about the axis that "
+                    f"robot0:{model} has in DexGraspNet: give a description of the Shadow hand"
                 )
             found[f"robot0:{model}"] = (joint.name, float(np.sign(cosine)))
     return found
@@ -264,10 +246,14 @@ def _difference(surplus: Sequence[str], missing: Sequence[str], hand: str) -> st
         parts.append(f"{_listed(surplus)} {are} of {hand}")
     if missing:
         parts.append(f"{_listed(missing)} of {hand} {'is' if len(missing) == 1 else 'are'} missing")
-    close = [(name, *get_close_matches(name, missing, 1, 0.6)) for name in surplus]
-    meant = [f"{pair[0]} for {pair[1]}" for pair in close if len(pair) > 1][:MOST_LISTED]
-    hint = f" (misspelt: {', '.join(meant)}?)" if meant else ""
+    close = [f"{one} for {like}" for one in surplus for like in get_close_matches(one, missing, 1)]
+    hint = f" (misspelt: {', '.join(close[:MOST_LISTED])}?)" if close else ""
     return f"joints of the postures: {', and '.join(parts)}{hint}"
+
+
+def _refused(text: str) -> ContactError:
+    """The error of postures; names of joints may be such as cannot be printed."""
+    return ContactError(printable(text))
 
 
 def _listed(names: Sequence[str]) -> str:

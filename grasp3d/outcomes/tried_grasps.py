@@ -12,7 +12,6 @@ import numpy as np
 from grasp3d.arrays import Floats, Ints, locked, short_repr
 from grasp3d.errors import ContactError, MeshError, SettingError
 from grasp3d.formats import read_poses
-from grasp3d.formats.outcomes import with_outcomes
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluation import in_stated_scale
 from grasp3d.hand.hand import Hand
@@ -165,7 +164,7 @@ def _checked(
     stated: Mapping[str, Any],
 ) -> TriedGrasps:
     if isinstance(source, GraspPoses):
-        path, poses, name = None, with_outcomes(source, stated["outcome"]), "poses"
+        path, poses, name = None, source.with_outcomes(stated["outcome"]), "poses"
         for name_of, value in stated.items():
             if value is not None and name_of != "outcome":
                 raise SettingError(f"{name_of} is that of files; poses in memory have their own")

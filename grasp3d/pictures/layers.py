@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import pyvista
 from vtkmodules.vtkRenderingCore import vtkMapper
 
-from grasp3d.hand.shapes import ARC_COLOR, TABLE_COLOR
+from grasp3d.hand.triangles import ARC_COLOR, TABLE_COLOR
 from grasp3d.pictures.camera import AMBIENT, LIGHT, pixel_ratio
 
 DEPTH_OFFSET = -60000.0

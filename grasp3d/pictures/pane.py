@@ -10,9 +10,8 @@ from grasp3d.arrays import Bytes, Floats
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.shapes import approach_triangles, table_triangles
 from grasp3d.hand.table import Table
-from grasp3d.hand.triangles import COLORS, Part, Triangles
+from grasp3d.hand.triangles import COLORS, Part, Triangles, approach_triangles, table_triangles
 from grasp3d.mesh import ObjectMesh
 from grasp3d.pictures.colors import HEX_PALETTE, PALETTE, Coloring, coloring_of, faded
 from grasp3d.pictures.layers import MARKS, SURFACES, Layers, show_colors

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow.csv as pc
 import pytest
 
-from grasp3d.formats import write_poses
+from grasp3d.formats import write_grasps
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.hand.hand_files import write_hand
 from tests.helpers import shapes
@@ -29,7 +29,7 @@ def folder(tmp_path: Path) -> Path:
     poses[1, 1, 3] = 0.5 * BOX[1] + 0.008  # 1 mm of the pads
     poses[2, 0, 3] = 0.022  # a finger starts 2 mm in the object
     poses[3, 1, 3] = BOX[1]
-    write_poses(tmp_path / "poses.csv", GraspPoses(poses=poses, unit="m"))
+    write_grasps(tmp_path / "poses.csv", GraspPoses(poses=poses, unit="m"))
     return tmp_path
 
 

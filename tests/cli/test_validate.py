@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from grasp3d import GraspModel, ParallelGripper, load_mesh
-from grasp3d.formats import write_poses
+from grasp3d.formats import write_grasps
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.system.tables import read_columns
@@ -44,7 +44,7 @@ def folder(tmp_path: Path) -> Path:
     """A folder with body.ply and log.csv; grasps held whose margin is above HELD_FROM."""
     points, faces = shapes.lopsided(3)
     trimesh.Trimesh(0.025 * points, faces, process=False).export(tmp_path / "body.ply")
-    write_poses(tmp_path / "log.csv", tried(poses()[1] > HELD_FROM))
+    write_grasps(tmp_path / "log.csv", tried(poses()[1] > HELD_FROM))
     return tmp_path
 
 
@@ -69,7 +69,7 @@ def test_it_prints_how_well_scores_predict(folder: Path) -> None:
 
 def test_wrong_labels_are_listed(folder: Path) -> None:
     """Outcomes the other way round: what was S failed, and where the jaws do not close it held."""
-    write_poses(folder / "log.csv", tried(~(poses()[1] > HELD_FROM)))
+    write_grasps(folder / "log.csv", tried(~(poses()[1] > HELD_FROM)))
     text = printed(*GIVEN, cwd=folder)
     (counts,) = re.findall(r"^wrong: (\d+) S that failed, (\d+) U that held$", text, re.MULTILINE)
     failed, held = map(int, counts)
@@ -122,7 +122,7 @@ def test_acronym_needs_no_options(tmp_path: Path) -> None:
 def with_columns(folder: Path, **columns: np.ndarray) -> Path:
     """A log without outcomes of its own, with other columns."""
     given = replace(poses()[0], columns=columns)
-    write_poses(folder / "other.csv", given)
+    write_grasps(folder / "other.csv", given)
     return folder / "other.csv"
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import get_args
 
-from grasp3d.formats.surfaces.ply import HIDDEN
+from grasp3d.formats.surfaces.layouts import HIDDEN
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.surface.fields import (
     CLOSING_SHARE,

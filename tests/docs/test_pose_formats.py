@@ -16,7 +16,7 @@ import yaml
 from format_pages import rendered
 
 from grasp3d import GraspModel, Load, ParallelGripper, best_grasps, label_surface, load_mesh
-from grasp3d.formats import write_poses
+from grasp3d.formats import write_grasps
 from grasp3d.formats.format import formats
 from grasp3d.formats.poses import STAGES, GraspPoses
 from grasp3d.formats.postures import POSTURES
@@ -62,12 +62,10 @@ def of_hand() -> GraspPoses:
     """A pose of a hand with a joint."""
     moved = np.eye(4)
     return GraspPoses(
-        poses=moved,
-        posture=np.ones((1, 1)),
         joint_names=("a",),
         unit="m",
-        **{f"{stage}_posture": np.ones((1, 1)) for stage in STAGES},  # type: ignore[arg-type]
-        **{f"{stage}_poses": moved for stage in STAGES},  # type: ignore[arg-type]
+        **{f"{stage}posture": np.ones((1, 1)) for stage in STAGES},  # type: ignore[arg-type]
+        **{f"{stage}poses": moved for stage in STAGES},  # type: ignore[arg-type]
     )
 
 
@@ -97,7 +95,7 @@ def test_every_format_is_listed() -> None:
 
 
 def test_json(tmp_path: Path) -> None:
-    write_poses(tmp_path / "out.json", plain())
+    write_grasps(tmp_path / "out.json", plain())
     written = json.loads((tmp_path / "out.json").read_text())
     header, grasp = tables("JSON")
     assert set(written) == {"grasp3d", "grasps"}
@@ -105,22 +103,22 @@ def test_json(tmp_path: Path) -> None:
     (entry,) = written["grasps"]
     further = {"pregrasp_pose", "squeeze_pose", "squeeze_posture", "posture", "pregrasp_posture"}
     assert set(entry) == grasp - further
-    write_poses(tmp_path / "hand.json", of_hand())
+    write_grasps(tmp_path / "hand.json", of_hand())
     (of_joints,) = json.loads((tmp_path / "hand.json").read_text())["grasps"]
     assert set(of_joints) == grasp - {"contacts"}
     assert set(entry["contacts"][0]) == {"point", "normal"}
 
 
 def test_tables(tmp_path: Path) -> None:
-    write_poses(tmp_path / "out.csv", plain(), frame="graspgen")
+    write_grasps(tmp_path / "out.csv", plain(), frame="graspgen")
     (columns,) = tables("CSV")
-    write_poses(tmp_path / "hand.csv", of_hand())
+    write_grasps(tmp_path / "hand.csv", of_hand())
     joints = {name for name in columns if "joint:" in name or "pre" in name or "squeeze" in name}
     joints -= {"pregrasp_opening"}
     assert set(pc.read_csv(tmp_path / "out.csv").column_names) == columns - joints
     written = set(pc.read_csv(tmp_path / "hand.csv").column_names)
     assert {name.replace("NAME", "a") for name in joints} <= written
-    write_poses(tmp_path / "out.parquet", plain())
+    write_grasps(tmp_path / "out.parquet", plain())
     metadata = json.loads(pq.read_schema(tmp_path / "out.parquet").metadata[b"grasp3d"])
     assert set(metadata) - set(OBJECT) == tables("JSON")[0]
 
@@ -141,14 +139,14 @@ def test_further_columns() -> None:
 
 
 def test_isaac_grasp(tmp_path: Path) -> None:
-    write_poses(tmp_path / "out.yaml", plain())
+    write_grasps(tmp_path / "out.yaml", plain())
     written = yaml.safe_load((tmp_path / "out.yaml").read_text())
     (entry,) = written.pop("grasps").values()
     assert {*written, "grasps.NAME", *entry} == tables("isaac_grasp")[0]
 
 
 def test_acronym(tmp_path: Path) -> None:
-    write_poses(tmp_path / "out.h5", plain())
+    write_grasps(tmp_path / "out.h5", plain())
     names: list[str] = []
     with h5py.File(tmp_path / "out.h5") as file:
         file.visititems(lambda name, item: names.append(name) if hasattr(item, "shape") else None)
@@ -156,13 +154,13 @@ def test_acronym(tmp_path: Path) -> None:
 
 
 def test_graspgen(tmp_path: Path) -> None:
-    write_poses(tmp_path / "out.json", plain(), format="graspgen")
+    write_grasps(tmp_path / "out.json", plain(), format="graspgen")
     written = json.loads((tmp_path / "out.json").read_text())
     assert set(paths(written)) == tables("GraspGen")[0]
 
 
 def test_graspnet(tmp_path: Path) -> None:
-    write_poses(tmp_path / "out.npy", plain(), format="graspnet")
+    write_grasps(tmp_path / "out.npy", plain(), format="graspnet")
     width = np.load(tmp_path / "out.npy").shape[1]
     ranges = re.findall(r"^\| (\d+)(?:–(\d+))? ", sections_of(PAGE)["graspnetAPI"], re.MULTILINE)
     listed = [k for low, high in ranges for k in range(int(low), int(high or low) + 1)]
@@ -170,7 +168,7 @@ def test_graspnet(tmp_path: Path) -> None:
 
 
 def test_moveit(tmp_path: Path) -> None:
-    write_poses(tmp_path / "out.json", plain(), format="moveit")
+    write_grasps(tmp_path / "out.json", plain(), format="moveit")
     (message,) = json.loads((tmp_path / "out.json").read_text())
     assert set(message) - {"header"} == tables("moveit_msgs/Grasp")[0]
 
@@ -188,7 +186,7 @@ def test_formats_of_hands(tmp_path: Path, form: str, title: str) -> None:
         hand=hand,
         **{name: np.zeros((1, 16)) for name in POSTURES},  # type: ignore[arg-type]
     )
-    write_poses(tmp_path / "out.npy", poses, format=form)
+    write_grasps(tmp_path / "out.npy", poses, format=form)
     (content,) = stored_objects(tmp_path / "out.npy") or []
     joints = {f"qpos.{name}" for name in hand.joint_names}
     written = {"qpos.NAME" if name in joints else name for name in paths(content)}

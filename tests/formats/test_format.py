@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 import grasp3d
 from grasp3d.cli import main
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.formats import Format, GraspPoses, holds_poses, read_poses, write_poses
+from grasp3d.formats import Format, GraspPoses, holds_poses, read_poses, write_grasps
 from grasp3d.formats import format as registry
 from grasp3d.formats.format import formats
 from tests.hand.test_articulated_hand import hand_of
@@ -50,7 +50,7 @@ def poses_for(form: Format, count: int = 4) -> GraspPoses:
 def test_poses_return_from_every_format(tmp_path: Path, name: str) -> None:
     form = formats()[name]
     poses, path = poses_for(form), tmp_path / f"a{form.suffixes[0]}"
-    write_poses(path, poses, format=name)
+    write_grasps(path, poses, format=name)
     assert holds_poses(path)
     back = read_poses(path, hand=poses.hand if form.hands else None, unit=None)
     np.testing.assert_allclose(back.poses, poses.poses, atol=1e-12)
@@ -61,11 +61,11 @@ def test_poses_return_from_every_format(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_content_is_in_one_format_only(tmp_path: Path, name: str) -> None:
-    from grasp3d.formats.reading import _content
+    from grasp3d.formats.files import _content
 
     form = formats()[name]
     path = tmp_path / f"a{form.suffixes[0]}"
-    write_poses(path, poses_for(form), format=name)
+    write_grasps(path, poses_for(form), format=name)
     content = _content(path)
     same = [one for one in formats().values() if path.suffix in one.suffixes]
     assert [one.name for one in same if one.sniff(content)] == [name]
@@ -105,7 +105,7 @@ def test_a_new_format_is_known_everywhere(
 
 def test_names_that_there_are_not_are_refused_with_those_that_there_are(tmp_path: Path) -> None:
     with pytest.raises(SettingError, match=r"called 'xml'; known: acronym, .*gpd_text.*, parquet"):
-        write_poses(tmp_path / "a.json", poses_for(formats()["json"]), format="xml")
+        write_grasps(tmp_path / "a.json", poses_for(formats()["json"]), format="xml")
 
 
 # Files by hand

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from grasp3d.errors import ContactError, GraspError, SettingError
-from grasp3d.formats import read_poses, write_poses
+from grasp3d.formats import read_poses, write_grasps
 from grasp3d.formats.format import formats
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES, GripperFrame
@@ -78,7 +78,7 @@ def test_a_pose_in_every_named_frame_is_the_same_pose(name: str, tmp_path: Path)
     matrix = np.array(PUBLISHED[name], dtype=float)
     same(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3))
     same(matrix @ FRAMES[name].to_tcp(FRANKA), TCP)
-    write_poses(tmp_path / "own.json", poses(matrix))  # as if it were the TCP's
+    write_grasps(tmp_path / "own.json", poses(matrix))  # as if it were the TCP's
     same(read_poses(tmp_path / "own.json", frame=name).poses[0], TCP)
 
 
@@ -86,7 +86,7 @@ def test_a_pose_in_every_named_frame_is_the_same_pose(name: str, tmp_path: Path)
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_every_writer_has_every_frame(name: str, format_name: Any, tmp_path: Path) -> None:
     path = tmp_path / f"a{formats()[format_name].suffixes[0]}"
-    write_poses(path, poses(scores=0.5), format=format_name, frame=name)
+    write_grasps(path, poses(scores=0.5), format=format_name, frame=name)
     found = read_poses(path, hand=FRANKA, unit="m", frame=name)
     same(found.poses[0], TCP)
     if format_name == "json":
@@ -97,11 +97,11 @@ def test_every_writer_has_every_frame(name: str, format_name: Any, tmp_path: Pat
 @pytest.mark.parametrize("suffix", ["json", "csv", "parquet"])
 def test_own_files_state_their_frame(suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"a.{suffix}"
-    write_poses(path, poses().in_unit("mm"), frame="graspgen")
+    write_grasps(path, poses().in_unit("mm"), frame="graspgen")
     found = read_poses(path, hand=FRANKA)
     same(found.in_unit("m").poses[0], TCP)
     assert str(found.gripper_frame) == "graspgen"
-    write_poses(path, found)
+    write_grasps(path, found)
     assert str(read_poses(path).gripper_frame) == "tcp"
 
 
@@ -145,11 +145,11 @@ def test_own_files_have_a_frame_that_is_a_matrix(suffix: str, tmp_path: Path) ->
     matrix = np.block([[flange, np.array([[0.01], [0.02], [0.1]])], [np.eye(4)[3:]]])
     np.savetxt(tmp_path / "flange.txt", matrix)
     path = tmp_path / f"a.{suffix}"
-    write_poses(path, poses().in_unit("mm"), frame=tmp_path / "flange.txt")
+    write_grasps(path, poses().in_unit("mm"), frame=tmp_path / "flange.txt")
     same(read_poses(path).in_unit("m").poses[0], TCP)
     in_file = read_poses(path, frame="tcp").in_unit("m")
     same(in_file.poses[0] @ matrix, TCP)
-    write_poses(path, in_file)
+    write_grasps(path, in_file)
     same(read_poses(path, frame=matrix).in_unit("m").poses[0], TCP)
 
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d import load_mesh, read_hand
 from grasp3d.errors import ContactError, OutputError
-from grasp3d.formats import holds_poses, read_poses, write_poses
+from grasp3d.formats import holds_poses, read_poses, write_grasps
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import POSTURES, matched, wrist_of
 from grasp3d.grasps.evaluation import evaluate_grasps
@@ -43,18 +43,18 @@ def same_grasps(one: GraspPoses, other: GraspPoses, tolerance: float = 1e-9) -> 
 
 @pytest.mark.parametrize("suffix", [".json", ".csv", ".parquet"])
 def test_own_files_have_the_postures_of_all_stages(tmp_path: Path, suffix: str) -> None:
-    write_poses(tmp_path / f"a{suffix}", with_joints())
+    write_grasps(tmp_path / f"a{suffix}", with_joints())
     same_grasps(read_poses(tmp_path / f"a{suffix}"), with_joints())
     with pytest.raises(OutputError, match="joints of the postures have no names: give the hand"):
-        write_poses(tmp_path / f"b{suffix}", replace(with_joints(), joint_names=()))
+        write_grasps(tmp_path / f"b{suffix}", replace(with_joints(), joint_names=()))
 
 
 def test_own_files_have_joints_by_name(tmp_path: Path) -> None:
-    write_poses(tmp_path / "a.json", with_joints())
+    write_grasps(tmp_path / "a.json", with_joints())
     content = json.loads((tmp_path / "a.json").read_text())
     assert content["grasps"][1]["posture"] == {"index": 2.0, "thumb": 3.0}
     assert content["grasps"][1]["pregrasp_posture"] == {"index": 0.3, "thumb": None}
-    write_poses(tmp_path / "a.csv", with_joints())
+    write_grasps(tmp_path / "a.csv", with_joints())
     columns = pc.read_csv(tmp_path / "a.csv").column_names
     assert {"joint:index", "pregrasp_joint:thumb", "squeeze_joint:thumb"} <= {*columns}
     assert {"pregrasp_px", "pregrasp_qw"} <= {*columns}
@@ -63,7 +63,7 @@ def test_own_files_have_joints_by_name(tmp_path: Path) -> None:
 
 def test_the_order_of_joints_in_a_file_does_not_matter(tmp_path: Path) -> None:
     poses = with_joints()
-    write_poses(tmp_path / "a.json", poses)
+    write_grasps(tmp_path / "a.json", poses)
     content = json.loads((tmp_path / "a.json").read_text())
     for entry in content["grasps"]:
         entry["squeeze_posture"] = dict(reversed([*entry["squeeze_posture"].items()]))
@@ -84,7 +84,7 @@ def test_the_order_of_joints_in_a_file_does_not_matter(tmp_path: Path) -> None:
 def test_postures_that_are_none_are_refused_with_their_grasp(
     tmp_path: Path, change: dict[str, Any], message: str
 ) -> None:
-    write_poses(tmp_path / "a.json", with_joints())
+    write_grasps(tmp_path / "a.json", with_joints())
     content = json.loads((tmp_path / "a.json").read_text())
     content["grasps"][1] |= change
     (tmp_path / "a.json").write_text(json.dumps(content))
@@ -145,7 +145,7 @@ def palms(poses: GraspPoses) -> Any:
 def test_every_format_has_the_same_grasps(tmp_path: Path, name: str, form: str) -> None:
     poses = grasps_of(name)
     path = tmp_path / f"a{FORMATS[form]}"
-    write_poses(path, poses, format=form)
+    write_grasps(path, poses, format=form)
     back = read_poses(path, hand=poses.hand)
     equal(palms(back), palms(poses))
     if form == "dexgraspnet" and name == "shadow":
@@ -165,7 +165,7 @@ def test_every_format_has_the_same_grasps(tmp_path: Path, name: str, form: str) 
 
 def test_joints_without_names_are_said_to_be_in_the_assumed_order(tmp_path: Path) -> None:
     poses = grasps_of("leap")
-    write_poses(tmp_path / "a.npy", poses, format="dexgraspbench")
+    write_grasps(tmp_path / "a.npy", poses, format="dexgraspbench")
     back = read_poses(tmp_path / "a.npy", hand=poses.hand)
     assert back.settings["joint_order"] == "not stated: that of leap is assumed"
 
@@ -287,7 +287,7 @@ def test_columns_that_are_called_as_the_joints_are_said_to_lack_their_prefix(
     tmp_path: Path,
 ) -> None:
     hand = hand_of("allegro")
-    write_poses(tmp_path / "a.csv", grasps_of("allegro"))
+    write_grasps(tmp_path / "a.csv", grasps_of("allegro"))
     text = (tmp_path / "a.csv").read_text().replace('"joint:', '"')
     (tmp_path / "a.csv").write_text(text)
     words = r"rename the column 'joint_0\.0' to 'joint:joint_0\.0', and so on"
@@ -298,7 +298,7 @@ def test_columns_that_are_called_as_the_joints_are_said_to_lack_their_prefix(
 @pytest.mark.parametrize("form", ["json", "csv", "parquet"])
 def test_joints_are_not_ignored_where_the_hand_is_a_gripper(tmp_path: Path, form: str) -> None:
     path, poses = tmp_path / f"a{FORMATS[form]}", grasps_of("allegro")
-    write_poses(path, poses, format=form)
+    write_grasps(path, poses, format=form)
     box = load_mesh(shapes.box((9.0, 9.0, 9.0)), unit="m")
     words = r"values of 16 joints \(joint_0.0, .* but franka is a gripper of two jaws, which"
     with pytest.raises(ContactError, match=words):
@@ -367,8 +367,7 @@ def test_a_folder_with_grasps_of_two_hands_is_refused(
     for row, name in enumerate(names):
         save(tmp_path / "ball" / f"{name}.npy", bench(grasps_of("allegro"), row))
     assert holds_poses(tmp_path / "ball")
-    first, second = sorted(names)
-    said = f"has files of 2 hands, such as {first}.npy and {second}.npy: put those of each hand"
+    said = "has grasps of 2 hands, such as allegro and leap: put the files of each into a folder"
     with pytest.raises(ContactError, match=said):
         read_poses(tmp_path / "ball", hand=hand)
 
@@ -430,7 +429,7 @@ def test_the_scale_of_the_object_may_be_given_where_a_file_states_none(tmp_path:
     path = save(tmp_path / "a.npy", one)
     assert read_poses(path, hand=poses.hand).object_scale is None
     assert read_poses(path, hand=poses.hand, object_scale=0.1).object_scale == 0.1
-    write_poses(tmp_path / "a.json", poses)
+    write_grasps(tmp_path / "a.json", poses)
     with pytest.raises(ContactError, match=r"states the object's scale 0.08, not 0.1: give"):
         read_poses(tmp_path / "a.json", object_scale=0.1)
 
@@ -519,4 +518,4 @@ def test_hands_without_joints_and_grasps_without_postures_are_refused(tmp_path: 
         read_poses(path, hand=preset("franka"))
     bare = GraspPoses(poses=poses.poses, unit="m", hand=poses.hand)
     with pytest.raises(OutputError, match="the poses have no values of them"):
-        write_poses(path, bare, format="dexgraspnet")
+        write_grasps(path, bare, format="dexgraspnet")

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 import grasp3d
 from grasp3d.errors import ContactError
-from grasp3d.formats import read_grasps, read_poses, write_grasps, write_poses
+from grasp3d.formats import read_grasps, read_poses, write_grasps
 from grasp3d.formats.frames import read_object_pose
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
@@ -97,7 +97,7 @@ def test_own_formats_have_the_robots_frame_and_are_read_in_the_objects(
     tmp_path: Path, poses: GraspPoses, pose: ObjectPose, unit: Any, name: Any
 ) -> None:
     poses, path = poses.in_unit(unit), tmp_path / f"robot.{SUFFIX[name]}"
-    write_poses(path, poses, format=name, object_pose=pose)
+    write_grasps(path, poses, format=name, object_pose=pose)
     back = read_poses(path)
     size = max(1.0, float(np.abs(poses.poses).max()), 5.0 / METRES[unit])
     assert back.unit == unit
@@ -108,8 +108,8 @@ def test_own_formats_have_the_robots_frame_and_are_read_in_the_objects(
         equal(getattr(back, field), getattr(poses, field), 0.0)
     # What stands in the file are other poses: those of the robot.
     plain = tmp_path / f"plain.{SUFFIX[name]}"
-    write_poses(plain, replace(back, object_pose=None), format=name)
-    write_poses(path, back, format=name)
+    write_grasps(plain, replace(back, object_pose=None), format=name)
+    write_grasps(path, back, format=name)
     again = read_poses(path)
     equal(again.poses, read_poses(plain).poses, 1e-12 * size)
     assert again.object_pose == back.object_pose
@@ -123,7 +123,7 @@ def test_moveit_has_the_robots_frame_by_name(
     tmp_path: Path, poses: GraspPoses, pose: ObjectPose
 ) -> None:
     path = tmp_path / "robot.json"
-    write_poses(path, poses, format="moveit", object_pose=pose)
+    write_grasps(path, poses, format="moveit", object_pose=pose)
     message = json.loads(path.read_text(encoding="utf-8"))[0]["grasp_pose"]
     assert message["header"]["frame_id"] == pose.frame
     expected = (pose.matrix @ poses.poses @ np.linalg.inv(FRAMES["hand"].to_tcp(poses.hand)))[

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import grasp3d
 from grasp3d import ObjectMesh, load_mesh
-from grasp3d.formats import Format, GraspPoses, read_poses, write_poses
+from grasp3d.formats import Format, GraspPoses, read_poses, write_grasps
 from grasp3d.formats.format import formats
 from grasp3d.grasps.audit import audit_poses
 from grasp3d.hand.frames import FRAMES
@@ -84,7 +84,7 @@ def test_planted_mistakes_are_warned_of_and_right_files_are_not(tmp_path: Path, 
 
     def read_again(form: Format, poses: Floats) -> GraspPoses:
         path = tmp_path / f"a{form.suffixes[0]}"
-        write_poses(path, replace(known, poses=poses), format=form.name)
+        write_grasps(path, replace(known, poses=poses), format=form.name)
         return read_poses(path, hand=HAND, unit="m")
 
     expected = closing(mesh, right)

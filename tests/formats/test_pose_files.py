@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d import Label, load_mesh
 from grasp3d.errors import ContactError, FileUnreadError, GraspError, OutputError, SettingError
-from grasp3d.formats import holds_poses, read_poses, write_poses
+from grasp3d.formats import holds_poses, read_poses, write_grasps
 from grasp3d.formats.checks import numbers
 from grasp3d.formats.contacts import read_contacts
 from grasp3d.formats.poses import GraspPoses
@@ -104,7 +104,7 @@ def some_poses(draw: st.DrawFn, *, known: bool = False) -> GraspPoses:
 
 def there_and_back(folder: Path, poses: GraspPoses, name: Any) -> GraspPoses:
     path = folder / f"poses.{SUFFIX[name]}"
-    write_poses(path, poses, format=name)
+    write_grasps(path, poses, format=name)
     return read_poses(path, hand=None if name in OWN else poses.hand)
 
 
@@ -187,7 +187,7 @@ BASE = [0.01, 0.02 + 0.1034, 0.03]
 
 
 def test_isaac_grasp_is_written_as_documented(tmp_path: Path) -> None:
-    write_poses(tmp_path / "one.yaml", one_pose(scores=0.75, names=("rim",)))
+    write_grasps(tmp_path / "one.yaml", one_pose(scores=0.75, names=("rim",)))
     content = yaml.safe_load((tmp_path / "one.yaml").read_text())
     grasps = content.pop("grasps")
     assert content == {
@@ -212,16 +212,16 @@ def test_poses_of_robots_are_those_of_the_frame_of_its_description(tmp_path: Pat
     """The fingers of the Franka hand move along y of its own frame; data sets turn it to x."""
     poses = one_pose(hand=PANDA, outcome=1.0)
     rotation = poses.poses[0, :3, :3]
-    write_poses(tmp_path / "one.yaml", poses)
+    write_grasps(tmp_path / "one.yaml", poses)
     turn = yaml.safe_load((tmp_path / "one.yaml").read_text())["grasps"]["grasp_1"]["orientation"]
     hand = Rotation.from_quat([*turn["xyz"], turn["w"]]).as_matrix()
     equal(hand[:, 1], -rotation[:, 0])
     equal(hand[:, 2], rotation[:, 2])
-    write_poses(tmp_path / "one.json", poses, format="moveit")
+    write_grasps(tmp_path / "one.json", poses, format="moveit")
     (message,) = json.loads((tmp_path / "one.json").read_text())
     turn = message["grasp_pose"]["pose"]["orientation"]
     equal(Rotation.from_quat([turn[axis] for axis in "xyzw"]).as_matrix(), hand)
-    write_poses(tmp_path / "two.json", poses, format="graspgen")
+    write_grasps(tmp_path / "two.json", poses, format="graspgen")
     transform = json.loads((tmp_path / "two.json").read_text())["grasps"]["transforms"][0]
     equal(np.array(transform)[:3, :3], rotation)
 
@@ -344,7 +344,7 @@ def test_acronym_is_read_from_its_documented_layout(tmp_path: Path) -> None:
 
 def test_acronym_is_written_as_documented(tmp_path: Path) -> None:
     poses = one_pose(outcome=0.0, object_file="mug.obj", settings={"mass": 0.3})
-    write_poses(tmp_path / "one.h5", poses)
+    write_grasps(tmp_path / "one.h5", poses)
     with h5py.File(tmp_path / "one.h5") as file:
         transforms = file["grasps/transforms"][()]
         equal(transforms[0, :3, 3], BASE)
@@ -409,7 +409,7 @@ def test_graspnet_is_read_from_its_documented_layout(tmp_path: Path) -> None:
 
 def test_graspnet_scores_follow_from_critical_angles(tmp_path: Path) -> None:
     poses = one_pose(columns={"critical_angle": np.array([math.atan(0.3)])})
-    write_poses(tmp_path / "one.npy", poses)
+    write_grasps(tmp_path / "one.npy", poses)
     rows = np.load(tmp_path / "one.npy")
     assert rows.shape == (1, 17)
     equal(rows[0, :4], [1.1 - 0.3, 0.06, 0.02, 0.02])
@@ -440,7 +440,7 @@ def translation(y: float) -> dict[str, Any]:
 
 def test_moveit_messages_have_every_field_of_the_definition(tmp_path: Path) -> None:
     """Fields of moveit_msgs/Grasp, down to numbers, text and lists of them."""
-    write_poses(tmp_path / "one.json", one_pose(names=("rim",)), format="moveit")
+    write_grasps(tmp_path / "one.json", one_pose(names=("rim",)), format="moveit")
     text = (tmp_path / "one.json").read_text()
     (message,) = json.loads(text, parse_float=lambda number: round(float(number), 9))
     half = round(math.sqrt(0.5), 9)
@@ -485,7 +485,7 @@ def test_normals_point_outward_in_files_and_contacts_are_those_of_read_contacts(
     inward = np.array([[[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]])
     poses = one_pose(columns={"contacts": contacts, "normals": inward})
     path = tmp_path / f"one.{SUFFIX[name]}"
-    write_poses(path, poses, format=name)
+    write_grasps(path, poses, format=name)
     equal(read_contacts(path), contacts)
     if name == "json":
         content = json.loads(path.read_text())
@@ -503,7 +503,7 @@ def test_normals_point_outward_in_files_and_contacts_are_those_of_read_contacts(
 def test_settings_are_at_the_top_of_json_and_in_the_metadata_of_parquet(tmp_path: Path) -> None:
     poses = one_pose(settings={"friction": 0.5, "sensor_resolution": 0.3}, hand="my hand")
     for suffix in ("json", "parquet"):
-        write_poses(tmp_path / f"one.{suffix}", poses)
+        write_grasps(tmp_path / f"one.{suffix}", poses)
         found = read_poses(tmp_path / f"one.{suffix}")
         assert found.settings == poses.settings
         assert found.hand == "my hand"
@@ -514,7 +514,7 @@ def test_settings_are_at_the_top_of_json_and_in_the_metadata_of_parquet(tmp_path
 def test_poses_are_distinguished_from_contacts(tmp_path: Path) -> None:
     for name, suffix in SUFFIX.items():
         path = tmp_path / f"{name}.{suffix}"
-        write_poses(path, one_pose(outcome=1.0), format=name)  # type: ignore[arg-type]
+        write_grasps(path, one_pose(outcome=1.0), format=name)  # type: ignore[arg-type]
         assert holds_poses(path)
     (tmp_path / "points.json").write_text("[[[0, 0, 1], [0, 0, 0]]]")
     (tmp_path / "points.csv").write_text("x1,y1,z1,x2,y2,z2\n0,0,1,0,0,0\n")
@@ -541,11 +541,11 @@ def test_the_unit_of_a_file_without_one_is_given_and_another_one_is_refused(
     path.write_text("px,py,pz,qx,qy,qz,qw\n0,0,60,0,0,0,1\n")
     assert read_poses(path).unit is None
     equal(read_poses(path, unit="mm").in_unit("m").poses[0, 2, 3], 0.06)
-    write_poses(path, one_pose())
+    write_grasps(path, one_pose())
     assert read_poses(path).unit == "m"
     with pytest.raises(ContactError, match="it states the unit m, not mm"):
         read_poses(path, unit="mm")
-    write_poses(tmp_path / "one.npy", one_pose())
+    write_grasps(tmp_path / "one.npy", one_pose())
     with pytest.raises(ContactError, match="files are in metres, not in mm"):
         read_poses(tmp_path / "one.npy", hand=HAND, unit="mm")
 
@@ -567,7 +567,7 @@ def no_joints() -> ParallelGripper:
         ("one.yaml", None, {"scores": 353.0}, "must be from 0 to 1; grasp 1 has 353"),
         ("one.json", "graspgen", {}, "outcome of grasp 1 is not known"),
         ("one.json", "moveit", {"scores": math.inf}, "scores .* must be finite"),
-        ("one.json", None, {"settings": {"a": object()}}, "settings of the poses are no JSON"),
+        ("one.json", None, {"settings": {"a": object()}}, "its settings are no JSON"),
         ("folder/one.json", None, {}, "cannot be written"),
     ],
 )
@@ -575,18 +575,18 @@ def test_what_cannot_be_written_is_refused_and_leaves_no_file(
     file: str, name: Any, fields: dict[str, Any], message: str, tmp_path: Path
 ) -> None:
     with pytest.raises(OutputError, match=message):
-        write_poses(tmp_path / file, one_pose(**fields), format=name)
+        write_grasps(tmp_path / file, one_pose(**fields), format=name)
     assert not list(tmp_path.iterdir())
 
 
 def test_no_poses_equal_names_and_unknown_formats_are_refused(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="no poses to write"):
-        write_poses(tmp_path / "none.json", one_pose().take([]))
+        write_grasps(tmp_path / "none.json", one_pose().take([]))
     twins = GraspPoses(poses=[np.eye(4)] * 2, names=("a", "a"), unit="m", hand=HAND)
     with pytest.raises(OutputError, match="two grasps are called 'a'"):
-        write_poses(tmp_path / "twins.yaml", twins)
+        write_grasps(tmp_path / "twins.yaml", twins)
     with pytest.raises(SettingError, match="no format is called 'xml'; known: acronym, csv"):
-        write_poses(tmp_path / "a.json", one_pose(), format="xml")
+        write_grasps(tmp_path / "a.json", one_pose(), format="xml")
 
 
 def test_a_missing_library_is_named_with_its_extra(
@@ -599,7 +599,7 @@ def test_a_missing_library_is_named_with_its_extra(
         with pytest.raises(OutputError, match=r"pip install 'grasp3d\[datasets\]'"):
             read_poses(tmp_path / name, hand=HAND)
         with pytest.raises(OutputError, match=r"pip install 'grasp3d\[datasets\]'"):
-            write_poses(tmp_path / name, one_pose())
+            write_grasps(tmp_path / name, one_pose())
 
 
 UNIT_QUATERNION = "qx,qy,qz,qw"
@@ -686,7 +686,7 @@ def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["isaac_grasp", "graspgen", "graspnet", "moveit"])
 def test_poses_of_the_base_need_the_gripper(name: Any, tmp_path: Path) -> None:
     path = tmp_path / f"poses.{SUFFIX[name]}"
-    write_poses(path, one_pose(outcome=1.0), format=name)
+    write_grasps(path, one_pose(outcome=1.0), format=name)
     with pytest.raises(ContactError, match=r"not of the fingertips, .*: give it \(--hand"):
         read_poses(path)
 
@@ -725,7 +725,7 @@ def test_a_damaged_file_that_hdf5_reads_for_ever_is_refused(
 ) -> None:
     monkeypatch.setattr(limited_reading, "SECONDS", 4.0)
     path = tmp_path / "a.h5"
-    write_poses(path, one_pose(outcome=1.0))
+    write_grasps(path, one_pose(outcome=1.0))
     assert read_poses(path).count == 1
     content = bytearray(path.read_bytes())
     content[content.index(b"GCOL") + 24] = 238  # size of the first text in the heap of texts
@@ -796,7 +796,7 @@ def test_arrays_of_objects_and_of_huge_declared_size_are_refused(tmp_path: Path)
 @pytest.mark.parametrize("name", list(SUFFIX))
 def test_truncated_files_are_refused(name: Any, tmp_path: Path) -> None:
     path = tmp_path / f"poses.{SUFFIX[name]}"
-    write_poses(path, one_pose(outcome=1.0, scores=0.5), format=name)
+    write_grasps(path, one_pose(outcome=1.0, scores=0.5), format=name)
     whole = path.read_bytes()
     for fraction in (0.0, 0.1, 0.5, 0.9):
         path.write_bytes(whole[: int(fraction * len(whole))])
@@ -851,7 +851,7 @@ def test_documents_with_one_changed_value_are_read_or_refused(
     name: Any, data: st.DataObject, tmp_path: Path
 ) -> None:
     path = tmp_path / f"poses.{SUFFIX[name]}"
-    write_poses(path, one_pose(outcome=1.0, scores=0.5), format=name)
+    write_grasps(path, one_pose(outcome=1.0, scores=0.5), format=name)
     text = path.read_text()
     document = yaml.safe_load(text) if name == "isaac_grasp" else json.loads(text)
     inner: Any = document

@@ -145,7 +145,7 @@ def test_poses_before_the_grasp_are_scaled_and_moved_with_it_and_postures_are_no
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"joint_names": ("one",)}, "1 joints are named, but the posture has 2 values"),
+        ({"joint_names": ("one",)}, "2 joints need as many names that differ"),
         ({"posture": [[0.0, 0.0], [0.0, np.nan]]}, "grasp 2: value 2 of its posture must be finit"),
         ({"pregrasp_poses": np.eye(4)}, "2 poses need as many pregrasp_poses"),
     ],

@@ -20,7 +20,7 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.formats import read_poses, write_grasps, write_poses
+from grasp3d.formats import read_poses, write_grasps
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
@@ -228,7 +228,7 @@ def test_results_are_written_as_poses_and_read_back(
     )
     found = evaluate_grasps(box, given, MODEL, hand=pads())
     path = tmp_path / f"results{suffix}"
-    write_poses(path, found.to_poses())
+    write_grasps(path, found.to_poses())
     again = read_poses(path)
     np.testing.assert_allclose(again.poses, matrices, atol=1e-12)
     assert again.outcome.tolist() == [1.0, 0.0]

@@ -9,7 +9,7 @@ import trimesh
 
 from grasp3d import Load, MeshOptions, ParallelGripper
 from grasp3d.errors import ContactError, MeshError, SettingError
-from grasp3d.formats import write_poses
+from grasp3d.formats import write_grasps
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.outcomes.tried_grasps import (
     GIVEN,
@@ -88,15 +88,15 @@ def test_the_gripper_is_given_stated_or_known(tmp_path: Path, box: Path) -> None
         return tried.hand.name, tried.hand_from
 
     own = replace(wsg, name="own")
-    write_poses(tmp_path / "own.json", poses(hand=own))
+    write_grasps(tmp_path / "own.json", poses(hand=own))
     assert used(tmp_path / "own.json") == ("own", "as the file states")
     assert used(tmp_path / "own.json", FRANKA) == ("franka", "as given")
-    write_poses(tmp_path / "named.json", poses(hand="panda"))
+    write_grasps(tmp_path / "named.json", poses(hand="panda"))
     assert used(tmp_path / "named.json") == ("franka", "as the file states (panda)")
-    write_poses(tmp_path / "none.csv", poses())
+    write_grasps(tmp_path / "none.csv", poses())
     with pytest.raises(SettingError, match=r"none.csv: states no gripper; give it with --hand"):
         used(tmp_path / "none.csv")
-    write_poses(tmp_path / "odd.json", poses(hand="odd"))
+    write_grasps(tmp_path / "odd.json", poses(hand="odd"))
     with pytest.raises(SettingError, match=r"odd.json: states the gripper 'odd', unknown; give"):
         used(tmp_path / "odd.json")
 
@@ -118,12 +118,12 @@ def test_acronym_without_a_gripper_is_of_a_franka_hand(tmp_path: Path, box: Path
 def test_grasps_that_were_not_tried_are_left_out(tmp_path: Path, box: Path) -> None:
     path = tmp_path / "a.csv"
     four = GraspPoses(poses=np.tile(ABOVE, (4, 1, 1)), outcome=[np.nan, 1.0, np.nan, 0.0], unit="m")
-    write_poses(path, four)
+    write_grasps(path, four)
     (tried,) = check_grasps([path], mesh=box, hand=FRANKA)
     assert tried.not_tried == 2
     assert tried.numbers.tolist() == [2, 4]
     assert tried.poses.outcome.tolist() == [1.0, 0.0]
-    write_poses(path, replace(four, outcome=np.full(4, np.nan)))
+    write_grasps(path, replace(four, outcome=np.full(4, np.nan)))
     with pytest.raises(ContactError, match=r"a.csv: no outcome is known of any grasp; a table ne"):
         check_grasps([path], mesh=box, hand=FRANKA)
     with pytest.raises(ContactError, match="name at least one file"):

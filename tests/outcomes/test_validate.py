@@ -10,7 +10,7 @@ import pytest
 import grasp3d
 from grasp3d import GraspModel, Load, ObjectMesh, ParallelGripper, load_mesh, validate_grasps
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.formats import write_poses
+from grasp3d.formats import write_grasps
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.outcomes import SCORES, Validation, write_validation
@@ -135,8 +135,8 @@ def test_several_objects_are_drawn_whole(tmp_path: Path) -> None:
     for k, one in enumerate((mesh(), larger)):
         one.to_trimesh().export(tmp_path / f"{k}.ply")
         part = tried(held).take(np.arange(20 * k, 20 * k + 20))
-        write_poses(tmp_path / f"{k}.json", replace(part, object_file=f"{k}.ply", hand=FRANKA))
-        write_poses(tmp_path / f"{k}b.json", replace(part, object_file=f"{k}.ply", hand=FRANKA))
+        write_grasps(tmp_path / f"{k}.json", replace(part, object_file=f"{k}.ply", hand=FRANKA))
+        write_grasps(tmp_path / f"{k}b.json", replace(part, object_file=f"{k}.ply", hand=FRANKA))
     files = [tmp_path / f"{name}.json" for name in ("0", "0b", "1")]
     options = grasp3d.MeshOptions(unit="m", max_edge=0.02)
     found = validate_grasps(files, options=options)

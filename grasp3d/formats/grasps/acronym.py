@@ -17,12 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from grasp3d.errors import ContactError
-from grasp3d.formats.checks import library
+from grasp3d.formats.checks import library, outcomes_of
 from grasp3d.formats.format import Format, Given, register
-from grasp3d.formats.outcomes import outcomes_of
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES
 from grasp3d.system.files import atomic_write
@@ -47,14 +45,9 @@ OBJECT = {
 """Shape of what `object/` has beside file and scale."""
 
 
-def h5py_module() -> Any:
-    """The library of HDF5. Raises OutputError if it is not installed."""
-    return library("h5py", "h5py")
-
-
 def write(path: Path, poses: GraspPoses) -> None:
     """Write the poses of the hand's base, and outcomes where any are known."""
-    h5py = h5py_module()
+    h5py = library("h5py", "h5py")
     hand: Any = poses.hand
     values: dict[str, Any] = {
         TRANSFORMS: poses.poses,
@@ -78,7 +71,7 @@ def write(path: Path, poses: GraspPoses) -> None:
 
 def read(path: Path, given: Given) -> GraspPoses:
     """Poses in the order of the file. Raises ContactError, OSError."""
-    h5py = h5py_module()
+    h5py = library("h5py", "h5py")
     with path.open("rb") as stream:
         if stream.read(8) != b"\x89HDF\r\n\x1a\n":
             raise ContactError("is no HDF5 file")
@@ -99,21 +92,20 @@ def _read(file: Any, given: Given) -> GraspPoses:
         )
     if not (count := shape[0]):
         raise ContactError("there are no grasps in it")
-    stated = {name: _numbers(file, f"object/{name}", shape) for name, shape in OBJECT.items()}
-    scale = _numbers(file, "object/scale", ())
+    stated = {name: _values(file, f"object/{name}", shape) for name, shape in OBJECT.items()}
     frame = FRAMES["acronym"]
     if given.hand is None:
-        stated_ahead = _numbers(file, "gripper/base_to_tcp", ())
-        ahead = BASE_TO_TCP if stated_ahead is None else float(stated_ahead)
+        ahead = _values(file, "gripper/base_to_tcp", ())
+        ahead = BASE_TO_TCP if ahead is None else float(ahead)
         frame = replace(frame, origin="tcp", ahead=ahead, name="")
-    own = [OUTCOME] if OUTCOME in file else []
+    scale = _values(file, "object/scale", ())
     return GraspPoses(
-        poses=np.asarray(_numbers(file, TRANSFORMS, shape)),
+        poses=_values(file, TRANSFORMS, shape),
         outcome=outcomes_of(
             given.outcome,
             count,
-            _of_each(file, count) if given.outcome else own,
-            lambda name: np.asarray(_values(file, name, (count,))),
+            _of_each(file, count) if given.outcome else [OUTCOME] * (OUTCOME in file),
+            lambda name: _values(file, name, (count,), "fiubO"),
             default=(OUTCOME,),
         ),
         hand=_text(file, "gripper/type") or GRIPPER,
@@ -136,46 +128,28 @@ def _of_each(file: Any, count: int) -> list[str]:
     return found
 
 
-def _values(file: Any, name: str, shape: tuple[int, ...]) -> npt.NDArray[Any] | None:
-    """Numbers or texts of a data set; None: it is missing. Raises ContactError."""
+def _values(file: Any, name: str, shape: tuple[int, ...], kinds: str = "fiub") -> Any:
+    """Numbers of a data set, or texts if their kind O is allowed; None: it is missing."""
     if name not in file:
         return None
     data = file[name]
     if getattr(data, "shape", None) != shape:
         raise ContactError(f"{name} must be a data set of shape {shape}; got {data!r:.80}")
-    if h5py_module().check_string_dtype(data.dtype) is not None:
-        return np.asarray(data.asstr(errors="replace")[()])
-    return np.asarray(data[()])
-
-
-def _numbers(file: Any, name: str, shape: tuple[int, ...]) -> npt.NDArray[Any] | None:
-    values = _values(file, name, shape)
-    if values is not None and values.dtype.kind not in "fiub":
-        raise ContactError(f"{name} must be numbers of shape {shape}; got {values.dtype}")
-    return None if values is None else values.astype(np.float64)
+    if data.dtype.kind not in kinds:
+        wanted = "text" if kinds == "O" else "numbers"
+        raise ContactError(f"{name} must be {wanted}; got {data.dtype}")
+    return (
+        data.asstr(errors="replace")[()] if data.dtype.kind == "O" else np.asarray(data[()] * 1.0)
+    )
 
 
 def _text(file: Any, name: str) -> str | None:
     """A text; None: it is missing, or empty."""
-    values = _values(file, name, ())
-    if values is not None and values.dtype.kind not in "OUT":
-        raise ContactError(f"{name} must be text; got {values.dtype}")
-    return None if values is None else str(values) or None
+    return _values(file, name, (), "O") or None
 
 
-register(
-    Format(
-        name="acronym",
-        title="ACRONYM",
-        suffixes=(".h5", ".hdf5"),
-        sniff=lambda _: True,
-        read=read,
-        write=write,
-        holds="the data set grasps/transforms",
-        needs=("h5py", "h5py"),
-        frame="acronym",
-        states_frame=True,
-        alone=True,
-        about=__doc__ or "",
-    )
-)
+register(Format(
+    name="acronym", title="ACRONYM", suffixes=(".h5", ".hdf5"), frame="acronym",
+    states_frame=True, alone=True, needs=("h5py", "h5py"), sniff=lambda _: True, read=read,
+    write=write, holds="the data set grasps/transforms", about=__doc__ or "",
+))  # fmt: skip

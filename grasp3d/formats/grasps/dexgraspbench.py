@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
 from grasp3d.formats import dictionaries
+from grasp3d.formats.checks import required
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import wrist_of
@@ -28,27 +28,19 @@ from grasp3d.formats.postures import wrist_of
 
 def read(content: Any, given: Given) -> GraspPoses:
     """Poses of the root of a MuJoCo model, in the order of the files. Raises ContactError."""
-    parts = [_stages(rows, number) for number, rows in enumerate(content, 1)]
+    parts = []
+    for number, rows in enumerate(content, 1):
+        where = f"dictionary {number}: "
+        required(rows, "grasp_qpos", where)
+        part = {
+            stage: dictionaries.flat(dictionaries.numbers_in(rows, f"{stage}_qpos", number))
+            for stage in dictionaries.ALL_STAGES
+            if stage == "grasp" or rows.get(f"{stage}_qpos") is not None
+        }
+        if len({len(values) for values in part.values()}) > 1:
+            raise ContactError(f"{where}{' and '.join(part)}_qpos must have as many rows")
+        parts.append(part)
     return dictionaries.grasps_in(content, parts, given, wrist_of(given.hand).before)
-
-
-def _stages(rows: dictionaries.Rows, number: int) -> dict[str, Floats]:
-    """Rows of a pose and joints at each stage that a dictionary has, (n, 7 + p) each."""
-    if "grasp_qpos" not in rows:
-        raise ContactError(f"dictionary {number}: the key grasp_qpos is missing")
-    found = {
-        stage: dictionaries.flat(dictionaries.numbers_in(rows, f"{stage}_qpos", number))
-        for stage in dictionaries.ALL_STAGES
-        if rows.get(f"{stage}_qpos") is not None
-    }
-    count = len(found["grasp"])
-    for stage, values in found.items():
-        if len(values) != count:
-            raise ContactError(
-                f"dictionary {number}: {stage}_qpos must have {count} rows, as grasp_qpos; got "
-                f"{len(values)}"
-            )
-    return found
 
 
 def write(path: Path, poses: GraspPoses) -> None:
@@ -63,19 +55,8 @@ def write(path: Path, poses: GraspPoses) -> None:
     dictionaries.write_objects(path, {**stages, **about})
 
 
-register(
-    Format(
-        name="dexgraspbench",
-        title="DexGraspBench",
-        suffixes=(".npy",),
-        sniff=dictionaries.have("grasp_qpos"),
-        read=read,
-        write=write,
-        holds="dictionaries with the key grasp_qpos",
-        frame="hand",
-        states_frame=True,
-        hands=("articulated",),
-        moves=True,
-        about=__doc__ or "",
-    )
-)
+register(Format(
+    name="dexgraspbench", title="DexGraspBench", suffixes=(".npy",), frame="hand",
+    states_frame=True, hands=("articulated",), moves=True, sniff=dictionaries.have("grasp_qpos"),
+    read=read, write=write, holds="dictionaries with the key grasp_qpos", about=__doc__ or "",
+))  # fmt: skip

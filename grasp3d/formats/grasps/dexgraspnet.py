@@ -61,18 +61,8 @@ def write(path: Path, poses: GraspPoses) -> None:
     dictionaries.write_objects(path, rows)
 
 
-register(
-    Format(
-        name="dexgraspnet",
-        title="DexGraspNet",
-        suffixes=(".npy",),
-        sniff=dictionaries.have("qpos"),
-        read=read,
-        write=write,
-        holds="dictionaries with the key qpos",
-        frame="hand",
-        states_frame=True,
-        hands=("articulated",),
-        about=__doc__ or "",
-    )
-)
+register(Format(
+    name="dexgraspnet", title="DexGraspNet", suffixes=(".npy",), frame="hand", states_frame=True,
+    hands=("articulated",), sniff=dictionaries.have("qpos"), read=read, write=write,
+    holds="dictionaries with the key qpos", about=__doc__ or "",
+))  # fmt: skip

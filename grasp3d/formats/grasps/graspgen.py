@@ -7,13 +7,14 @@
 | `grasps.object_in_gripper` | list of true and false. Every outcome must be known: grasps that were not tried cannot be written in this format |
 """
 
+import json
 from pathlib import Path
 from typing import Any
 
 from grasp3d.errors import ContactError
 from grasp3d.formats import checks
+from grasp3d.formats.checks import outcomes_of
 from grasp3d.formats.format import Format, Given, register
-from grasp3d.formats.outcomes import outcomes_of
 from grasp3d.formats.poses import GraspPoses
 
 OUTCOME = "object_in_gripper"
@@ -24,16 +25,13 @@ def write(path: Path, poses: GraspPoses) -> None:
     about = {"file": poses.object_file or "", "scale": poses.object_scale}
     held = (poses.outcome == 1.0).tolist()
     grasps = {"transforms": poses.poses.tolist(), OUTCOME: held}
-    checks.write_text(path, checks.json_text({"object": about, "grasps": grasps}))
+    checks.write_text(path, [json.dumps({"object": about, "grasps": grasps})])
 
 
 def read(content: Any, given: Given) -> GraspPoses:
     """Poses of the content of a JSON file. Raises ContactError."""
-    document = checks.mapping(content, "the file")
-    grasps, about = (checks.mapping(document.get(key, {}), key) for key in ("grasps", "object"))
-    transforms = checks.grasp_list(
-        checks.required(grasps, "transforms", "grasps: "), "grasps.transforms"
-    )
+    grasps, about = (checks.mapping(content.get(key, {}), key) for key in ("grasps", "object"))
+    transforms = checks.grasp_list(grasps["transforms"], "grasps.transforms")
 
     def of_each(key: str) -> list[Any]:
         """A list of one value for each grasp, which may be a list of it."""
@@ -51,17 +49,8 @@ def read(content: Any, given: Given) -> GraspPoses:
     )
 
 
-register(
-    Format(
-        name="graspgen",
-        title="GraspGen",
-        suffixes=(".json",),
-        sniff=checks.has("grasps.transforms"),
-        read=read,
-        write=write,
-        holds="the key grasps with transforms",
-        frame="graspgen",
-        outcomes=True,
-        about=__doc__ or "",
-    )
-)
+register(Format(
+    name="graspgen", title="GraspGen", suffixes=(".json",), frame="graspgen", outcomes=True,
+    sniff=checks.has("grasps.transforms"), read=read, write=write,
+    holds="the key grasps with transforms", about=__doc__ or "",
+))  # fmt: skip

@@ -20,9 +20,8 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
-from grasp3d.formats.checks import write_array
+from grasp3d.formats.checks import outcomes_of, write_array
 from grasp3d.formats.format import Format, Given, register
-from grasp3d.formats.outcomes import outcomes_of
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES
 
@@ -91,17 +90,8 @@ def read(content: Any, given: Given) -> GraspPoses:
     )
 
 
-register(
-    Format(
-        name="graspnet",
-        title="graspnetAPI",
-        suffixes=(".npy",),
-        sniff=sniff,
-        read=read,
-        write=write,
-        holds="an array with 17 numbers in each row",
-        frame="graspnetapi",
-        main=True,
-        about=__doc__ or "",
-    )
-)
+register(Format(
+    name="graspnet", title="graspnetAPI", suffixes=(".npy",), frame="graspnetapi", main=True,
+    sniff=sniff, read=read, write=write, holds="an array with 17 numbers in each row",
+    about=__doc__ or "",
+))  # fmt: skip

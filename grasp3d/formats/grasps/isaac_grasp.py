@@ -29,7 +29,6 @@ from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.formats import checks, frames
 from grasp3d.formats.format import Format, Given, register
-from grasp3d.formats.outcomes import outcomes_of_entries
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.system.documents import described, number_of
@@ -44,11 +43,9 @@ LINKS = ("object_frame_link", "gripper_frame_link")
 
 def write(path: Path, poses: GraspPoses) -> None:
     """Write grasps by name, the gripper's frame relative to the object."""
-    twice = [name for name, count in Counter(poses.names).items() if count > 1]
-    if twice:
+    if twice := [name for name, count in Counter(poses.names).items() if count > 1]:
         raise OutputError(f"two grasps are called {twice[0]!r}: give each a name of its own")
-    outside = np.flatnonzero((poses.scores < 0.0) | (poses.scores > 1.0))
-    if len(outside):
+    if len(outside := np.flatnonzero((poses.scores < 0.0) | (poses.scores > 1.0))):
         raise OutputError(
             f"the confidence in {NAME} files must be from 0 to 1; grasp {outside[0] + 1} has "
             f"{poses.scores[outside[0]]:g}"
@@ -57,17 +54,20 @@ def write(path: Path, poses: GraspPoses) -> None:
     if isinstance(hand, ArticulatedHand):
         values = [poses.posture, poses.pregrasp_posture]
     else:
-        openings = poses.opening, poses.pregrasp_opening
-        values = [frames.joint_values(hand, one, FORMAT) for one in openings]
-    closed, opened = (_by_name(hand.joint_names, one) for one in values)
+        values = [frames.joint_values(hand, one) for one in (poses.opening, poses.pregrasp_opening)]
+
+    def by_name(values: Floats, k: int) -> dict[str, float]:
+        """Joint values of a grasp; empty where they are not known."""
+        row = checks.json_values(values[k]) if values.size else ()
+        return {n: v for n, v in zip(hand.joint_names, row, strict=False) if v is not None}
+
     turned, position = frames.quaternions(poses.poses).tolist(), poses.poses[:, :3, 3].tolist()
     grasps = {
         name: {
             "confidence": float(poses.scores[k]),
             "position": position[k],
             "orientation": {"w": turned[k][3], "xyz": turned[k][:3]},
-            AT: closed[k],
-            BEFORE: opened[k],
+            **{key: by_name(one, k) for key, one in zip((AT, BEFORE), values, strict=True)},
         }
         for k, name in enumerate(poses.names)
     }
@@ -82,16 +82,6 @@ def write(path: Path, poses: GraspPoses) -> None:
     checks.write_yaml(path, document)
 
 
-def _by_name(names: tuple[str, ...], values: Floats) -> list[dict[str, float]]:
-    """Joint values by name; empty where they are not known."""
-    if not values.size:
-        return [{} for _ in values]
-    return [
-        {n: v for n, v in zip(names, row, strict=True) if v is not None}
-        for row in checks.json_numbers(values)
-    ]
-
-
 def read(content: Any, given: Given) -> GraspPoses:
     """Grasps of the content of a YAML file, in its order. Raises ContactError."""
     document = checks.mapping(content, "the file")
@@ -101,16 +91,14 @@ def read(content: Any, given: Given) -> GraspPoses:
     if not VERSION <= number_of(version) < VERSION + 1.0:
         raise ContactError(f"format_version must be {VERSION}; got {described(version)}")
     grasps = checks.mapping(checks.required(document, "grasps"), "grasps")
-    if not grasps:
-        raise ContactError("there are no grasps in it")
-    entries = checks.entries_of(grasps.values())
+    entries = checks.entries_of(list(grasps.values()), "grasps")
     stated = {key: document.get(key, document.get(key.removesuffix("_link"))) for key in LINKS}
     is_articulated = isinstance(given.hand, ArticulatedHand)
     return GraspPoses(
         poses=_poses(entries),
         **(_postures(entries) if is_articulated else _openings(entries, given)),
         scores=checks.optional_numbers(entries, "confidence"),
-        outcome=outcomes_of_entries(given.outcome, entries),
+        outcome=checks.outcomes_of_entries(given.outcome, entries),
         names=tuple(map(str, grasps)),
         object_file=checks.text_or_none(document.get("object_file"), "object_file"),
         object_scale=checks.number_or_none(document.get("object_scale"), "object_scale"),
@@ -133,19 +121,12 @@ def _poses(entries: checks.Entries) -> Floats:
 
 
 def _openings(entries: checks.Entries, given: Given) -> dict[str, Any]:
-    found = {}
+    fields = {}
     for field, key in (("opening", AT), ("pregrasp_opening", BEFORE)):
-        stated = [
-            checks.mapping(entry.get(key) or {}, f"grasp {number}: {key}")
-            for number, entry in enumerate(entries, 1)
-        ]
-        joints = [
-            {str(name): float(checks.numbers([value], (), f"{key} {name}")[0])
-             for name, value in one.items()}
-            for one in stated
-        ]  # fmt: skip
-        found[field] = frames.openings_of_joints(given.hand, joints)
-    return found
+        where = ((f"grasp {number}: {key}", entry) for number, entry in enumerate(entries, 1))
+        rows = [checks.mapping(entry.get(key) or {}, what) for what, entry in where]
+        fields[field] = frames.openings_of_joints(given.hand, rows, key)
+    return fields
 
 
 def _postures(entries: checks.Entries) -> dict[str, Any]:
@@ -162,17 +143,8 @@ def _postures(entries: checks.Entries) -> dict[str, Any]:
     return fields
 
 
-FORMAT = Format(
-    name=NAME,
-    suffixes=(".yaml", ".yml"),
-    sniff=checks.has("format"),
-    read=read,
-    write=write,
-    holds="the key format with isaac_grasp",
-    needs=("yaml", "PyYAML"),
-    frame="hand",
-    hands=("gripper", "articulated"),
-    joints=True,
-    about=__doc__ or "",
-)
-register(FORMAT)
+register(Format(
+    name=NAME, suffixes=(".yaml", ".yml"), frame="hand", hands=("gripper", "articulated"),
+    joints=True, needs=("yaml", "PyYAML"), sniff=checks.has("format"), read=read, write=write,
+    holds="the key format with isaac_grasp", about=__doc__ or "",
+))  # fmt: skip

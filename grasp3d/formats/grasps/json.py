@@ -30,9 +30,7 @@ An object: `grasp3d` is about all grasps, `grasps` a list.
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from grasp3d.errors import ContactError, OutputError
+from grasp3d.arrays import Floats
 from grasp3d.formats import checks, own
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.poses import OWN_NAMES, STAGES, VECTOR_COLUMNS, GraspPoses
@@ -40,81 +38,48 @@ from grasp3d.formats.poses import OWN_NAMES, STAGES, VECTOR_COLUMNS, GraspPoses
 
 def write(path: Path, poses: GraspPoses) -> None:
     """Write what applies to all grasps, then one line for each grasp."""
-    names, placed = own.joint_names(poses), {"pose": poses.poses.tolist()}
-    for name, values in own.stages_of(poses).items():
-        rows = checks.json_numbers(values)
-        by_name = values.ndim == 2
-        placed[name] = [dict(zip(names, row, strict=True)) for row in rows] if by_name else rows
-    further = {name: one for name, one in poses.columns.items() if name not in VECTOR_COLUMNS}
-    columns = {
-        name: checks.json_numbers(values) if isinstance(values, np.ndarray) else values
-        for name, values in {**own.columns_of(poses, **placed), **further}.items()
-    }
-    if vectors := own.vectors_of(poses):
-        keys = [{"contacts": "point", "normals": "normal"}[name] for name in vectors]
+    names, table = own.joint_names(poses), own.table_of(poses)
+    vectors = {name: table.pop(name) for name in VECTOR_COLUMNS if name in table}
+    columns = {name: checks.json_values(values) for name, values in table.items()}
+    for name in {f"{stage}posture" for stage in STAGES} & columns.keys():
+        columns[name] = [dict(zip(names, row, strict=True)) for row in columns[name]]
+    if vectors:
+        keys = [name.removesuffix("s").replace("contact", "point") for name in vectors]
         columns["contacts"] = [
             [dict(zip(keys, one, strict=True)) for one in zip(*grasp, strict=True)]
-            for grasp in zip(*map(checks.json_numbers, vectors.values()), strict=True)
+            for grasp in zip(*map(checks.json_values, vectors.values()), strict=True)
         ]
-    try:
-        header = checks.json_text(own.header_of(poses))
-    except (TypeError, ValueError) as error:
-        raise OutputError(f"{path}: the settings of the poses are no JSON: {error}") from error
-    checks.write_rows(path, header, checks.rows_of(columns, poses.count))
+    checks.write_rows(path, own.header_of(poses), columns, poses.count)
 
 
 def read(content: Any, given: Given) -> GraspPoses:
     """Poses of the content of a JSON file. Raises ContactError."""
     document = checks.mapping(content, "the file")
-    entries = checks.entries_of(checks.grasp_list(checks.required(document, "grasps"), "grasps"))
+    entries = checks.entries_of(checks.required(document, "grasps"), "grasps")
     keys = list(dict.fromkeys(key for entry in entries for key in entry))
-    listed = {key: [entry.get(key) for entry in entries] for key in keys}
-    further = [key for key in keys if key not in {*OWN_NAMES, *VECTOR_COLUMNS}]
+
+    def pose(start: str) -> Floats | None:
+        key = f"{start}pose"
+        if start and key not in keys:
+            return None
+        return checks.numbers(checks.each(entries, key), (4, 4), key)
+
+    def posture(start: str) -> tuple[tuple[str, ...], Floats] | None:
+        key = f"{start}posture"
+        return checks.joints_of(checks.each(entries, key), key) if key in keys else None
+
     return own.poses_of(
-        listed,
+        {key: [entry.get(key) for entry in entries] for key in keys},
+        checks.mapping(document.get("grasp3d", {}), "grasp3d"),
         given,
-        poses=checks.numbers(checks.each(entries, "pose"), (4, 4), "pose"),
-        **_stages(entries),
-        names=tuple(str(one.get("name", f"grasp_{k}")) for k, one in enumerate(entries, 1)),
-        columns={key: own.column_of(listed[key], key) for key in further},
-        **own.fields_of(
-            checks.mapping(document.get("grasp3d", {}), "grasp3d") | own.stated_in(listed), given
-        ),
+        further=[key for key in keys if key not in {*OWN_NAMES, *VECTOR_COLUMNS}],
+        pose=pose,
+        posture=posture,
     )
 
 
-def _stages(entries: checks.Entries) -> dict[str, Any]:
-    """Postures, and poses before and after the grasp, as far as they are stated."""
-    found: dict[str, Any] = {}
-    names: tuple[str, ...] | None = None
-    for name in ("posture", *(f"{stage}_posture" for stage in STAGES)):
-        if any(name in entry for entry in entries):
-            of_stage, values = checks.joints_of(checks.each(entries, name), name)
-            names = of_stage if names is None else names
-            if {*of_stage} != {*names}:
-                raise ContactError(f"{name} must have the joints of the posture")
-            order = [of_stage.index(joint) for joint in names]
-            found |= {name: values[:, order], "joint_names": names}
-    for stage in STAGES:
-        if any((key := f"{stage}_pose") in entry for entry in entries):
-            found[f"{key}s"] = checks.numbers(checks.each(entries, key), (4, 4), key)
-    return found
-
-
-register(
-    Format(
-        name="json",
-        title="JSON",
-        suffixes=(".json",),
-        sniff=checks.has("grasps.0.pose"),
-        read=read,
-        write=write,
-        holds="the key grasps with poses, as write_grasps writes them",
-        states_frame=True,
-        unit="stated",
-        hands=(),
-        moves=True,
-        main=True,
-        about=__doc__ or "",
-    )
-)
+register(Format(
+    name="json", title="JSON", suffixes=(".json",), states_frame=True, unit="stated", hands=(),
+    moves=True, main=True, sniff=checks.has("grasps.0.pose"), read=read, write=write,
+    holds="the key grasps with poses, as write_grasps writes them", about=__doc__ or "",
+))  # fmt: skip

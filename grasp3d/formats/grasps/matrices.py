@@ -33,18 +33,7 @@ def write(path: Path, poses: GraspPoses) -> None:
     write_array(path, poses.poses)
 
 
-register(
-    Format(
-        name="matrices",
-        title="Matrices",
-        suffixes=(".npy",),
-        sniff=sniff,
-        read=read,
-        write=write,
-        holds="an array (k, 4, 4)",
-        unit="stated",
-        hands=(),
-        moves=True,
-        about=__doc__ or "",
-    )
-)
+register(Format(
+    name="matrices", title="Matrices", suffixes=(".npy",), unit="stated", hands=(), moves=True,
+    sniff=sniff, read=read, write=write, holds="an array (k, 4, 4)", about=__doc__ or "",
+))  # fmt: skip

@@ -17,6 +17,7 @@ It has every field of the definition (headers and durations of ROS 2; ROS 1 is r
 of the Franka arm is turned by 45° about z), state it with `--frame panda_link8`.
 """
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -24,24 +25,17 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError
-from grasp3d.formats import checks
+from grasp3d.formats import checks, frames
 from grasp3d.formats.format import Format, Given, register
-from grasp3d.formats.frames import (
-    from_quaternions,
-    joint_values,
-    of_tcp,
-    openings_of_joints,
-    quaternions,
-)
-from grasp3d.formats.outcomes import outcomes_of_entries
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.system.documents import described
 
 DESIRED, LEAST = 0.10, 0.02
 """Desired and smallest length of approach and retreat [m]."""
 
 NO_FORCE_LIMIT = 0.0
 """`max_contact_force` where the gripper states no greatest force: MoveIt then applies none."""
+
+TIME = {"sec": 0, "nanosec": 0}
 
 
 def write(path: Path, poses: GraspPoses) -> None:
@@ -50,28 +44,24 @@ def write(path: Path, poses: GraspPoses) -> None:
         raise OutputError("the scores of moveit_msgs/Grasp messages must be finite")
     hand: Any = poses.hand
     frame = "object" if poses.object_pose is None else poses.object_pose.frame
-    header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": frame}  # std_msgs/Header of ROS 2
-    turned, approaches = quaternions(poses.poses), of_tcp(poses).poses[:, :3, 2]
+    header = {"stamp": TIME, "frame_id": frame}  # std_msgs/Header of ROS 2
+    turned, approaches = frames.quaternions(poses.poses), frames.of_tcp(poses).poses[:, :3, 2]
 
     def letters(values: Floats, names: str = "xyz") -> dict[str, float]:
         return dict(zip(names, values.tolist(), strict=True))
 
     def postures(openings: Floats) -> list[dict[str, Any]]:
         """trajectory_msgs/JointTrajectory of one point; of none where openings are not known."""
-        rows = checks.json_numbers(joint_values(hand, openings, FORMAT))
-        known = [bool(row) and None not in row for row in rows]
-        time = {"sec": 0, "nanosec": 0}
+        rows = checks.json_values(frames.joint_values(hand, openings))
         empty: dict[str, Any] = {"velocities": [], "accelerations": [], "effort": []}
-        return [
-            {
-                "header": header,
-                "joint_names": list(hand.joint_names) if is_known else [],
-                "points": [{"positions": row, **empty, "time_from_start": time}]
-                if is_known
-                else [],
-            }
-            for row, is_known in zip(rows, known, strict=True)
+        points = [
+            [{"positions": row, **empty, "time_from_start": TIME}]
+            if row and None not in row
+            else []
+            for row in rows
         ]
+        names = list(hand.joint_names)
+        return [{"header": header, "joint_names": names if p else [], "points": p} for p in points]
 
     def translation(direction: Floats) -> dict[str, Any]:
         """moveit_msgs/GripperTranslation."""
@@ -103,55 +93,38 @@ def write(path: Path, poses: GraspPoses) -> None:
         }
         for k in range(poses.count)
     ]
-    checks.write_text(path, "[\n" + ",\n".join(map(checks.json_text, messages)) + "\n]\n")
+    checks.write_text(path, ["[\n", ",\n".join(map(json.dumps, messages)), "\n]\n"])
 
 
 def read(content: Any, given: Given) -> GraspPoses:
     """Poses of the content of a JSON file, a list of messages or one. Raises ContactError."""
-    messages = checks.entries_of(
-        checks.grasp_list(content if isinstance(content, list) else [content], "the file")
-    )
-    position, turned = (
-        np.column_stack(
-            [
-                checks.numbers(
-                    checks.each(messages, "grasp_pose", "pose", part, letter),
-                    (),
-                    f"{part}.{letter}",
-                )
-                for letter in letters
-            ]
-        )
-        for part, letters in (("position", "xyz"), ("orientation", "xyzw"))
-    )
-    frames = {
-        checks.text_or_none(
-            checks.mapping(message["grasp_pose"].get("header", {}), "grasp_pose.header").get(
-                "frame_id"
-            ),
-            "frame_id",
-        )
+    messages = checks.entries_of(content if isinstance(content, list) else [content], "the file")
+    parts = [("position", letter) for letter in "xyz"] + [("orientation", one) for one in "xyzw"]
+    placed = np.column_stack([
+        checks.numbers(checks.each(messages, "grasp_pose", "pose", *part), (), ".".join(part))
+        for part in parts
+    ])  # fmt: skip
+    headers = [
+        checks.mapping(message["grasp_pose"].get("header", {}), "grasp_pose.header")
         for message in messages
-    }
-    if len(frames) > 1:
-        raise ContactError(
-            f"all grasps must be in the frame of the object; got {len(frames)} values of frame_id"
-        )
-    (frame,) = frames
+    ]
+    frame, *others = {checks.text_or_none(one.get("frame_id"), "frame_id") for one in headers}
+    if others:
+        raise ContactError("all grasps must be in the same frame; their frame_id differ")
     return GraspPoses(
-        poses=from_quaternions(position, turned),
-        opening=openings_of_joints(given.hand, _joints(messages, "grasp_posture")),
-        pregrasp_opening=openings_of_joints(given.hand, _joints(messages, "pre_grasp_posture")),
+        poses=frames.from_quaternions(placed[:, :3], placed[:, 3:]),
+        opening=_openings(messages, "grasp_posture", given),
+        pregrasp_opening=_openings(messages, "pre_grasp_posture", given),
         scores=checks.optional_numbers(messages, "grasp_quality"),
-        outcome=outcomes_of_entries(given.outcome, messages),
+        outcome=checks.outcomes_of_entries(given.outcome, messages),
         names=tuple(str(m.get("id", f"grasp_{number}")) for number, m in enumerate(messages, 1)),
         settings={"frame_id": frame} if frame else {},
     )
 
 
-def _joints(messages: checks.Entries, key: str) -> list[dict[str, float]]:
-    """Values of joints at the last point of the postures, by name; empty: not stated."""
-    joints = []
+def _openings(messages: checks.Entries, key: str, given: Given) -> Floats:
+    """Openings of the last point of the postures, (k,); nan: not stated."""
+    rows = []
     for number, message in enumerate(messages, 1):
         where = f"grasp {number}: {key}"
         posture = checks.mapping(message.get(key, {}), where)
@@ -160,25 +133,13 @@ def _joints(messages: checks.Entries, key: str) -> list[dict[str, float]]:
             raise ContactError(f"{where} must have lists joint_names and points")
         values = checks.mapping(points[-1], f"{where}: a point").get("positions") if points else []
         if not isinstance(values, list) or (points and len(values) != len(names)):
-            raise ContactError(
-                f"{where} must have a position of each of {len(names)} joints; got "
-                f"{described(values)}"
-            )
-        joints.append(dict(zip(map(str, names), checks.numbers(values, (), where), strict=False)))
-    return joints
+            raise ContactError(f"{where} must have a position of each of its joints")
+        rows.append(dict(zip(map(str, names), values, strict=False)))
+    return frames.openings_of_joints(given.hand, rows, key)
 
 
-FORMAT = Format(
-    name="moveit",
-    title="moveit_msgs/Grasp",
-    suffixes=(".json",),
-    sniff=checks.has("0.grasp_pose"),
-    read=read,
-    write=write,
-    holds="a list of messages with grasp_pose",
-    frame="hand",
-    joints=True,
-    moves=True,
-    about=__doc__ or "",
-)
-register(FORMAT)
+register(Format(
+    name="moveit", title="moveit_msgs/Grasp", suffixes=(".json",), frame="hand", joints=True,
+    moves=True, sniff=checks.has("0.grasp_pose"), read=read, write=write,
+    holds="a list of messages with grasp_pose", about=__doc__ or "",
+))  # fmt: skip

@@ -4,17 +4,23 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
 
 from grasp3d.arrays import Floats, locked
-from grasp3d.errors import GraspError, MeshError, OutputError
-from grasp3d.formats.surfaces.glb import write_glb
-from grasp3d.formats.surfaces.npz import read_npz, write_npz
-from grasp3d.formats.surfaces.parquet import write_fields
-from grasp3d.formats.surfaces.ply import read_ply, write_ply
+from grasp3d.errors import MeshError, OutputError
+from grasp3d.formats.surfaces.layouts import (
+    read_npz,
+    read_ply,
+    write_fields,
+    write_glb,
+    write_npz,
+    write_ply,
+    write_vtp,
+)  # fmt: skip
 from grasp3d.formats.surfaces.stored import (
+    DAMAGE,
     FIELDS,
     FileSettings,
     Stored,
@@ -22,7 +28,6 @@ from grasp3d.formats.surfaces.stored import (
     damaged,
     settings_from,
 )
-from grasp3d.formats.surfaces.vtp import write_vtp
 from grasp3d.hand.reach import Reach
 from grasp3d.mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.normals import CornerNormals
@@ -33,7 +38,7 @@ from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.force_ranges import Certainty
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings.units import Unit, with_lengths_scaled
-from grasp3d.surface.fields import AREA, LENGTH, Array
+from grasp3d.surface.fields import AREA, LENGTH, Arrays
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.load_result import LoadResult
@@ -91,8 +96,7 @@ def read_labels(path: str | Path, *, unit: Unit | None = None) -> SurfaceLabels:
     """
     labels = labels_in(Path(path), unit=unit)
     if labels is None:
-        kind = Path(path).suffix[1:].upper()
-        where = printable(str(path))
+        kind, where = Path(path).suffix[1:].upper(), printable(str(path))
         raise MeshError(f"{where}: is not a {kind} labelled by grasp3d; label it first")
     return labels
 
@@ -103,32 +107,9 @@ def labels_in(path: Path, *, unit: Unit | None = None) -> SurfaceLabels | None:
     if stored is None:
         return None
     try:
-        settings = settings_from(stored.settings)
-    except ValueError as error:
-        stored.reject(f"its grasp3d comments are not valid: {error}")
-    check_stored(stored, settings)
-    mesh = _read_mesh(stored, settings, unit)
-    if mesh.unit is not None and settings.unit is None:
-        stored, settings = _in_metres(stored, settings, mesh.file_scale)
-    try:
-        return _labels(stored, settings, mesh)
-    except GraspError as error:
-        raise damaged(stored.source, str(error)) from error
-
-
-def _in_metres(stored: Stored, settings: FileSettings, scale: float) -> tuple[Stored, FileSettings]:
-    """What a file of unknown unit holds, with lengths in metres."""
-    factors = {LENGTH: scale, AREA: scale**2}
-    values = {
-        name: one * factors[FIELDS[name].unit] if FIELDS[name].unit in factors else one
-        for name, one in stored.values.items()
-    }
-    in_metres = replace(
-        settings,
-        model=with_lengths_scaled(settings.model, scale),
-        sampling=with_lengths_scaled(settings.sampling, scale),
-    )
-    return replace(stored, values=values), in_metres
+        return _labels(stored, unit)
+    except DAMAGE as error:
+        raise damaged(stored.source, error) from error
 
 
 def _stored(path: Path) -> Stored | None:
@@ -137,125 +118,108 @@ def _stored(path: Path) -> Stored | None:
     return READERS[f".{source.kind}"](source)
 
 
-def _labels(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> SurfaceLabels:
-    """Labels of checked values. Raises GraspError."""
-    model, known = settings.model, {
-        "label": _value(stored, "label"),
-        "epsilon_range": EpsilonRange(*(_floats(stored, f"epsilon{end}") for end in _ENDS)),
-        "load_result": _load_result(stored, settings, mesh),
-    }  # fmt: skip
-    worst, best = (_floats(stored, f"critical_angle{end}") for end in ("", "_best"))
-    labels = SurfaceLabels.of_vertices(
-        mesh, model, angles=(worst, best), partner_points=_partner_points(stored),
-        grip=stored.field("grip"), reason=stored.field("reason"),
-        reach=_reach(stored, settings), sampling=settings.sampling, mode=settings.mode,
-        search=settings.search, scene=settings.scene, load=settings.load,
-    )  # fmt: skip
-    vars(labels).update({name: value for name, value in known.items() if value is not None})
-    return labels
-
-
-_ENDS = ("", "_min", "_max")
-
-
-def _value(stored: Stored, name: str) -> Array | None:
-    """Values of a field as Python has them; None: the file has none."""
-    values = stored.values.get(name)
-    if values is None:
-        return None
-    field = FIELDS[name]
-    return locked(-values if field.outward else values, np.dtype(field.kind))
-
-
-def _floats(stored: Stored, name: str) -> Floats:
-    return locked(stored.field(name), np.float64)
-
-
-def _partner_points(stored: Stored) -> SurfacePoints:
-    """The opposing contacts as surface points, (V, n - 1)."""
-    return SurfacePoints(
-        locked(stored.field("partner_faces")), locked(stored.field("partner_weights"))
-    )
-
-
-def _reach(stored: Stored, settings: FileSettings) -> Reach | None:
-    """How a gripper reaches the grasps, if there is one."""
-    if settings.scene is None:
-        return None
-    margin = _floats(stored, "approach_margin")
-    columns = [stored.field(name) for name in ("closing", "lateral", "approach", "tcp")]
-    poses = np.full((len(margin), 4, 4), math.nan)
-    poses[:, :3] = np.stack(columns, axis=2)
-    poses[np.isfinite(columns[3]).all(axis=1), 3] = 0.0, 0.0, 0.0, 1.0
-    count, angles = len(margin), settings.scene.approach.angles
-    free = stored.values.get("free_angles")
-    return Reach(
-        state=locked(stored.field("reach_state")),
-        poses=locked(poses),
-        approach_margin=margin,
-        opening=_floats(stored, "held_opening"),
-        pregrasp_opening=_floats(stored, "pregrasp_opening"),
-        depth=_floats(stored, "depth"),
-        free=locked(np.zeros((count, 0), bool) if free is None else unpacked_bits(free, angles)),
-    )
-
-
-def _load_result(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> LoadResult | None:
-    """Forces and payloads under the load; None: the file has none. Raises GraspError."""
-    load, scene = settings.load, settings.scene
-    if load is None or "force_bounds" not in stored.settings:
-        return None
-    text = stored.settings["force_bounds"]
-    how = next((one for one in get_args(Certainty) if one == text), None)
-    if how is None:
-        stored.reject(f"its force_bounds are {text[:20]!r}")
-    case = LoadCase.of(load, mesh, settings.model, None if scene is None else scene.hand)
-    payload = np.full(len(stored.field("label")), math.nan)
-    if case.available is not None and case.task.mass is not None:
-        payload = stored.field("payload")
-    resistance = stored.values.get("resistance")
-    return LoadResult(
-        case=case,
-        grip_force=_floats(stored, "grip_force"),
-        grip_force_least=_floats(stored, "grip_force_least"),
-        grip_force_largest=_floats(stored, "grip_force_largest"),
-        payload=locked(payload, np.float64),
-        resistance=None if resistance is None else locked(resistance),
-        how=how,
-    )
-
-
-def _read_mesh(stored: Stored, settings: FileSettings, unit: Unit | None) -> ObjectMesh:
-    """The surface of a file whose values were checked. Raises MeshError."""
-    try:
-        mesh = _complete_mesh(stored, settings)
-    except (ValueError, TypeError, KeyError, RecursionError) as error:
-        stored.reject(f"its mesh is damaged ({' '.join(str(error).split())[:200]})")
+def _labels(stored: Stored, unit: Unit | None) -> SurfaceLabels:
+    """The labels, whose values are checked. Raises one of `DAMAGE`."""
+    settings, values = settings_from(stored.settings), stored.values
+    check_stored(stored, settings)
+    mesh = _mesh(stored, settings)
     if mesh.unit is None and unit is not None:
         mesh = mesh.with_unit(unit)
     if mesh.options.region is not None:
-        mesh = replace(mesh, region=locked(stored.field("reason") != Reason.EXCLUDED))
-    return mesh
+        mesh = replace(mesh, region=locked(values["reason"] != Reason.EXCLUDED))
+    if mesh.unit is not None and settings.options.unit is None:  # lengths are in metres from here
+        scale = mesh.file_scale
+        powers = {LENGTH: scale, AREA: scale**2}
+        values = {name: one * powers.get(FIELDS[name].unit, 1) for name, one in values.items()}
+        settings = replace(
+            settings,
+            model=with_lengths_scaled(settings.model, scale),
+            sampling=with_lengths_scaled(settings.sampling, scale),
+        )
+
+    def floats(*names: str) -> Any:
+        return (locked(values[name], np.float64) for name in names)
+
+    partners = SurfacePoints(locked(values["partner_faces"]), locked(values["partner_weights"]))
+    labels = SurfaceLabels.of_vertices(
+        mesh, settings.model, angles=tuple(floats("critical_angle", "critical_angle_best")),
+        partner_points=partners, grip=values["grip"], reason=values["reason"],
+        reach=_reach(values, settings), sampling=settings.sampling, mode=settings.mode,
+        search=settings.search, scene=settings.scene, load=settings.load,
+    )  # fmt: skip
+    known: dict[str, Any] = {
+        "label": locked(values["label"]),
+        "epsilon_range": EpsilonRange(*floats("epsilon", "epsilon_min", "epsilon_max")),
+    }
+    if settings.load is not None and "force_bounds" in stored.settings:
+        known["load_result"] = _load_result(values, settings, mesh, stored.settings["force_bounds"])
+    vars(labels).update(known)
+    return labels
 
 
-def _complete_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
-    """The same mesh as was labelled."""
-    surface = dict(parse_json(stored.settings["surface"]))
-    vertices, faces, canonical = map(stored.field, ("vertices", "faces", "canonical"))
+def _reach(values: Arrays, settings: FileSettings) -> Reach | None:
+    """How a gripper reaches the grasps, if there is one."""
+    if settings.scene is None:
+        return None
+    columns = [values[name] for name in ("closing", "lateral", "approach", "tcp")]
+    poses = np.full((len(columns[3]), 4, 4), math.nan)
+    poses[:, :3] = np.stack(columns, axis=2)
+    poses[np.isfinite(columns[3]).all(axis=1), 3] = 0.0, 0.0, 0.0, 1.0
+    bits, angles = values.get("free_angles"), settings.scene.approach.angles
+    free = np.zeros((len(poses), 0), bool) if bits is None else unpacked_bits(bits, angles)
+    floats = ("approach_margin", "pregrasp_opening", "depth")
+    return Reach(
+        state=locked(values["reach_state"]),
+        poses=locked(poses),
+        opening=locked(values["held_opening"], np.float64),
+        free=locked(free),
+        **{name: locked(values[name], np.float64) for name in floats},
+    )
+
+
+def _load_result(
+    values: Arrays, settings: FileSettings, mesh: ObjectMesh, bounds: str
+) -> LoadResult:
+    """Forces and payloads under the load. Raises one of `DAMAGE`."""
+    load, scene, how = settings.load, settings.scene, cast("Certainty", bounds)
+    if load is None or how not in get_args(Certainty):
+        raise ValueError(f"its force_bounds are {bounds[:20]!r}")
+    case = LoadCase.of(load, mesh, settings.model, None if scene is None else scene.hand)
+    has_payload = case.available is not None and case.task.mass is not None
+    payload = values["payload"] if has_payload else np.full(len(values["label"]), math.nan)
+    resistance = values.get("resistance")
+    forces = ("grip_force", "grip_force_least", "grip_force_largest")
+    return LoadResult(
+        case=case,
+        payload=locked(payload, np.float64),
+        resistance=None if resistance is None else locked(resistance),
+        how=how,
+        **{name: locked(values[name], np.float64) for name in forces},
+    )
+
+
+def _mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
+    """The same mesh as was labelled. Raises one of `DAMAGE`."""
+    surface, values = dict(parse_json(stored.settings["surface"])), stored.values
+    vertices, faces, canonical = (values[name] for name in ("vertices", "faces", "canonical"))
     if (canonical[canonical] != canonical).any() or (canonical[faces] != faces).any():
         raise ValueError("its faces do not use canonical vertices")
-    corners, normals = stored.field("corners"), -stored.field("corner_normals")
+    corners, normals = values["corners"], -values["corner_normals"]
     of_vertices = np.zeros(len(normals), dtype=np.int64)
     of_vertices[corners] = faces
     if (of_vertices[corners] != faces).any():
         raise ValueError("corners of several vertices have one normal")
-    center, size = _numbers(surface["center"], (3,)), _numbers(surface["size"], ())
+    center, size, center_mass = (
+        _finite(surface[name], shape)
+        for name, shape in (("center", (3,)), ("size", ()), ("center_mass", (3,)))
+    )
     if not size > 0.0:
         raise ValueError(f"its size is {size}")
     report = dict(surface["report"])
-    steps = tuple(RepairStep(**step) for step in report.pop("repairs"))
+    report["repairs"] = tuple(RepairStep(**step) for step in report["repairs"])
+    report["source"], report["warnings"] = str(report["source"]), tuple(report["warnings"])
     mesh = ObjectMesh(
-        vertices=locked(vertices * scale_of(settings.unit)),
+        vertices=locked(vertices * scale_of(settings.options.unit)),
         file_points=locked(vertices),
         faces=locked(faces),
         canonical=locked(canonical),
@@ -263,20 +227,18 @@ def _complete_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
         corner_normals=CornerNormals(locked(corners), locked(normals), locked(of_vertices)),
         center=locked(center),
         size=float(size),
-        center_mass=locked(_numbers(surface["center_mass"], (3,))),
+        center_mass=locked(center_mass),
         volume=float(surface["volume"]),
         options=settings.options,
-        report=MeshReport(**{**report, "repairs": steps, "warnings": tuple(report["warnings"])}),
+        report=MeshReport(**report),
     )
-    if mesh.file_unit != settings.unit:
-        raise ValueError(f"its unit is {mesh.file_unit} and {settings.unit}")
+    if mesh.file_unit != settings.options.unit:
+        raise ValueError(f"its unit is {mesh.file_unit} and {settings.options.unit}")
     return mesh
 
 
-def _numbers(values: Any, shape: tuple[int, ...]) -> Floats:
+def _finite(values: Any, shape: tuple[int, ...]) -> Floats:
     numbers = np.array(values, dtype=np.float64)
-    if not numbers.size:
-        numbers = numbers.reshape(0, *shape[1:])
     if numbers.shape != shape or not np.isfinite(numbers).all():
         raise ValueError(f"{str(values)[:60]} are not {math.prod(shape)} finite numbers")
     return numbers

@@ -15,7 +15,7 @@ from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.store import read_summary
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.formats.surfaces.files import READERS, labels_in, read_labels
-from grasp3d.formats.surfaces.stored import settings_from
+from grasp3d.formats.surfaces.stored import DAMAGE, settings_from
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene, scene_settings
@@ -268,7 +268,7 @@ def settings_of_results(
 ) -> tuple[GraspModel, Sampling | None] | None:
     """Settings of the first mesh whose file has them; None: no file can be read."""
     for row in rows:
-        with suppress(ValueError, MeshError):  # the error is reported when that mesh is opened
+        with suppress(*DAMAGE):  # the error is reported when that mesh is opened
             header = open_ply(find_source(folder / row.labels)).header
             settings = settings_from(settings_of_header(header))
             return settings.model, settings.sampling

@@ -1,19 +1,19 @@
-"""Reading of grasps from files of every format: poses or contacts."""
+"""Reading and writing of grasps in files of every format: poses or contacts."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from grasp3d.arrays import Floats
-from grasp3d.errors import ContactError, SettingError
+from grasp3d.errors import ContactError, OutputError, SettingError
 from grasp3d.formats import checks, frames
-from grasp3d.formats.contacts import read_contacts
+from grasp3d.formats.contacts import SUFFIXES, read_contacts, write_contacts
 from grasp3d.formats.dictionaries import load_npy
-from grasp3d.formats.format import Format, Given, formats, suffixes
+from grasp3d.formats.format import Format, Given, format_called, format_of, formats, suffixes
 from grasp3d.formats.own import OBJECT
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import matched, refuse_joints
@@ -21,8 +21,10 @@ from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
-from grasp3d.settings.units import Unit
+from grasp3d.settings.units import METRES, Unit
+from grasp3d.surface.grasp_table import NO_POSES, GraspTable
 from grasp3d.system.documents import is_folder, load_json
+from grasp3d.system.files import check_suffix
 from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import unsupported
 
@@ -123,23 +125,20 @@ def read_poses(
     path = Path(path)
     if path.suffix.lower() not in suffixes() and not is_folder(path):
         raise ContactError(unsupported(path, suffixes(), "pose"))
-    checks.check_file(path)
     pose = None if object_pose is None else frames.read_object_pose(object_pose)
     chosen = None if frame is None else frames.read_frame(frame)
     given = Given(hand=hand, unit=unit, outcome=outcome, object_scale=object_scale)
-    try:
+    with checks.reading(path):
         poses = _relative(frames.of_tcp(read_file(_read, path, given, chosen)), pose)
-        poses = _with_scale(poses, object_scale)
+        stated, scale = poses.object_scale, object_scale
+        if scale is not None and stated and not math.isclose(stated, scale, rel_tol=1e-6):
+            raise ContactError(f"it states the object's scale {stated:g}, not {scale:g}: give none")
+        if scale is not None:
+            poses = replace(poses, object_scale=scale)
         refuse_joints(poses, hand)
         if isinstance(poses.hand, ArticulatedHand) and poses.posture.size:
             poses = matched(poses, poses.hand)
-    except OSError as error:
-        raise checks.one_line(path, f"cannot be read ({error.strerror or error})") from error
-    except frames.UnknownUnitError as error:
-        raise frames.UnknownUnitError(str(checks.one_line(path, str(error)))) from error
-    except (ContactError, SettingError, ValueError) as error:
-        raise checks.one_line(path, str(error)) from error
-    return poses
+        return poses
 
 
 def _relative(poses: GraspPoses, object_pose: ObjectPose | None) -> GraspPoses:
@@ -160,14 +159,6 @@ def _relative(poses: GraspPoses, object_pose: ObjectPose | None) -> GraspPoses:
     return poses
 
 
-def _with_scale(poses: GraspPoses, scale: float | None) -> GraspPoses:
-    """Poses with the scale that is given. Raises ContactError if they state another one."""
-    stated = poses.object_scale
-    if scale is not None and stated is not None and not math.isclose(stated, scale, rel_tol=1e-6):
-        raise ContactError(f"it states the object's scale {stated:g}, not {scale:g}: give none")
-    return poses if scale is None else replace(poses, object_scale=scale)
-
-
 def holds_poses(path: str | Path) -> bool:
     """Whether a file contains grasp poses rather than contacts, judged by its content.
 
@@ -185,8 +176,6 @@ def holds_poses(path: str | Path) -> bool:
 
 
 def _holds_poses(path: Path) -> bool:
-    from grasp3d.formats.contacts import SUFFIXES
-
     suffix = path.suffix.lower()
     if is_folder(path) and not suffix:
         return any(file.suffix.lower() == ".npy" for file in path.rglob("*"))
@@ -224,7 +213,7 @@ def _read(path: Path, given: Given, frame: GripperFrame | None) -> GraspPoses:
             f"{form.called} files are in metres, not in {given.unit}: read them without a unit, "
             "and convert the poses with in_unit"
         )
-    missing = frames.missing_of_hand(given.hand, form)
+    missing = frames.missing_of_hand(given.hand, form, joints=False)
     if missing and not (form.alone and given.hand is None):
         raise ContactError(missing)
     with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are refused
@@ -246,3 +235,154 @@ def _unknown(path: Path, content: Any) -> str:
     listed = "; or ".join(f"{one.holds} ({one.called})" for one in known)
     found = f"; got {content.dtype} of shape {content.shape}" if hasattr(content, "dtype") else ""
     return f"contains no poses: expected {listed}{found}"
+
+
+@runtime_checkable
+class Posed(Protocol):
+    """Evaluated grasps that have poses."""
+
+    def to_poses(self, metrics: Mapping[str, Floats] | None = None) -> GraspPoses:
+        """The poses with the results as columns."""
+
+
+def write_grasps(
+    path: str | Path,
+    grasps: GraspTable | Posed | GraspPoses,
+    *,
+    format: str | None = None,  # noqa: A002, what it is called everywhere
+    metrics: Mapping[str, Floats] | None = None,
+    object_pose: frames.GivenPose | None = None,
+    frame: frames.GivenFrame | None = None,
+) -> None:
+    """Write grasps with labels, critical angles and epsilon, in the format given by the suffix.
+
+    Of grasps without poses: one row, in JSON one entry, for each grasp: `grasp` (its number from
+    1), `label`, `critical_angle`, `critical_angle_best`, `max_resolution`, `margin` [rad],
+    `epsilon`, `epsilon_min`, `epsilon_max`, `rank`, `opening`, `separation`; and for each contact
+    its position on the surface `x1` `y1` `z1`, the outward normal there `nx1` `ny1` `nz1`,
+    `distance1`, its distance from the surface before it was moved there, and `on_crease1`. Tables
+    have a column `unit`. nan is written as an empty cell, in JSON as null, where infinite numbers
+    are null as well. JSON and Parquet contain the settings.
+
+    With a load also `grip_force`, `grip_force_least`, `grip_force_largest` [N], `payload` [kg] if a
+    force is at hand; see `LoadResult`. `label` is that of everything stated, and `score` the one
+    number by which grasps are sorted.
+
+    Poses are written with all that is known of them, also in formats of robots, simulators and data
+    sets, which need the gripper and the unit; see the page on formats of grasp poses.
+
+    Args:
+        path: File to make or replace; .csv, .parquet or .json, with poses also .yaml, .h5 or .npy.
+        grasps: The grasps: with contacts, with poses that were evaluated, or poses alone.
+        format: Of poses: name of a format; None: that of the suffix, of several the main one.
+        metrics: Quality measures of the grasps, which become columns.
+        object_pose: Of poses: the object's pose in the frame of a robot, in which files of formats
+            that may have it then have poses, contacts and normals; grasp3d's own state it, and are
+            read relative to the object again. A 4x4 matrix, translation in metres; a text
+            'x,y,z,yaw' in metres and degrees, or a file, see `read_object_pose`. None: poses are in
+            the frame of the object, or that of the file that they were read from.
+        frame: Of poses: the frame of the gripper that the file is to have, as `read_grasps` takes
+            it; files in json, csv and parquet state it. None: that of the format.
+
+    Raises:
+        ContactError: There is no such pose of the object.
+        OutputError: No format has that suffix, it needs something that is not known, or the file
+            cannot be written.
+        SettingError: No format is called so, or a format of poses, but no gripper; or this format
+            has the object's frame by definition.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
+        >>> labels = grasp3d.label_surface(grasp3d.load_mesh(box, unit="m", max_edge=0.02))
+        >>> grasp3d.write_grasps("box.csv", grasp3d.best_grasps(labels, 3))
+        >>> grasp3d.read_grasps("box.csv").shape
+        (3, 2, 3)
+    """
+    path = Path(path)
+    if isinstance(grasps, GraspTable):
+        if any(given is not None for given in (format, object_pose, frame)):
+            raise SettingError(NO_POSES)
+        write_contacts(path, grasps, metrics)
+        return
+    poses = grasps if isinstance(grasps, GraspPoses) else grasps.to_poses(metrics)
+    form = format_of(path) if format is None else format_called(format)
+    if form is None:
+        raise OutputError(unsupported(path, suffixes(), "pose"))
+    check_suffix(path, form.suffixes, form.name)
+    if not poses.count:
+        raise OutputError(f"{path}: there are no poses to write")
+    if object_pose is not None:
+        check_frame(form)
+        poses = replace(poses, object_pose=frames.read_object_pose(object_pose))
+    if poses.object_pose is not None and form.moves:
+        poses = poses.moved(poses.object_pose.matrix)
+    given = FRAMES[form.frame] if frame is None else frames.read_frame(frame)
+    poses = replace(poses, gripper_frame=given)
+    try:
+        form.write(path, frames.of_tcp(_of_format(poses, form), inverse=True))
+    except OutputError as error:
+        text = str(error)
+        raise OutputError(text if text.startswith(str(path)) else f"{path}: {text}") from error
+
+
+def _of_format(poses: GraspPoses, form: Format) -> GraspPoses:
+    """Poses as a format has them, in metres with the scale of the object's file.
+
+    Raises:
+        OutputError: There is no hand that the format has, values of its joints or outcomes are
+            missing, or the unit of the poses is not known.
+    """
+    is_open = bool(np.isfinite([poses.opening, poses.pregrasp_opening]).any())
+    if missing := frames.missing_of_hand(poses.hand, form, joints=is_open):
+        raise OutputError(missing)
+    if form.outcomes and len(unknown := (poses.outcome != poses.outcome).nonzero()[0]):
+        raise OutputError(
+            f"{form.called} files state whether each grasp held; the outcome of grasp "
+            f"{unknown[0] + 1} is not known"
+        )
+    if form.unit == "stated":
+        return poses
+    if isinstance(poses.hand, ArticulatedHand):
+        try:
+            poses = matched(poses, poses.hand)
+        except ContactError as error:
+            raise OutputError(str(error)) from error
+    if poses.unit is None:
+        raise OutputError(
+            f"{form.called} files are in metres, but the unit of the poses is not known: give the "
+            "mesh's unit (--unit, in Python unit=...)"
+        )
+    return replace(poses.in_unit("m"), object_scale=poses.object_scale or METRES[poses.unit])
+
+
+def check_hand(form: Format | None, hand: Hand) -> None:
+    """Check that poses of a hand can be written in a format.
+
+    Args:
+        form: The format; None: another file.
+        hand: The hand of the poses.
+
+    Raises:
+        OutputError: A library that the format needs is not installed.
+        SettingError: The hand lacks what the files state.
+    """
+    if form is not None and form.needs:
+        checks.library(*form.needs)
+    if form is not None and (missing := frames.missing_of_hand(hand, form, joints=True)):
+        raise SettingError(missing)
+
+
+def check_frame(form: Format | None) -> None:
+    """Check that poses in a format may be in the frame of a robot. Raises SettingError.
+
+    Args:
+        form: The format; None: another file.
+    """
+    if form is not None and not form.moves:
+        able = (name for name, one in formats().items() if one.moves)
+        raise SettingError(
+            f"{form.name} files have poses in the object's frame by definition; with object_pose "
+            f"choose one of {', '.join(sorted(able))}"
+        )
