@@ -24,8 +24,8 @@ from grasp3d.formats.files import check_frame, check_hand, write_grasps
 from grasp3d.formats.format import format_called, format_of, suffixes
 from grasp3d.formats.surfaces.files import writer_for
 from grasp3d.grasps.best import best_grasps, check_external
-from grasp3d.grasps.distinct import distance_of_distinct
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.ranking import distance_of_distinct
 from grasp3d.mesh.surface_points import nearest_vertex
 from grasp3d.pictures import opengl
 from grasp3d.settings.model_text import model_line

@@ -14,10 +14,9 @@ from grasp3d.describe.explanations import finger_words
 from grasp3d.errors import GraspError
 from grasp3d.grasps.best import best_grasps, count_sure, distinct_grasps, has_poses, pool_of
 from grasp3d.grasps.best_poses import PoseSearch
-from grasp3d.grasps.distinct import MOST_DISTINCT
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.gripper_reasons import MISSED, OFF_PADS, UNSURE
-from grasp3d.grasps.ranking import ranked_rows
+from grasp3d.grasps.ranking import MOST_DISTINCT, ranked_rows
+from grasp3d.grasps.reasons import MISSED, OFF_PADS, UNSURE
 from grasp3d.grasps.robustness import PAYLOAD_RTOL
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.scene import Scene

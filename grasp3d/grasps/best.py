@@ -7,14 +7,14 @@ import numpy as np
 from grasp3d.arrays import Ints
 from grasp3d.errors import SettingError
 from grasp3d.grasps.best_poses import PoseSearch
-from grasp3d.grasps.distinct import (
+from grasp3d.grasps.jaw_grasps import JawGrasps
+from grasp3d.grasps.ranking import (
     MOST_DISTINCT,
     distance_of_distinct,
     distinct_rows,
     most_distinct,
+    ranked_rows,
 )
-from grasp3d.grasps.jaw_grasps import JawGrasps
-from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.settings import Sampling
 from grasp3d.settings.checks import check_range
 from grasp3d.stability.label import Label

@@ -9,14 +9,14 @@ from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.formats.frames import as_read_again
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.candidate_poses import candidate_poses, is_free
-from grasp3d.grasps.distinct import (
+from grasp3d.grasps.jaw_grasps import JawGrasps
+from grasp3d.grasps.ranking import (
     distance_of_distinct,
     distinct_rows,
     matched_distance,
     most_distinct,
+    ranked_rows,
 )
-from grasp3d.grasps.jaw_grasps import JawGrasps
-from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh

@@ -14,7 +14,7 @@ from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import refuse_joints
 from grasp3d.grasps.audit import FEWEST
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.gripper_reasons import GripperReasons
+from grasp3d.grasps.reasons import GripperReasons
 from grasp3d.grasps.robustness import Robustness, robustness_of
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closing import ClosedJaws, Closing, ways

@@ -14,8 +14,8 @@ from grasp3d.errors import SettingError
 from grasp3d.formats.poses import GAP, GraspPoses
 from grasp3d.formats.postures import ORDER, matched
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.hand_reasons import HandReasons
 from grasp3d.grasps.motor_loads import MotorLoads
+from grasp3d.grasps.reasons import HandReasons
 from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand, torques_of
 from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, HandContacts, hand_contacts
 from grasp3d.hand.articulated.plausible_numbers import implausible
