@@ -55,7 +55,7 @@ LOOKS = {
     "extreme cones": Look(INK, width=1.2),
     "cones": Look(GREY, 0.22, mark=True),
     "safe cones": Look(BLUE, 0.5, mark=True),
-    "contact rims": Look(INK, culled="front", mark=True),
+    "contacts rims": Look(INK, culled="front", mark=True),
     "contacts": Look(mark=True),
     "fixed rims": Look(culled="front", mark=True),
     "fixed": Look(INK, mark=True),
@@ -89,10 +89,8 @@ class Layers:
         renderer.remove_all_lights()
         renderer.add_light(pyvista.Light(position=LIGHT, light_type="camera light", intensity=1.0))
 
-    def show(self, name: str, data: pyvista.PolyData | list[pyvista.PolyData] | None) -> None:
-        """Draw a layer: one shape, or several; None, or none: it is hidden."""
-        if isinstance(data, list):
-            data = pyvista.PolyData().append_polydata(*data) if data else None
+    def show(self, name: str, data: pyvista.PolyData | None) -> None:
+        """Draw a layer; None: it is hidden."""
         for actor in filter(None, (self.actors[name], self._faint.get(name))):
             actor.visibility = data is not None
             if data is not None:

@@ -36,7 +36,8 @@ CIRCLE = np.linspace(0.0, 2.0 * math.pi, 41)
 
 NO_POINTS: Floats = np.empty((0, 3))
 
-Shapes = list[pyvista.PolyData]
+Shapes = dict[str, pyvista.PolyData]
+"""By layer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,141 +69,142 @@ class MarkedContacts:
         """Tails of the arrows at the contacts of an object of a size, shape (n, 3)."""
         return self.points - ARROW * size * self.normals
 
+    @property
+    def drawn(self) -> tuple[object, ...]:
+        """All that its marks depend on."""
+        held, model = self.held, self.model
+        angles = model and not held and (model.friction_angle, model.tilt, model.sure_angle)
+        pose = held and (
+            held.pose.tobytes(),
+            held.opening,
+            held.posture.tobytes(),
+            *held.colors.items(),
+        )
+        return self.points.tobytes(), self.normals.tobytes(), pose or angles
+
 
 NO_CONTACTS = MarkedContacts(NO_POINTS, NO_POINTS)
 
 
-def contact_marks(
-    grasp: MarkedContacts, size: float, *, arrows: bool = True, wide: float = 1.0
-) -> tuple[Shapes, Shapes]:
-    """Spheres at contacts, with arrows along the inward normals, and the rims around them.
-
-    Args:
-        grasp: The contacts.
-        size: Size of the object.
-        arrows: Whether there are arrows.
-        wide: Factor of the radius of the spheres.
-    """
-    marks: list[Shapes] = []
-    for extra in (0.0, RIM * size):
-        radius = wide * CONTACT_RADIUS * size + extra
-        shapes = [pyvista.Sphere(center=point, radius=radius) for point in grasp.points]
-        ends = grasp.points - (CONTACT_RADIUS * size - extra) * grasp.normals
-        for tail, end in zip(grasp.tails(size), ends, strict=True) if arrows else ():
-            shapes.append(
-                arrow(
-                    tail, end, HEAD * size + 2.0 * extra, HEAD_RADIUS * size + extra,
-                    SHAFT * size + extra,
-                )
-            )  # fmt: skip
-        marks.append(shapes)
-    return marks[0], marks[1]
+def copies(shape: pyvista.PolyData, points: Floats, ways: Floats) -> pyvista.PolyData:
+    """Copies of a shape with the origin at points (n, 3), and the axis x along ways (n, 3)."""
+    places = pyvista.PolyData(points)
+    places["way"] = ways
+    found: pyvista.PolyData = places.glyph(orient="way", scale=False, geom=shape)
+    return found
 
 
-def connections(points: Floats, size: float) -> tuple[Shapes, Shapes]:
-    """Lines between contacts (n, 3): all pairs of up to three, neighbours of more; their rims."""
-    pairs = list(combinations(range(len(points)), 2))
-    if len(points) > 3:
-        pairs = [(one, (one + 1) % len(points)) for one in range(len(points))]
-    thin, thick = (
-        [
-            pyvista.Tube(pointa=points[i], pointb=points[j], radius=radius * size, n_sides=16)
-            for i, j in pairs
-        ]
-        for radius in (ROD_RADIUS, ROD_RADIUS + RIM)
-    )
-    return thin, thick
-
-
-def arrow(
-    tail: Floats, tip: Floats, head: float, head_radius: float, shaft: float
-) -> pyvista.PolyData:
-    """An arrow between two points (3,), with the length and radius of its head."""
-    way = tip - tail
-    length = float(np.linalg.norm(way))
+def arrow(length: float, head: float, head_radius: float, shaft: float) -> pyvista.PolyData:
+    """An arrow along x that ends at the origin, with the length and radius of its head."""
     return pyvista.Arrow(
-        start=tail, direction=way, scale=length, tip_length=head / length,
+        start=(-length, 0.0, 0.0), scale=length, tip_length=head / length,
         tip_radius=head_radius / length, shaft_radius=shaft / length,
     )  # fmt: skip
 
 
-def cone_marks(grasp: MarkedContacts, size: float) -> dict[str, Shapes]:
+def contact_marks(
+    layer: str, grasp: MarkedContacts, size: float, *, arrows: bool = True, lines: bool = False,
+    wide: float = 1.0,
+) -> Shapes:  # fmt: skip
+    """Spheres at contacts, with arrows along the inward normals, and the rims around them.
+
+    Args:
+        layer: The layer of the marks; that of the rims has its name, too.
+        grasp: The contacts.
+        size: Size of the object.
+        arrows: Whether there are arrows.
+        lines: Whether there are lines between contacts: all pairs of up to three, or neighbours.
+        wide: Factor of the radius of the spheres.
+    """
+    marks: Shapes = {}
+    if not len(grasp.points):
+        return marks
+    for name, extra in ((layer, 0.0), (f"{layer} rims", RIM * size)):
+        ball = pyvista.Sphere(radius=wide * CONTACT_RADIUS * size + extra)
+        shape = copies(ball, grasp.points, grasp.normals)
+        if arrows:
+            gap = CONTACT_RADIUS * size - extra
+            head = HEAD * size + 2.0 * extra, HEAD_RADIUS * size + extra
+            one = arrow(ARROW * size - gap, *head, SHAFT * size + extra)
+            shape += copies(one, grasp.points - gap * grasp.normals, grasp.normals)
+        if lines:
+            radius = ROD_RADIUS * size + extra
+            shape += _connections(grasp.points).tube(radius=radius, n_sides=16)
+        marks[name] = shape
+    return marks
+
+
+def _connections(points: Floats) -> pyvista.PolyData:
+    count = len(points)
+    pairs = np.array(list(combinations(range(count), 2)))
+    if count > 3:
+        pairs = np.stack([np.arange(count), np.roll(np.arange(count), -1)], axis=1)
+    lines: pyvista.PolyData = pyvista.line_segments_from_points(points[pairs].reshape(-1, 3))
+    return lines
+
+
+def cone_marks(grasp: MarkedContacts, size: float) -> Shapes:
     """The friction cones outside the surface, by layer: nominal, safe, and about extreme normals.
 
     Args:
         grasp: The contacts.
         size: Size of the object.
     """
-    model, length = grasp.model, CONE_LENGTH * size
-    if model is None or len(grasp.points) < 2:
+    model, length, points, outward = grasp.model, CONE_LENGTH * size, grasp.points, -grasp.normals
+    if model is None or len(points) < 2:
         return {}
-    apexes, outward, beta = grasp.points, -grasp.normals, model.friction_angle
-    sure = max(0.0, model.sure_angle)
-    nominal, safe = (cone_rims(apexes, outward, angle, length) for angle in (beta, sure))
-    return {
-        "cones": cones(apexes, outward, beta, length),
-        "safe cones": cones(apexes, outward, sure, length),
-        "nominal rims": nominal,
-        "safe rims": safe,
-        "extreme cones": _extreme_cones(grasp, model, length) if model.tilt > 0.0 else [],
-        "halo": [*nominal, *safe],
-    }
+    beta, sure = model.friction_angle, model.sure_angle
+    marks = {"cones": copies(cone(beta, length), points, outward)}
+    marks["nominal rims"] = marks["halo"] = copies(rim(beta, length), points, outward)
+    if sure > 0.0:
+        marks["safe cones"] = copies(cone(sure, length), points, outward)
+        marks["safe rims"] = copies(rim(sure, length), points, outward)
+        marks["halo"] = marks["halo"] + marks["safe rims"]
+    if model.tilt > 0.0:
+        extreme = np.concatenate(_extreme_normals(grasp, model.tilt))
+        marks["extreme cones"] = copies(rim(beta, length), np.tile(points, (2, 1)), -extreme)
+    return marks
 
 
-def cones(apexes: Floats, axes: Floats, angle: float, length: float) -> Shapes:
-    """Open lateral surfaces of cones; none if the angle is 0.
+def cone(angle: float, length: float) -> pyvista.PolyData:
+    """Open lateral surface of a cone with its apex at the origin, which opens along x.
 
     Args:
-        apexes: Apexes of the cones, shape (n, 3).
-        axes: Unit vectors along which they open, shape (n, 3).
-        angle: Half-angle [rad], from 0 to below pi / 2.
+        angle: Half-angle [rad], from above 0 to below pi / 2.
         length: Length of the sides.
     """
     height = length * math.cos(angle)
-    return [
-        pyvista.Cone(
-            center=apex + 0.5 * height * axis, direction=-axis, height=height,
-            radius=length * math.sin(angle), resolution=len(CIRCLE) - 1, capping=False,
-        )
-        for apex, axis in zip(apexes, axes, strict=True)
-        if angle
-    ]  # fmt: skip
+    return pyvista.Cone(
+        center=(0.5 * height, 0.0, 0.0), direction=(-1.0, 0.0, 0.0), height=height,
+        radius=length * math.sin(angle), resolution=len(CIRCLE) - 1, capping=False,
+    )  # fmt: skip
 
 
-def cone_rims(apexes: Floats, axes: Floats, angle: float, length: float) -> Shapes:
-    """Circles at the open ends of `cones`; none if the angle is 0."""
-    first, second = tangents(axes)
-    across = np.cos(CIRCLE)[:, None, None] * first + np.sin(CIRCLE)[:, None, None] * second
-    circles = apexes + length * (math.cos(angle) * axes + math.sin(angle) * across)  # (k, n, 3)
-    return [pyvista.MultipleLines(circle) for circle in circles.swapaxes(0, 1) if angle]
+def rim(angle: float, length: float) -> pyvista.PolyData:
+    """Circle at the open end of `cone`."""
+    x, radius = np.full(len(CIRCLE), length * math.cos(angle)), length * math.sin(angle)
+    circle = np.column_stack([x, radius * np.cos(CIRCLE), radius * np.sin(CIRCLE)])
+    lines: pyvista.PolyData = pyvista.lines_from_points(circle)
+    return lines
 
 
 def approach_mark(pose: GripperPose, length: float) -> Shapes:
     """The arrow along the approach between fingers of a length; none of hands without a TCP."""
     if pose.has_joints:
-        return []
-    tail, tip = pose.pose[:3, 3] - np.outer(APPROACH * length, pose.pose[:3, 2])
-    whole = math.dist(tail, tip)
-    sizes = APPROACH_HEAD * whole, APPROACH_HEAD_RADIUS * whole, APPROACH_SHAFT * whole
-    return [arrow(tail, tip, *sizes)]
+        return {}
+    tail, tip = APPROACH * length
+    whole = tail - tip
+    one = arrow(whole, APPROACH_HEAD * whole, APPROACH_HEAD_RADIUS * whole, APPROACH_SHAFT * whole)
+    way = pose.pose[:3, 2]
+    return {"approach": copies(one, (pose.pose[:3, 3] - tip * way)[None], way[None])}
 
 
-def _extreme_cones(grasp: MarkedContacts, model: GraspModel, length: float) -> Shapes:
-    """Outlines of the cones about the two extreme normals in the plane of the contact line."""
-    points, normals, beta = grasp.points, grasp.normals, model.friction_angle
+def _extreme_normals(grasp: MarkedContacts, tilt: float) -> list[Floats]:
+    """Both extreme inward normals in the plane of the contact line, shape (n, 3) each."""
+    points, normals = grasp.points, grasp.normals
     toward = (points.sum(axis=0) - points) / (len(points) - 1) - points
     along = (toward * normals).sum(axis=1, keepdims=True) * normals
     side = unit_rows(toward - along)
     straight = np.linalg.norm(toward - along, axis=1) < 1e-6 * np.linalg.norm(toward, axis=1)
     side[straight] = tangents(normals[straight])[0]
-    outlines: Shapes = []
-    for turn in (-model.tilt, model.tilt):
-        axes = -np.cos(turn) * normals + np.sin(turn) * side
-        across = np.sin(turn) * normals + np.cos(turn) * side
-        ends = [
-            points + length * (np.cos(beta) * axes + sign * np.sin(beta) * across)
-            for sign in (-1.0, 1.0)
-        ]
-        outlines += cone_rims(points, axes, beta, length)
-        outlines += map(pyvista.MultipleLines, np.stack([ends[0], points, ends[1]], axis=1))
-    return outlines
+    return [math.cos(tilt) * normals + sign * math.sin(tilt) * side for sign in (-1.0, 1.0)]

@@ -21,7 +21,6 @@ from grasp3d.pictures.marks import (
     MarkedContacts,
     approach_mark,
     cone_marks,
-    connections,
     contact_marks,
 )
 from grasp3d.pictures.subject import Subject
@@ -126,12 +125,12 @@ class Pane:
             table: The table; None: it is not drawn.
             fixed: Contact points of fixed fingers, shape (n, 3).
         """
-        before, self._held = self._held, (self.mesh, grasp, hand, table, fixed.tobytes())
-        if before == self._held:
-            return
-        self._show_table(table)
-        self._show_hand(hand, None if grasp is None else grasp.held)
-        self._show_marks(grasp or NO_CONTACTS, hand, fixed)
+        grasp = grasp or NO_CONTACTS
+        before, self._held = self._held, (self.mesh, grasp.drawn, hand, table, fixed.tobytes())
+        if before != self._held:
+            self._show_table(table)
+            self._show_hand(hand, grasp.held)
+            self._show_marks(grasp, hand, fixed)
 
     @property
     def mesh(self) -> ObjectMesh:
@@ -223,31 +222,20 @@ class Pane:
 
     def _show_marks(self, grasp: MarkedContacts, hand: Hand | None, fixed: Floats) -> None:
         """Mark contacts, and the approach of a gripper or else cones, which it would hide."""
-        size, layers = self.mesh.size, self._layers
-        held = None if hand is None else grasp.held
+        size, held, several = self.mesh.size, hand and grasp.held, len(grasp.points) > 1
         gaps = np.linalg.norm(grasp.points[:, None] - fixed, axis=2)
         apart = (gaps > SAME * size).all(axis=1)
         free = MarkedContacts(grasp.points[apart], grasp.normals[apart])
-        of_links = held is not None and held.has_joints
-        several = len(grasp.points) > 1
-        marks, rims = contact_marks(free, size, arrows=several)
-        if several and not of_links:
-            lines = connections(grasp.points, size)
-            marks, rims = marks + lines[0], rims + lines[1]
         gaps = np.linalg.norm(self.mesh.vertices - fixed[:, None], axis=2)
         fingers = MarkedContacts(fixed, self.mesh.normals[gaps.argmin(axis=1)])
-        of_fixed, their_rims = contact_marks(fingers, size, wide=1.15)
-        drawn = {
-            "contacts": marks,
-            "contact rims": rims,
-            "fixed": of_fixed,
-            "fixed rims": their_rims,
-        }
+        lines = len(free.points) > 1 and not (held and held.has_joints)
         cones = NO_CONTACTS if held else grasp
-        drawn |= cone_marks(cones, size)
-        drawn["approach"] = approach_mark(held, hand.finger_length) if held and hand else []
+        drawn = cone_marks(cones, size) | contact_marks("fixed", fingers, size, wide=1.15)
+        drawn |= contact_marks("contacts", free, size, arrows=several, lines=lines)
+        if held and hand:
+            drawn |= approach_mark(held, hand.finger_length)
         for name in MARKS:
-            layers.show(name, drawn.get(name))
+            self._layers.show(name, drawn.get(name))
         outside = cones if several else NO_CONTACTS
         self._marked = np.concatenate([outside.tails(size), fingers.tails(size)])
 
