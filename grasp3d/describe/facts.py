@@ -30,7 +30,7 @@ def facts(grasps: GraspTable | EvaluatedPoses, row: int) -> list[tuple[str, str]
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.08, 0.05, 0.03]), unit="m")
         >>> grasps = grasp3d.best_grasps(grasp3d.label_surface(box), 1)
         >>> dict(facts(grasps, 0))["opening"]
-        '30 mm'
+        '80 mm'
     """
     metres, found = grasps.mesh.unit is not None, dict[str, str]()
     one = grasps.take(np.array([row]))
