@@ -8,6 +8,7 @@ from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluation import evaluate_poses, poses_on
 from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.scene import Scene
+from grasp3d.rendering.opengl import check_rendering
 from grasp3d.system.context import refuse_warnings
 from grasp3d.viewer.scene.pictures import check_picture, save_picture
 from grasp3d.viewer.session.collection import (
@@ -16,7 +17,7 @@ from grasp3d.viewer.session.collection import (
     open_collection,
 )
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.window.display import display_problem
+from grasp3d.viewer.window import display_problem, show_window
 
 
 def run(command: View) -> int:
@@ -39,8 +40,6 @@ def run(command: View) -> int:
 
         serve(collection, command.view, ready=ready)
     elif not command.screenshot:
-        from grasp3d.viewer.window.desktop import show_window
-
         show_window(Session(collection, command.view))
     return 0
 
@@ -81,7 +80,5 @@ def _check(command: View) -> str:
     needs_window = not (command.web or command.screenshot)
     problem = display_problem() if needs_window else ""
     if command.web or problem:
-        from grasp3d.viewer.web.page import check_page
-
-        check_page()
+        check_rendering()
     return problem

@@ -20,14 +20,6 @@ from grasp3d.viewer.session.painting import (
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.subjects.subject import Subject
 
-HINTS = {
-    "inspect": "Click the surface to see the best grasp there, and why it is S, M or U.",
-    "fix": "Click the surface to fix a finger there.",
-}
-"""What a click does, by `ViewState.click`."""
-
-OF_POSES = "Fingers that touch have the colour of the letter of the pose."
-
 NOTHING, EVERYTHING = "0.0 %", "100.0 %"
 ROUNDING = 1e-9
 """Rounding error of sums of area fractions."""
@@ -72,6 +64,8 @@ class PanelText:
     """Legend of the colours; None: labels."""
     notes: tuple[str, ...]
     """Warnings that concern the labels."""
+    hint: str
+    """What a click does, or what is computed before clicks have an effect."""
     stale: bool = False
     """Whether the surface has other fingers or limits than are chosen; see `Session`."""
 
@@ -91,14 +85,30 @@ def panel_text(session: Session) -> PanelText:
         fractions=_fractions(current, model) if current else (),
         ramp=ramp_of(subject, session.state.paint, model) if subject else None,
         notes=(*_notes(session), *(subject.notes if subject else ()), *session.collection.notes),
+        hint=_hint(session),
         stale=stale,
     )
 
 
-def interval_text(model: GraspModel) -> str:
-    """Smallest and largest friction."""
-    low, high = model.friction_interval
-    return f"{low:.4g} to {high:.4g}"
+def _hint(session: Session) -> str:
+    if session.stale and session.working is not None:
+        then = " Then the grasp of the clicked vertex is shown."
+        return f"{session.working[0]} …{then if session.state.vertex is not None else ''}"
+    if session.subject is not None and session.subject.poses is not None:
+        return "Fingers that touch have the colour of the letter of the pose."
+    count, fixes = len(session.state.fixed), session.state.click == "fix"
+    if not count and fixes:
+        return "Click the surface to fix a finger there."
+    if not count:
+        return "Click the surface to see the best grasp there, and why it is S, M or U."
+    fixed = "One finger is fixed" if count == 1 else f"{count} fingers are fixed"
+    if not fixes:
+        action = "A click shows the best grasp there."
+    elif count < session.state.model.fingers - 1:
+        action = "A click fixes another one."
+    else:
+        action = "A click moves it." if count == 1 else "A click moves the last one."
+    return f"{fixed}; the colours are for the contact point of the next one. {action}"
 
 
 def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
