@@ -248,13 +248,16 @@ class Window:
             look.SetValue(value)
             self._names[name].input = f"{control.text}   {value:.4g}{control.unit}"
         seen = session.inspection
+        numbers = seen.numbers if seen else ()
+        lines = [
+            seen.reason if seen else text.hint,
+            " ",
+            *map(": ".join, numbers),
+            " ",
+            *text.notes,
+        ]
         if self._help:
             lines = [*MOUSE, *(f"{one.names}: {one.text}" for one in KEYS)]
-        elif seen is None:
-            lines = [text.hint, *text.notes]
-        else:
-            numbers = (f"{name}: {value}" for name, value in seen.numbers)
-            lines = [seen.reason, " ", *numbers, " ", *text.notes]
         self._text.input = self._wrapped(lines)
         status = (session.message, progress, "h: keys · w: page with all settings")
         self._status.input = self._wrapped(filter(None, status))
@@ -268,7 +271,7 @@ class Window:
     def _on_slide(self, name: str, value: float) -> None:
         """Change a control; PyVista calls it also when the slider is made."""
         control = CONTROLS[name]
-        chosen = max(control.least, round(value / control.step) * control.step)
+        chosen = max(control.least, round(round(value / control.step) * control.step, 10))
         if self._drawn:
             self._run(lambda: control.change(self._session, chosen))
 

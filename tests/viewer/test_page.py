@@ -306,7 +306,7 @@ def test_a_narrow_page_has_every_control(browser: Any, server: Served) -> None:
     seen.until(lambda: page.locator("#position").count() == 0)
     chosen("click", "fix")
     seen.click_middle()
-    says("hint", "One finger is fixed")
+    says("hint", "1 finger fixed")
     page.locator("#release").click()
     says("hint", "Click the surface to fix a finger there.")
     chosen("click", "inspect")

@@ -10,7 +10,7 @@ from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web.page_state import page_state
 from tests.helpers import viewing
-from tests.helpers.viewing import wait_until_idle
+from tests.helpers.viewing import ready_session, wait_until_idle
 
 
 @pytest.fixture(scope="module")
@@ -19,30 +19,30 @@ def labels() -> SurfaceLabels:
 
 
 def test_the_page_shows_what_a_click_does(labels: SurfaceLabels) -> None:
-    session = Session(collection_of(labels))
-    wait_until_idle(session)
-    assert "see the best grasp" in panel_text(session).hint
+    session = ready_session(labels)
+
+    def hint() -> str:
+        wait_until_idle(session)
+        return panel_text(session).hint
+
+    assert "see the best grasp" in hint()
     session.change(click="fix")
-    assert panel_text(session).hint == "Click the surface to fix a finger there."
+    assert hint() == "Click the surface to fix a finger there."
     session.click(0)
-    wait_until_idle(session)
-    assert panel_text(session).hint.startswith("One finger is fixed")
-    assert panel_text(session).hint.endswith("A click moves it.")
+    assert hint().startswith("1 finger fixed: the colours are for")
+    assert hint().endswith("to move the last one there.")
     session.change(click="inspect")
-    assert panel_text(session).hint.endswith("A click shows the best grasp there.")
+    assert "see the best grasp" in hint()
     session.change(click="fix", fingers=3)
-    wait_until_idle(session)
-    assert panel_text(session).hint.endswith("A click fixes another one.")
+    assert hint().endswith("to fix a finger there.")
     session.click(1)
-    wait_until_idle(session)
-    assert panel_text(session).hint.startswith("2 fingers are fixed")
-    assert panel_text(session).hint.endswith("A click moves the last one.")
+    assert hint().startswith("2 fingers fixed")
+    assert hint().endswith("to move the last one there.")
     session.close()
 
 
 def test_fractions_are_not_shown_while_grasps_are_searched(labels: SurfaceLabels) -> None:
-    session = Session(collection_of(labels))
-    wait_until_idle(session)
+    session = ready_session(labels)
     assert [row["letter"] for row in page_state(session)["rows"]] == ["S", "M", "U"]
     session.change(fingers=3)
     state = page_state(session)

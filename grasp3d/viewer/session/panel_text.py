@@ -96,19 +96,15 @@ def _hint(session: Session) -> str:
         return f"{session.working[0]} …{then if session.state.vertex is not None else ''}"
     if session.subject is not None and session.subject.poses is not None:
         return "Fingers that touch have the colour of the letter of the pose."
-    count, fixes = len(session.state.fixed), session.state.click == "fix"
-    if not count and fixes:
-        return "Click the surface to fix a finger there."
-    if not count:
-        return "Click the surface to see the best grasp there, and why it is S, M or U."
-    fixed = "One finger is fixed" if count == 1 else f"{count} fingers are fixed"
-    if not fixes:
-        action = "A click shows the best grasp there."
-    elif count < session.state.model.fingers - 1:
-        action = "A click fixes another one."
-    else:
-        action = "A click moves it." if count == 1 else "A click moves the last one."
-    return f"{fixed}; the colours are for the contact point of the next one. {action}"
+    count, hint = len(session.state.fixed), ""
+    if count:
+        fixed = counted(count, "fingers")
+        hint = f"{fixed} fixed: the colours are for the contact point of the next one. "
+    if session.state.click == "inspect":
+        return f"{hint}Click the surface to see the best grasp there, and why it is S, M or U."
+    if count == session.state.model.fingers - 1:
+        return f"{hint}Click the surface to move the last one there."
+    return f"{hint}Click the surface to fix a finger there."
 
 
 def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
@@ -152,11 +148,9 @@ def _notes(session: Session) -> Iterator[str]:
 
 def _rule(session: Session) -> str:
     """Limits of S and U for the chosen friction and resolution."""
-    state = session.state
-    fingers = len(state.fixed) + 1 if state.fixed else state.model.fingers
-    model = state.model
-    if model.fingers != fingers:
-        model = replace(model, fingers=fingers)
+    model, fixed = session.state.model, len(session.state.fixed)
+    if fixed:
+        model = replace(model, fingers=fixed + 1)
     stable = math.degrees(model.sure_angle)
     limit = model.unstable_from
     below = f"S below {stable:.1f}°" if stable > 0.0 else "no S"
@@ -166,13 +160,11 @@ def _rule(session: Session) -> str:
 
 def _fractions(subject: Subject, model: GraspModel) -> tuple[LabelFraction, ...]:
     fractions = area_fractions(subject, labels_at(subject, model))
-    labels = [
-        (label.name, MEANING[subject.labels.mode][label], int(label))
-        for label in sorted(Label, reverse=True)
-    ]
+    meaning = MEANING[subject.labels.mode]
+    labels = [(label.name, meaning[label], int(label)) for label in sorted(Label, reverse=True)]
     if fractions[UNSEARCHED] > 0.0:
         labels.append(("–", "not searched", UNSEARCHED))
     return tuple(
         LabelFraction(letter, text, HEX_PALETTE[code], float(fractions[code]))
         for letter, text, code in labels
-    )  # fmt: skip
+    )

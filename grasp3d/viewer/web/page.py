@@ -12,7 +12,7 @@ import threading
 import webbrowser
 from collections.abc import Callable
 from concurrent.futures import Future
-from functools import cache, partial
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -39,6 +39,7 @@ from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.page_state import page_state, progress_state
 
+os.environ["TRAME_ARGS"] = ""  # otherwise trame parses this program's command line
 HOST, PORT = "127.0.0.1", 8080
 OTHER_PORTS = 20
 """Number of following ports that are tried if the requested one is in use."""
@@ -48,7 +49,7 @@ UNUSED = 3600
 """Time after which a page in the background ends that no browser shows [s]."""
 POLL_INTERVAL = 0.1
 """Time between two polls of the background job [s]."""
-ZOOMS = {"+": 1.2, "-": 1.0 / 1.2}
+ZOOM = 1.2
 MAX_PIXELS = 4_000_000
 """Largest number of pixels rendered for a browser, which enlarges the picture if it needs more."""
 
@@ -123,15 +124,8 @@ def serve_in_background(start: Callable[[], Session], *, proxied: bool = False) 
                 served.set_exception(error)
 
     check_rendering()
-    asyncio.run_coroutine_threadsafe(run(), _background_loop())
+    threading.Thread(target=lambda: asyncio.run(run()), daemon=True).start()
     return served.result(START_TIMEOUT)
-
-
-@cache
-def _background_loop() -> asyncio.AbstractEventLoop:
-    loop = asyncio.new_event_loop()
-    threading.Thread(target=loop.run_forever, daemon=True, name="grasp3d").start()
-    return loop
 
 
 def open_page(session: Session) -> str:
@@ -188,10 +182,9 @@ class Page:
         self._plotter = new_plotter(session.settings, off_screen=True)
         self._plotter.enable_trackball_style()  # type: ignore[call-arg]
         self._scene = Scene(self._plotter, legend=False)
-        self._clicks = ClickDetector(self._plotter, self._click)
+        ClickDetector(self._plotter, self._click)
         self._path = f"/{secrets.token_hex(16)}/"
         self._wake, self._drawn = asyncio.Event(), -1
-        os.environ["TRAME_ARGS"] = ""  # otherwise trame parses this program's command line
         self._server = get_server(self._path, client_type="vue3")
         self._build()
 
@@ -215,10 +208,10 @@ class Page:
                 open_browser=False, show_connection_info=False, disable_logging=True,
             )  # fmt: skip
         finally:
+            self._session.close()  # ends what a download waits for
             with contextlib.suppress(asyncio.InvalidStateError):  # it has ended itself
                 await server.stop()
             watching.cancel()
-            self._session.close()
             await self._view.close()
             AVAILABLE_SERVERS.pop(self._path)
             self._plotter.close()
@@ -227,6 +220,7 @@ class Page:
 
     def stop(self) -> None:
         """End `run`."""
+        self._session.close()
         self._stopping = asyncio.create_task(self._server.stop())
 
     def _build(self) -> None:
@@ -323,12 +317,12 @@ class Page:
                 self._run(partial(control.change, self._session, state[name]))
 
     def _on_key(self, key: str) -> None:
-        if key in ZOOMS:
-            self._run(lambda: self._scene.camera.zoom(ZOOMS[key]))
-        elif key == "r":
-            self._run(lambda: self._scene.look(self._session))
-        else:
-            self._run(lambda: handle_key(self._session, str(key)))
+        camera = self._scene.camera
+        actions: dict[str, Callable[[], object]] = {
+            "+": lambda: camera.zoom(ZOOM), "-": lambda: camera.zoom(1.0 / ZOOM),
+            "r": lambda: self._scene.look(self._session),
+        }  # fmt: skip
+        self._run(actions.get(key, lambda: handle_key(self._session, str(key))))
 
     def _click(self, x: float, y: float, inspect: bool) -> None:
         vertex = self._scene.pick(self._session, x, y)

@@ -64,10 +64,7 @@ def _control(session: Session, name: str) -> dict[str, Any]:
         "name": name,
         "text": f"{one.text}, {friction_text(model)}" if uncertain else one.text,
         "options": one.options and [list(item) for item in one.options(session).items()],
-        "least": one.least,
-        "most": one.most,
-        "step": one.step,
-        "unit": one.unit,
+        **{name: getattr(one, name) for name in ("least", "most", "step", "unit")},
     }
 
 
