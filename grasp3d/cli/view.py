@@ -38,7 +38,7 @@ def run(command: View) -> int:
             shows = f"{address} shows {command.target.name}; Ctrl+C stops it"
             report.lines(["; ".join(filter(None, (problem, shows)))])
 
-        serve(collection, command.view, ready=ready)
+        serve(Session(collection, command.view), ready=ready)
     elif not command.screenshot:
         show_window(Session(collection, command.view))
     return 0

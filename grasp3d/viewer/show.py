@@ -3,7 +3,6 @@
 import html
 import os
 import sys
-from functools import partial
 from importlib import import_module
 from typing import Any
 from urllib.parse import urlsplit
@@ -60,20 +59,18 @@ def show(
         SettingError: There are no grasps, or a model is given for labels or grasps.
         OutputError: Nothing can be rendered here.
     """
-    settings = settings or ViewSettings()
-    collection = _collection(shown, model, sampling)
+    session = Session(_collection(shown, model, sampling), settings)
     if not in_notebook():
-        import_module("grasp3d.viewer.window").show_window(Session(collection, settings))
+        import_module("grasp3d.viewer.window").show_window(session)
         return None
     if proxy is None and HUB in os.environ:
         proxy = os.environ[HUB].rstrip("/") + "/proxy/"
     page = import_module("grasp3d.viewer.web.page")
-    start = partial(Session, collection, settings)
-    address = page.serve_in_background(start, proxied=proxy is not None)
+    address = page.serve_in_background(session, proxied=proxy is not None)
     if proxy is not None:
         served = urlsplit(address)
         address = f"{proxy.rstrip('/')}/{served.port}{served.path}"
-    title = html.escape(f"grasp3d: {collection.items[0].name}")
+    title = html.escape(f"grasp3d: {session.name}")
     display = import_module("IPython.display")
     return display.IFrame(address, "100%", height, extras=[f'title="{title}"'])
 

@@ -61,7 +61,7 @@ from grasp3d import GraspModel, Sampling, label_surface, load_mesh
 from tests.helpers.solids import box_mesh
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.web.page import serve
-from grasp3d.viewer.view_settings import ViewSettings
+from grasp3d.viewer.session.session import Session
 model = GraspModel(friction=0.3, sensor_resolution=radians(20.0))
 sampling = Sampling(rays=8, search_angle=radians(80.0))
 meshes = [*map(load_mesh, sys.argv[1:]), box_mesh((0.1, 0.2, 0.3), max_edge=0.1)]
@@ -70,7 +70,7 @@ first, second = (one.items[0] for one in collections)
 second = replace(second, name="<img src='x' onerror='document.title = 1'>")
 collection = replace(collections[0], items=(first, second))
 try:
-    serve(collection, ViewSettings(), port=0, ready=lambda address: print(address, flush=True))
+    serve(Session(collection), port=0, ready=lambda address: print(address, flush=True))
 except KeyboardInterrupt:
     sys.exit(130)
 """
@@ -385,7 +385,7 @@ def test_a_port_in_use_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_pages_in_the_background_are_apart(labels: SurfaceLabels) -> None:
-    addresses = [serve_in_background(lambda: Session(collection_of(labels))) for _ in range(2)]
+    addresses = [serve_in_background(Session(collection_of(labels))) for _ in range(2)]
     first, second = map(urlsplit, addresses)
     assert first.port != second.port
     for one in addresses:
@@ -401,8 +401,8 @@ def test_a_page_is_opened_with_the_choices_of_a_session(
     opened: list[str] = []
     started: list[Session] = []
 
-    def served(start: Callable[[], Session]) -> str:
-        started.append(start())
+    def served(one: Session) -> str:
+        started.append(one)
         return "http://127.0.0.1:1/a/"
 
     monkeypatch.setattr(served_page, "serve_in_background", served)

@@ -16,9 +16,6 @@ from grasp3d.viewer.view_settings import Paint
 
 LEAST_FRICTION = 0.01
 """Friction at the left end of its slider."""
-FRICTION_STEP, RESOLUTION_STEP, SECTION_STEP = 0.05, 2.0, 0.05
-"""Changes by a key; resolutions are in degrees."""
-
 ARROWS = {"Left": "←", "Right": "→", "Up": "↑", "Down": "↓"}
 
 
@@ -139,6 +136,16 @@ def _drawn(text: str, name: str, key: str, needs: str) -> Control:
     )  # fmt: skip
 
 
+def _by(
+    step: float, less: str, more: str, least: float = 0.0, most: float = math.inf
+) -> dict[str, Callable[[float], float]]:
+    """Keys that change a number by a step, up to its limits."""
+    return {
+        less: lambda now: max(least, round(now - step, 10)),
+        more: lambda now: min(most, round(now + step, 10)),
+    }
+
+
 def _step(session: Session, control: Control, following: Callable[[Any], Any]) -> None:
     """Change a control to the value that follows the present one."""
     control.change(session, following(control.read(session)))
@@ -183,20 +190,14 @@ CONTROLS: dict[str, Control] = {
     "friction": _of_state(
         "friction μ", "friction", float, least=LEAST_FRICTION, most=1.5,
         read=attrgetter("state.model.nominal_friction"),
-        keys={
-            "Left": lambda now: max(FRICTION_STEP, round(now - FRICTION_STEP, 10)),
-            "Right": lambda now: round(now + FRICTION_STEP, 10),
-        },
+        keys=_by(0.05, "Left", "Right", least=0.05),
     ),
     "resolution": Control(
         "sensor resolution α",
         lambda session: round(math.degrees(session.state.model.sensor_resolution), 9),
         lambda session, value: session.change(sensor_resolution=float(value) * DEGREE),
         most=90.0, step=0.1, unit="°",
-        keys={
-            "Down": lambda now: max(0.0, now - RESOLUTION_STEP),
-            "Up": lambda now: now + RESOLUTION_STEP,
-        },
+        keys=_by(2.0, "Down", "Up"),
     ),
     "paint": _of_state(
         "colours", "paint", str, options=offered_paints, shown=is_labelled,
@@ -223,11 +224,7 @@ CONTROLS: dict[str, Control] = {
     ),
     "position": _of_section(
         "its position", "position", float, most=1.0,
-        keys={
-            "[": lambda now: max(0.0, now - SECTION_STEP),
-            "]": lambda now: min(1.0, now + SECTION_STEP),
-        },
-        of_keys="move the section",
+        keys=_by(0.05, "[", "]", most=1.0), of_keys="move the section",
     ),
     "flipped": _of_section(
         "its other side", "flipped", bool, keys={"i": not_},

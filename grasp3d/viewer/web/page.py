@@ -33,10 +33,8 @@ from grasp3d.errors import GraspError, OutputError, SettingError
 from grasp3d.rendering.opengl import check_rendering
 from grasp3d.viewer.scene.pictures import file_name, render_copy
 from grasp3d.viewer.scene.scene import ClickDetector, Scene, new_plotter
-from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.controls import CONTROLS, handle_key
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.page_state import page_state, progress_state
 
 os.environ["TRAME_ARGS"] = ""  # otherwise trame parses this program's command line
@@ -72,18 +70,11 @@ HEADERS = {
 }
 
 
-def serve(
-    collection: Collection,
-    settings: ViewSettings,
-    *,
-    port: int = PORT,
-    ready: Callable[[str], None],
-) -> None:
-    """Serve a collection to browsers of this machine until SIGTERM.
+def serve(session: Session, *, port: int = PORT, ready: Callable[[str], None]) -> None:
+    """Serve a session to browsers of this machine until SIGTERM.
 
     Args:
-        collection: The objects.
-        settings: Initial view.
+        session: What the page shows; it belongs to the page from now on.
         port: Port; if it is in use, another one. 0: any free port.
         ready: Called with the page's address when the server is ready.
 
@@ -93,19 +84,18 @@ def serve(
     """
 
     async def run() -> None:
-        page = Page(Session(collection, settings))
+        page = Page(session)
         asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, page.stop)
         await page.run(ready, port)
 
-    check_rendering()
     asyncio.run(run())  # Ctrl+C ends it, too
 
 
-def serve_in_background(start: Callable[[], Session], *, proxied: bool = False) -> str:
+def serve_in_background(session: Session, *, proxied: bool = False) -> str:
     """Serve a page in a thread, until the process ends or no browser has shown it for long.
 
     Args:
-        start: Starts its session.
+        session: What it shows; it belongs to the page from now on.
         proxied: Accept requests through a proxy, with any host name.
 
     Returns:
@@ -118,12 +108,11 @@ def serve_in_background(start: Callable[[], Session], *, proxied: bool = False) 
 
     async def run() -> None:
         try:
-            await Page(start(), proxied=proxied).run(served.set_result, unused=UNUSED)
+            await Page(session, proxied=proxied).run(served.set_result, unused=UNUSED)
         except Exception as error:  # noqa: BLE001
             if not served.done():
                 served.set_exception(error)
 
-    check_rendering()
     threading.Thread(target=lambda: asyncio.run(run()), daemon=True).start()
     return served.result(START_TIMEOUT)
 
@@ -143,10 +132,9 @@ def open_page(session: Session) -> str:
     Raises:
         OutputError: It cannot be served, or there is no browser.
     """
-    start = partial(
-        Session, session.collection, session.settings, state=session.state, number=session.number
+    address = serve_in_background(
+        Session(session.collection, session.settings, state=session.state, number=session.number)
     )
-    address = serve_in_background(start)
     if not webbrowser.open(address):
         raise OutputError(f"no browser was found; open {address} in one while this program runs")
     return address
@@ -168,7 +156,7 @@ class Page:
     """A session as a page at an address with a random token; used in one event loop.
 
     All browsers that open the address show the same view. The token is all that protects it: who
-    knows the address sees the object and may change the view and save its files, and nothing else.
+    knows the address sees the object, may change the view, save its files and end the page.
     """
 
     def __init__(self, session: Session, *, proxied: bool = False) -> None:
@@ -177,7 +165,11 @@ class Page:
         Args:
             session: What it shows; it belongs to the page.
             proxied: Accept requests with any host name.
+
+        Raises:
+            OutputError: There is no OpenGL.
         """
+        check_rendering()
         self._session, self._proxied = session, proxied
         self._plotter = new_plotter(session.settings, off_screen=True)
         self._plotter.enable_trackball_style()  # type: ignore[call-arg]
@@ -204,8 +196,9 @@ class Page:
         watching = asyncio.create_task(self._watch())
         try:
             await server.start(
-                exec_mode="coroutine", host=HOST, port=port, thread=True, timeout=unused,
-                open_browser=False, show_connection_info=False, disable_logging=True,
+                exec_mode="coroutine", backend="aiohttp", thread=True, timeout=unused,
+                host=HOST, port=port, open_browser=False, show_connection_info=False,
+                disable_logging=True,
             )  # fmt: skip
         finally:
             self._session.close()  # ends what a download waits for
