@@ -158,12 +158,11 @@ class Window:
         ends = {"pointa": (0.05, height - 0.04), "pointb": (0.95, height - 0.04)}
         look = self.plotter.add_slider_widget(
             lambda value: self._on_slide(name, value), (control.least, control.most or 1.0),
-            value=control.read(self._session), interaction_event="always", color=TRACK, **ends,
+            value=control.read(self._session), interaction_event="always", color=TRACK,
+            slider_width=0.022, tube_width=0.008, **ends,
         ).GetRepresentation()  # fmt: skip
         look.ShowSliderLabelOff()
         look.SetSliderLength(0.03)
-        look.SetSliderWidth(0.022)
-        look.SetTubeWidth(0.008)
         look.SetEndCapLength(0.0)
         for part in (look.GetSliderProperty(), look.GetSelectedProperty()):
             part.SetColor(pyvista.Color(THUMB).float_rgb)
@@ -248,14 +247,8 @@ class Window:
             look.SetValue(value)
             self._names[name].input = f"{control.text}   {value:.4g}{control.unit}"
         seen = session.inspection
-        numbers = seen.numbers if seen else ()
-        lines = [
-            seen.reason if seen else text.hint,
-            " ",
-            *map(": ".join, numbers),
-            " ",
-            *text.notes,
-        ]
+        reason, numbers = (seen.reason, seen.numbers) if seen else (text.hint, ())
+        lines = [reason, " ", *map(": ".join, numbers), " ", *text.notes]
         if self._help:
             lines = [*MOUSE, *(f"{one.names}: {one.text}" for one in KEYS)]
         self._text.input = self._wrapped(lines)

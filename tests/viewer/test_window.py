@@ -111,8 +111,8 @@ def test_the_window_shows_and_changes_an_object(tmp_path: Path, labels: SurfaceL
             assert (image.size[0] < WIDTH, image.size[1]) == (True, HEIGHT)
         window.key("w")
         asked = window.folder.parent / "browser.txt"
-        wait_for(asked.exists, "a browser")
-        with urllib.request.urlopen(asked.read_text(encoding="utf-8").strip()) as response:  # noqa: S310
+        address = wait_for(lambda: asked.exists() and asked.read_text().strip(), "a browser")
+        with urllib.request.urlopen(address) as response:  # noqa: S310
             assert "<html" in response.read().decode()
         window.key("q")
         assert window.ended() == (0, "closed\n", "")
