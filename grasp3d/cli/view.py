@@ -6,6 +6,7 @@ from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluation import evaluate_poses, poses_on
 from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.scene import Scene
+from grasp3d.pictures.opengl import check_rendering
 from grasp3d.system.context import refuse_warnings
 from grasp3d.viewer.screenshots import check_picture, save_picture
 from grasp3d.viewer.session.collection import (
@@ -14,7 +15,7 @@ from grasp3d.viewer.session.collection import (
     open_collection,
 )
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.window.display import display_problem
+from grasp3d.viewer.window import display_problem, show_window
 
 
 def run(command: View, report: Report) -> int:
@@ -34,10 +35,8 @@ def run(command: View, report: Report) -> int:
             shows = f"{address} shows {command.target.name}; Ctrl+C stops it"
             report.lines(["; ".join(filter(None, (problem, shows)))])
 
-        serve(collection, command.view, ready=ready)
+        serve(Session(collection, command.view), ready=ready)
     elif not command.screenshot:
-        from grasp3d.viewer.window.desktop import show_window
-
         show_window(Session(collection, command.view))
     return 0
 
@@ -73,7 +72,5 @@ def _check(command: View) -> str:
     needs_window = not (command.web or command.screenshot)
     problem = display_problem() if needs_window else ""
     if command.web or problem:
-        from grasp3d.viewer.web.page import check_page
-
-        check_page()
+        check_rendering()
     return problem

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,9 +21,6 @@ from grasp3d.mesh.surface_points import contains, nearest_surface_points
 from grasp3d.stability.label import Label
 from grasp3d.system.context import unreported
 from grasp3d.system.counts import short_number
-
-if TYPE_CHECKING:
-    from grasp3d.grasps.jaw_grasps import JawGrasps
 
 
 class Reasons:
@@ -85,10 +82,10 @@ class GripperReasons(Reasons):
     """Sentences on evaluated poses of a parallel gripper.
 
     Args:
-        poses: The poses.
+        poses: `JawGrasps`, which import this module.
     """
 
-    def __init__(self, poses: "JawGrasps") -> None:
+    def __init__(self, poses: Any) -> None:
         self._size = len(poses.poses)
         super().__init__(self._size)
         self._poses, jaws = poses, poses.scene.jaws

@@ -3,9 +3,9 @@
 import html
 import os
 import sys
-from dataclasses import dataclass
-from functools import partial
 from importlib import import_module
+from typing import Any
+from urllib.parse import urlsplit
 
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
@@ -21,20 +21,9 @@ from grasp3d.viewer.session.collection import (
     collection_of_mesh,
 )
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.web.page import background_server
 
 HUB = "JUPYTERHUB_SERVICE_PREFIX"
 """Environment variable of JupyterHub with the path of a user's server."""
-
-
-@dataclass(frozen=True)
-class NotebookView:
-    """HTML that a notebook displays below a cell."""
-
-    content: str
-
-    def _repr_html_(self) -> str:
-        return self.content
 
 
 def show(
@@ -45,7 +34,7 @@ def show(
     sampling: Sampling | None = None,
     height: int = 640,
     proxy: str | None = None,
-) -> NotebookView | None:
+) -> Any:
     """View a labelled surface, grasps or a mesh: in a notebook below the cell, else in a window.
 
     In a notebook the kernel serves a page at a port of its machine. If the browser runs on another
@@ -70,18 +59,20 @@ def show(
         SettingError: There are no grasps, or a model is given for labels or grasps.
         OutputError: Nothing can be rendered here.
     """
-    settings = settings or ViewSettings()
-    collection = _collection(shown, model, sampling)
+    session = Session(_collection(shown, model, sampling), settings)
     if not in_notebook():
-        import_module("grasp3d.viewer.window.desktop").show_window(Session(collection, settings))
+        import_module("grasp3d.viewer.window").show_window(session)
         return None
-    path = background_server().add(partial(Session, collection, settings))
-    source = html.escape(_base(proxy) + path)
-    name = html.escape(collection.items[0].name)
-    return NotebookView(
-        f'<iframe src="{source}" title="grasp3d: {name}" width="100%" height="{height}" '
-        'style="border: 1px solid #d9dee2; border-radius: 6px" allowfullscreen></iframe>'
-    )
+    if proxy is None and HUB in os.environ:
+        proxy = os.environ[HUB].rstrip("/") + "/proxy/"
+    page = import_module("grasp3d.viewer.web.page")
+    address = page.serve_in_background(session, proxied=proxy is not None)
+    if proxy is not None:
+        served = urlsplit(address)
+        address = f"{proxy.rstrip('/')}/{served.port}{served.path}"
+    title = html.escape(f"grasp3d: {session.name}")
+    display = import_module("IPython.display")
+    return display.IFrame(address, "100%", height, extras=[f'title="{title}"'])
 
 
 def _collection(
@@ -101,14 +92,3 @@ def in_notebook() -> bool:
     ipython = sys.modules.get("IPython")  # a notebook has always imported it
     shell = ipython and ipython.get_ipython()
     return getattr(shell, "kernel", None) is not None
-
-
-def _base(proxy: str | None) -> str:
-    """Beginning of the addresses of pages."""
-    if proxy is None and HUB in os.environ:
-        proxy = os.environ[HUB].rstrip("/") + "/proxy/"
-    server = background_server()
-    if proxy is None:
-        return server.address
-    server.allow_other_hosts()
-    return f"{proxy.rstrip('/')}/{server.port}/"

@@ -80,7 +80,9 @@ def test_the_page_is_served_at_a_free_port_until_interrupted(box: Path, options:
                 assert run.stdout is not None
                 line = run.stdout.readline()
                 reason = "" if options else "no display here: DISPLAY is not set; "
-                found = re.match(rf"{reason}(http://127\.0\.0\.1:(\d+)/) shows ", line)
+                found = re.match(
+                    rf"{reason}(http://127\.0\.0\.1:(\d+)/[0-9a-f]{{32}}/) shows ", line
+                )
                 assert found is not None, line
                 assert PORT < int(found[2]) <= PORT + 20
                 with urlopen(found[1]) as page:  # noqa: S310

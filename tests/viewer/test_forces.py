@@ -21,10 +21,9 @@ from grasp3d.surface import Reason
 from grasp3d.surface.load_result import LoadResult
 from grasp3d.viewer.session import planning
 from grasp3d.viewer.session.collection import collection_of, open_collection
-from grasp3d.viewer.session.controls import handle_key
+from grasp3d.viewer.session.controls import handle_key, offered_paints
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.web.page_state import page_state
 from tests.helpers import viewing
 from tests.helpers.viewing import read_subject, ready_session, wait_until_idle
 
@@ -130,8 +129,7 @@ def test_without_a_load_nothing_is_added() -> None:
     session.click(40)
     assert session.inspection is not None
     assert not {"force", "payload"} & set(dict(session.inspection.numbers))
-    names = {item["name"] for item in page_state(session)["paints"]}
-    assert not names & {"grip_force", "payload"}
+    assert not {"grip_force", "payload"} & offered_paints(session).keys()
     assert "load" not in panel_text(session).facts
     for key in ("7", "8"):
         state = session.state
@@ -145,9 +143,8 @@ def test_payload_needs_a_force_at_hand() -> None:
     with pytest.raises(SettingError, match="force at hand is not known"):
         session.change(paint="payload")
     session.change(paint="grip_force")
-    names = [item["name"] for item in page_state(session)["paints"]]
-    assert "grip_force" in names
-    assert "payload" not in names
+    assert "grip_force" in offered_paints(session)
+    assert "payload" not in offered_paints(session)
 
 
 # Colours

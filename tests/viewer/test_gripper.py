@@ -32,10 +32,9 @@ from grasp3d.viewer.screenshots import open_renderer
 from grasp3d.viewer.session import collection, computations, planning
 from grasp3d.viewer.session.collection import collection_of, open_collection
 from grasp3d.viewer.session.computations import search_grasps
-from grasp3d.viewer.session.controls import handle_key
+from grasp3d.viewer.session.controls import CONTROLS, handle_key, offered_paints
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import BEST, Session
-from grasp3d.viewer.web.page_state import page_state
 from tests.helpers import viewing
 from tests.helpers.held_grasps import JAWS, held_box, not_reached, reached
 from tests.helpers.viewing import read_subject, ready_session, wait_until_idle
@@ -96,8 +95,8 @@ def test_without_a_gripper_nothing_is_added() -> None:
     session.click(40)
     assert session.inspection is not None
     assert "approach margin" not in dict(session.inspection.numbers)
-    assert not page_state(session)["gripper"]
-    assert all(item["name"] != "approach_margin" for item in page_state(session)["paints"])
+    assert not CONTROLS["show_gripper"].shown(session)
+    assert "approach_margin" not in offered_paints(session)
     for key in ("j", "t", "6"):
         state = session.state
         assert handle_key(session, key)

@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -13,7 +14,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.error import HTTPError
 from urllib.parse import urlsplit
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
@@ -29,7 +32,7 @@ from grasp3d.stability.label import COLORS, Label
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web import page as served_page
-from grasp3d.viewer.web.page import background_server, listen, open_page
+from grasp3d.viewer.web.page import free_port, open_page, serve_in_background
 from tests.helpers.shapes import LIBRARY
 
 CI = os.environ.get("CI") == "true"
@@ -58,31 +61,19 @@ from grasp3d import GraspModel, Sampling, label_surface, load_mesh
 from tests.helpers.solids import box_mesh
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.web.page import serve
-from grasp3d.pictures.view_settings import ViewSettings
+from grasp3d.viewer.session.session import Session
 model = GraspModel(friction=0.3, sensor_resolution=radians(20.0))
 sampling = Sampling(rays=8, search_angle=radians(80.0))
 meshes = [*map(load_mesh, sys.argv[1:]), box_mesh((0.1, 0.2, 0.3), max_edge=0.1)]
 collections = [collection_of(label_surface(mesh, model, sampling=sampling)) for mesh in meshes]
-collection = replace(collections[0], items=tuple(one.items[0] for one in collections))
+first, second = (one.items[0] for one in collections)
+second = replace(second, name="<img src='x' onerror='document.title = 1'>")
+collection = replace(collections[0], items=(first, second))
 try:
-    serve(collection, ViewSettings(), port=0, ready=lambda address: print(address, flush=True))
+    serve(Session(collection), port=0, ready=lambda address: print(address, flush=True))
 except KeyboardInterrupt:
     sys.exit(130)
 """
-
-
-IDLE = """
-import sys
-from types import SimpleNamespace
-from aiohttp import web
-from grasp3d.viewer.web import page
-page.create_server = lambda: SimpleNamespace(app=web.Application(), add=lambda _: "")
-try:
-    page.serve(None, None, port=0, ready=lambda address: print(address, flush=True))
-except KeyboardInterrupt:
-    sys.exit(130)
-"""
-"""A server without content, which starts at once."""
 
 
 @dataclass
@@ -95,6 +86,10 @@ class Served:
     @property
     def port(self) -> int:
         return int(urlsplit(self.address).port or 0)
+
+    @property
+    def path(self) -> str:
+        return urlsplit(self.address).path
 
 
 def started(script: str, *arguments: str) -> Served:
@@ -192,7 +187,7 @@ class Visitor:
         self.until(lambda: self.fractions() == wanted)
 
 
-def visitor(browser: Any, server: Served, width: int = 1000, height: int = 620) -> Visitor:
+def visitor(browser: Any, server: Served, width: int = 1280, height: int = 800) -> Visitor:
     context = browser.new_context(viewport={"width": width, "height": height})
     context.set_default_timeout(LONG)
     made = Visitor(context.new_page(), [])
@@ -263,7 +258,7 @@ def test_the_page_shows_and_changes_an_object(
     page.locator("#friction-number").fill("-1")
     page.locator("#friction-number").press("Enter")
     page.wait_for_selector("#message")
-    assert "friction must be a number above 0" in page.locator("#message").inner_text()
+    assert "friction must be a finite number above 0" in page.locator("#message").inner_text()
     seen.click_middle()
     page.wait_for_selector("#numbers")
     assert page.locator("#reason").inner_text()[0] in "SMU"
@@ -287,63 +282,117 @@ def test_the_page_shows_and_changes_an_object(
     seen.shows(fractions(labels, 1.2, degrees))
 
 
-def response(server: Served, path: str, **headers: str) -> tuple[int, str, dict[str, str]]:
+def test_a_narrow_page_has_every_control(browser: Any, server: Served) -> None:
+    seen = visitor(browser, server, 390, 844)
+    page = seen.page
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+
+    def chosen(name: str, value: str) -> None:
+        page.locator(f"#{name}").select_option(value)
+
+    def says(name: str, text: str) -> None:
+        seen.until(lambda: text in page.locator(f"#{name}").inner_text())
+
+    page.locator("#best-next").click()
+    says("message", "1 of the ")
+    numbers = page.locator("#numbers").inner_text()
+    assert "β*" in numbers
+    chosen("axis", "x")
+    page.locator("#flipped").check()
+    page.locator("#position-number").fill("0.25")
+    page.locator("#position-number").press("Enter")
+    seen.until(lambda: page.input_value("#position") == "0.25")
+    chosen("axis", "off")
+    seen.until(lambda: page.locator("#position").count() == 0)
+    chosen("click", "fix")
+    seen.click_middle()
+    says("hint", "1 finger fixed")
+    page.locator("#release").click()
+    says("hint", "Click the surface to fix a finger there.")
+    chosen("click", "inspect")
+    before = seen.fractions()
+    chosen("fingers", "3")
+    seen.until(lambda: seen.fractions() != before)
+    chosen("fingers", "2")
+    seen.shows(before)
+    page.locator("#zoom-out").click()
+    page.locator("#reset").click()
+    chosen("number", "1")
+    says("title", "<img src='x' onerror='document.title = 1'> (2 of 2)")
+    assert page.title() != "1"
+    assert not page.locator("#panel img").count()
+    chosen("number", "0")
+    says("facts", "vertices")
+    page.context.close()
+    assert not seen.errors
+
+
+def response(server: Served, path: str, **headers: str) -> tuple[int, str]:
     link = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
     link.request("GET", path, headers={"Host": f"127.0.0.1:{server.port}", **headers})
     answer = link.getresponse()
-    upgraded = answer.status == 101
-    got = answer.status, "" if upgraded else answer.read().decode(), dict(answer.getheaders())
+    got = answer.status, "" if answer.status == 101 else answer.read().decode()
     link.close()
     return got
 
 
+UPGRADE = {
+    "Connection": "Upgrade",
+    "Upgrade": "websocket",
+    "Sec-WebSocket-Version": "13",
+    "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+}
+
+
 def test_only_pages_of_the_server_may_connect(server: Served) -> None:
-    status, _, headers = response(server, "/")
-    path = headers["Location"]
-    assert (status, bool(re.fullmatch(r"a/[0-9a-f]{32}/", path))) == (302, True)
-    upgrade = {
-        "Connection": "Upgrade",
-        "Upgrade": "websocket",
-        "Sec-WebSocket-Version": "13",
-        "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
-    }
+    assert re.fullmatch(r"/[0-9a-f]{32}/", server.path)
+    own, link = f"http://127.0.0.1:{server.port}", f"{server.path}ws"
+    assert response(server, link, **UPGRADE, Origin="http://evil.example")[0] == 403
+    assert response(server, link, **UPGRADE)[0] == 403
+    assert response(server, link, **UPGRADE, Origin=own)[0] == 101
+    for path in (server.path, f"{server.path}picture.png", link):
+        status, text = response(server, path, Host="elsewhere.example:80")
+        assert (status, "localhost" in text) == (403, True)
+    assert response(server, server.path, Host=f"localhost:{server.port}")[0] == 200
+
+
+def test_without_the_token_nothing_is_shown(server: Served) -> None:
     own = f"http://127.0.0.1:{server.port}"
-    assert response(server, f"/{path}ws", **upgrade, Origin="http://evil.example")[0] == 403
-    assert response(server, f"/{path}ws", **upgrade)[0] == 403
-    assert response(server, f"/{path}ws", **upgrade, Origin=own)[0] == 101
-    assert response(server, f"/a/{'0' * 32}/ws", **upgrade, Origin=own)[0] == 404
-    assert response(server, f"/a/{'0' * 32}/")[0] == 404
-    status, text, _ = response(server, "/", Host="elsewhere.example:80")
-    assert (status, "localhost" in text) == (403, True)
+    files = ("", "index.html", "ws", "labels.ply", "picture.png", "own/page.css", "vue.global.js")
+    for start in ("/", f"/{'0' * 32}/", server.path[:-1]):
+        for name in files:
+            assert response(server, start + name, **UPGRADE, Origin=own)[0] == 404
+    status, text = response(server, "/")
+    assert (status, "use the whole address" in text) == (404, True)
 
 
 def test_files_outside_the_static_folders_are_not_served(server: Served) -> None:
-    path = response(server, "/")[2]["Location"]
-    assert response(server, f"/{path}own/page.css")[0] == 200
-    for path_outside in (
-        "own/../client.py",
-        "own/%2e%2e/client.py",
-        "..%2f..%2fclient.py",
-        "own/",
-        "nothing",
-    ):
-        assert response(server, f"/{path}{path_outside}")[0] == 404
+    assert response(server, f"{server.path}own/page.css")[0] == 200
+    outside = ("own/../page.py", "own/%2e%2e/page.py", "..%2f..%2fpage.py", "own/", "nothing")
+    for name in outside:
+        assert response(server, server.path + name)[0] in {403, 404}
 
 
-def test_ctrl_c_stops_the_server() -> None:
-    assert ended(started(IDLE), signal.SIGINT) == 130
-
-
-def test_invalid_ports_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(OutputError, match="port must be from 0 to 65535"):
-        listen(65536)
-    with listen(0) as taken:
+def test_a_port_in_use_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with listen(port) as free:
-            assert port < free.getsockname()[1] <= port + served_page.OTHER_PORTS
+        assert port < free_port(port) <= port + served_page.OTHER_PORTS
         monkeypatch.setattr(served_page, "OTHER_PORTS", 0)
-        with pytest.raises(OutputError, match="all in use"):
-            listen(port)
+        assert free_port(port) not in {0, port}
+    monkeypatch.setattr(served_page, "HOST", "192.0.2.1")  # of no machine
+    with pytest.raises(OutputError, match="no port of"):
+        free_port()
+
+
+def test_pages_in_the_background_are_apart(labels: SurfaceLabels) -> None:
+    addresses = [serve_in_background(Session(collection_of(labels))) for _ in range(2)]
+    first, second = map(urlsplit, addresses)
+    assert first.port != second.port
+    for one in addresses:
+        with urlopen(one) as page:  # noqa: S310
+            assert b"<html" in page.read()
+    with pytest.raises(HTTPError):
+        urlopen(first._replace(path=second.path).geturl())  # noqa: S310
 
 
 def test_a_page_is_opened_with_the_choices_of_a_session(
@@ -351,17 +400,17 @@ def test_a_page_is_opened_with_the_choices_of_a_session(
 ) -> None:
     opened: list[str] = []
     started: list[Session] = []
-    add = background_server().add
+
+    def served(one: Session) -> str:
+        started.append(one)
+        return "http://127.0.0.1:1/a/"
+
+    monkeypatch.setattr(served_page, "serve_in_background", served)
     monkeypatch.setattr("webbrowser.open", lambda address: opened.append(address) is None)
-    monkeypatch.setattr(
-        background_server(), "add", lambda start: (started.append(start()), add(start))[1]
-    )
     session = Session(collection_of(labels))
     session.change(friction=0.7, paint="margin", sensor_resolution=0.2)
     session.click(3)
-    address = open_page(session)
-    assert opened == [address]
-    assert address.startswith(background_server().address)
+    assert [open_page(session)] == opened == ["http://127.0.0.1:1/a/"]
     assert [one.state for one in started] == [session.state]
     monkeypatch.setattr("webbrowser.open", lambda _: False)
     with pytest.raises(OutputError, match="no browser was found; open http"):

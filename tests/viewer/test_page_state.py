@@ -6,10 +6,11 @@ import pytest
 
 from grasp3d import SurfaceLabels
 from grasp3d.viewer.session.collection import collection_of
+from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.web.page_state import click_hint, constant_state, page_state
+from grasp3d.viewer.web.page_state import page_state
 from tests.helpers import viewing
-from tests.helpers.viewing import wait_until_idle
+from tests.helpers.viewing import ready_session, wait_until_idle
 
 
 @pytest.fixture(scope="module")
@@ -18,37 +19,37 @@ def labels() -> SurfaceLabels:
 
 
 def test_the_page_shows_what_a_click_does(labels: SurfaceLabels) -> None:
-    session = Session(collection_of(labels))
-    wait_until_idle(session)
-    assert "see the best grasp" in click_hint(session)
+    session = ready_session(labels)
+
+    def hint() -> str:
+        wait_until_idle(session)
+        return panel_text(session).hint
+
+    assert "see the best grasp" in hint()
     session.change(click="fix")
-    assert click_hint(session) == "Click the surface to fix a finger there."
+    assert hint() == "Click the surface to fix a finger there."
     session.click(0)
-    wait_until_idle(session)
-    assert click_hint(session).startswith("One finger is fixed")
-    assert click_hint(session).endswith("A click moves it.")
+    assert hint().startswith("1 finger fixed: the colours are for")
+    assert hint().endswith("to move the last one there.")
     session.change(click="inspect")
-    assert click_hint(session).endswith("A click shows the best grasp there.")
+    assert "see the best grasp" in hint()
     session.change(click="fix", fingers=3)
-    wait_until_idle(session)
-    assert click_hint(session).endswith("A click fixes another one.")
+    assert hint().endswith("to fix a finger there.")
     session.click(1)
-    wait_until_idle(session)
-    assert click_hint(session).startswith("2 fingers are fixed")
-    assert click_hint(session).endswith("A click moves the last one.")
+    assert hint().startswith("2 fingers fixed")
+    assert hint().endswith("to move the last one there.")
     session.close()
 
 
 def test_fractions_are_not_shown_while_grasps_are_searched(labels: SurfaceLabels) -> None:
-    session = Session(collection_of(labels))
-    wait_until_idle(session)
+    session = ready_session(labels)
     assert [row["letter"] for row in page_state(session)["rows"]] == ["S", "M", "U"]
-    session.change(max_opening=0.4 * labels.mesh.size)
+    session.change(fingers=3)
     state = page_state(session)
     assert [row["letter"] for row in state["rows"]] == ["S", "M", "U"]
     assert {row["percent"] for row in state["rows"]} == {"…"}
     assert state["stale"]
-    assert click_hint(session).endswith("…")
+    assert panel_text(session).hint.endswith("…")
     wait_until_idle(session)
     assert sum(row["fraction"] for row in page_state(session)["rows"]) == pytest.approx(1.0)
     session.close()
@@ -59,6 +60,6 @@ def test_help_has_only_available_keys(labels: SurfaceLabels) -> None:
     two = replace(collection, items=collection.items * 2)
     for viewed, available in ((collection, set()), (two, {"n", "p"})):
         session = Session(viewed)
-        keys = {key for item in constant_state(session)["keys"] for key in item["keys"]}
-        assert keys & {"n", "p", "q"} == available
+        keys = {key for item in page_state(session)["keys"] for key in item["keys"]}
+        assert keys & {"n", "p", "q", "w"} == available
         session.close()

@@ -48,7 +48,8 @@ def test_a_notebook_shows_a_page() -> None:
     with client.setup_kernel(cwd=str(Path(__file__).parents[2])):
         client.execute_cell(client.nb.cells[0], 0)
         frame = cell_html(client, 1)
-        assert re.search(r'src="http://127\.0\.0\.1:\d+/a/[0-9a-f]{32}/".* height="500"', frame)
+        assert re.search(r'src="http://127\.0\.0\.1:\d+/[0-9a-f]{32}/"', frame)
+        assert 'height="500"' in frame
         with playwright.sync_playwright() as started:
             browser = started.chromium.launch(executable_path=BROWSER, args=OPTIONS)
             page = browser.new_page()
@@ -70,30 +71,31 @@ def test_outside_notebooks_a_window_opens(
 ) -> None:
     opened: list[Any] = []
     window = SimpleNamespace(show_window=opened.append)
-    monkeypatch.setitem(sys.modules, "grasp3d.viewer.window.desktop", window)
+    monkeypatch.setitem(sys.modules, "grasp3d.viewer.window", window)
     assert labels.show() is None
     assert opened[0].name == labels.mesh.report.source
     opened[0].close()
 
 
 def test_addresses_behind_a_proxy(labels: SurfaceLabels, monkeypatch: pytest.MonkeyPatch) -> None:
-    names: list[str] = []
-    served = SimpleNamespace(
-        address="http://127.0.0.1:1234/",
-        port=1234,
-        add=lambda _: "a/b/",
-        allow_other_hosts=lambda: names.append("any"),
-    )
-    monkeypatch.setattr(show, "background_server", lambda: served)
+    proxies: list[bool] = []
+
+    def serve(_: object, *, proxied: bool) -> str:
+        proxies.append(proxied)
+        return "http://127.0.0.1:1234/b/"
+
+    page = SimpleNamespace(serve_in_background=serve)
+    monkeypatch.setitem(sys.modules, "grasp3d.viewer.web.page", page)
     monkeypatch.setattr(show, "in_notebook", lambda: True)
     monkeypatch.delenv(show.HUB, raising=False)
 
     def source(**options: str) -> str:
-        return labels.show(**options)._repr_html_().split('"')[1]
+        found = re.search('src="([^"]*)"', labels.show(**options)._repr_html_())
+        assert found is not None
+        return found[1]
 
-    assert source() == "http://127.0.0.1:1234/a/b/"
-    assert not names
-    assert source(proxy='/a"b/proxy') == "/a&quot;b/proxy/1234/a/b/"
-    assert names
+    assert source() == "http://127.0.0.1:1234/b/"
+    assert source(proxy='/a"b/proxy') == "/a&quot;b/proxy/1234/b/"
     monkeypatch.setenv(show.HUB, "/user/ada/")
-    assert source() == "/user/ada/proxy/1234/a/b/"
+    assert source() == "/user/ada/proxy/1234/b/"
+    assert proxies == [False, True, True]

@@ -13,7 +13,9 @@ from grasp3d import GraspModel, Label, Sampling, SurfaceLabels, label_surface, l
 from grasp3d.errors import OutputError
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
-from grasp3d.viewer.window.display import check_display
+from grasp3d.viewer.session.collection import collection_of
+from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.window import display_problem, show_window
 from tests.helpers.shapes import LIBRARY
 from tests.helpers.windows import Image8, Window, needs_screen, wait_for
 
@@ -30,7 +32,7 @@ import json, sys
 from grasp3d import GraspModel, Sampling, label_surface, load_mesh
 from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.session.panel_text import panel_text
-from grasp3d.viewer.window.desktop import show_window
+from grasp3d.viewer.window import show_window
 from grasp3d.viewer.session.session import Session
 from grasp3d.pictures.view_settings import ViewSettings
 sampling = Sampling(rays=8, search_angle={cone})
@@ -109,8 +111,8 @@ def test_the_window_shows_and_changes_an_object(tmp_path: Path, labels: SurfaceL
             assert (image.size[0] < WIDTH, image.size[1]) == (True, HEIGHT)
         window.key("w")
         asked = window.folder.parent / "browser.txt"
-        wait_for(asked.exists, "a browser")
-        with urllib.request.urlopen(asked.read_text(encoding="utf-8").strip()) as response:  # noqa: S310
+        address = wait_for(lambda: asked.exists() and asked.read_text().strip(), "a browser")
+        with urllib.request.urlopen(address) as response:  # noqa: S310
             assert "<html" in response.read().decode()
         window.key("q")
         assert window.ended() == (0, "closed\n", "")
@@ -123,14 +125,15 @@ def test_the_close_button_closes_the_window(tmp_path: Path) -> None:
 
 
 def test_the_error_without_a_display_names_the_alternatives(
-    monkeypatch: pytest.MonkeyPatch,
+    labels: SurfaceLabels, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
+    session = Session(collection_of(labels))
     with pytest.raises(OutputError, match=r"DISPLAY is not set; .* browser .* --screenshot FILE"):
-        check_display()
+        show_window(session)
+    assert session.working is None
     monkeypatch.setenv("DISPLAY", ":65000")
-    with pytest.raises(OutputError, match="no window opens on display :65000"):
-        check_display()
+    assert "no window opens on display :65000" in display_problem()
     monkeypatch.setattr("sys.platform", "darwin")
-    check_display()
+    assert not display_problem()

@@ -1,4 +1,4 @@
-"""The user's controls, each declared once: fields and sliders of the page, and all keys."""
+"""The user's controls, each declared once: the page's panel, the window's sliders, all keys."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -8,18 +8,14 @@ from operator import attrgetter, not_
 from typing import Any, get_args
 
 from grasp3d.errors import SettingError
+from grasp3d.pictures.colors import PAINTS
 from grasp3d.pictures.view_settings import Paint
-from grasp3d.quality.wrenches import MAX_FRICTION
-from grasp3d.settings import DEGREE
-from grasp3d.settings.model_text import EPSILON_MIN
+from grasp3d.settings import DEGREE, MAX_SEARCHED_FINGERS
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import OF_MODEL, Axis, Section
 
 LEAST_FRICTION = 0.01
-"""Smallest friction that can be true within the friction error that is chosen."""
-FRICTION_STEP, RESOLUTION_STEP, SECTION_STEP = 0.05, 2.0, 0.05
-"""Changes by a key; resolutions are in degrees."""
-
+"""Friction at the left end of its slider."""
 ARROWS = {"Left": "←", "Right": "→", "Up": "↑", "Down": "↓"}
 
 
@@ -39,41 +35,29 @@ class Keys:
 
 
 @dataclass(frozen=True)
-class Field:
-    """How the page shows a control: a slider with a number, or a check box."""
+class Control:
+    """One choice of the user: a slider with a number, a list, or a check box."""
 
     text: str
-    name: str = ""
-    """Spoken name of a number, with its unit."""
-    most: float | None = None
-    """Value at the right end, unless the present one is larger; None: a check box."""
-    step: float = 0.01
-    unit: str = ""
-    of_size: bool = False
-    """Whether `most` and `step` are relative to the object's size, and the unit is the mesh's."""
-    limits: Callable[[Session], tuple[float, float | None]] = lambda _: (0.0, None)
-    """Smallest and largest value that a drag sets; None: unlimited."""
-    problem: Callable[[Session], str] = lambda _: ""
-    """Why it cannot be changed; empty if it can."""
-    shown: Callable[[Session], bool] = lambda _: True
-
-
-@dataclass(frozen=True)
-class Control:
-    """One choice of the user."""
-
+    """Its name in the panel."""
     read: Callable[[Session], Any]
     """The present value; angles are in degrees."""
     write: Callable[[Session, Any], None]
-    """Changes it; raises SettingError, or a ValueError or TypeError that `valid` explains."""
-    valid: str = ""
-    """What is valid, as the message for a value that is not."""
+    """Changes it; an invalid value raises SettingError, or ValueError or TypeError."""
     keys: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
     """For each key the next value for the present one."""
     of_keys: str = ""
-    """What the keys do."""
-    page: Field | None = None
-    """None: the page has markup of its own for it."""
+    """What the keys do; empty: they change it."""
+    least: float = 0.0
+    """Value at the left end of a slider."""
+    most: float | None = None
+    """Value at its right end, unless the present one is larger; None: it has no slider."""
+    step: float = 0.01
+    unit: str = ""
+    options: Callable[[Session], Mapping[Any, str]] | None = None
+    """What there is to choose from, and its names; None: it is no list."""
+    shown: Callable[[Session], bool] = lambda _: True
+    """Whether the object has it."""
 
     def change(self, session: Session, value: Any) -> None:
         """Change the session to a new value.
@@ -84,19 +68,7 @@ class Control:
         try:
             self.write(session, value)
         except (TypeError, ValueError, OverflowError):
-            raise SettingError(self.valid or f"invalid value: {value}") from None
-
-    def step(self, session: Session, following: Callable[[Any], Any]) -> None:
-        """Change it to the value that follows the present one."""
-        value = following(self.read(session))
-        if self.page is not None and self.page.most is not None:
-            value = max(value, self.page.limits(session)[0])
-        self.change(session, value)
-
-
-def control_values(session: Session) -> dict[str, Any]:
-    """The present values of all controls."""
-    return {name: control.read(session) for name, control in CONTROLS.items()}
+            raise SettingError(f"{self.text}: {value!r} is no valid value") from None
 
 
 def handle_key(session: Session, key: str) -> bool:
@@ -119,28 +91,24 @@ def handle_key(session: Session, key: str) -> bool:
     return True
 
 
-def _number(value: Any, *, below: float = math.inf, above: float = -math.inf) -> float:
-    """A number that is at least 0, and between limits.
-
-    Raises:
-        ValueError: The value is not such a number.
-    """
-    number = float(value)
-    if not (0.0 <= number < below and number > above):
-        raise ValueError
-    return number
+def is_labelled(session: Session) -> bool:
+    """Whether vertices have labels, or will have them; given poses of a hand have their own."""
+    return session.subject is None or session.subject.poses is None
 
 
-def _chosen(name: str, kind: Callable[[Any], Any], **options: Any) -> Control:
+def _of_state(text: str, name: str, kind: Callable[[Any], Any], **options: Any) -> Control:
     """Control of a field of the state, or of its model."""
 
     def read(session: Session) -> Any:
         return getattr(session.state.model if name in OF_MODEL else session.state, name)
 
-    return Control(read, lambda session, value: session.change(**{name: kind(value)}), **options)
+    def write(session: Session, value: Any) -> None:
+        session.change(**{name: kind(value)})
+
+    return Control(text, **{"read": read, "write": write, **options})
 
 
-def _of_section(name: str, kind: Callable[[Any], Any], **options: Any) -> Control:
+def _of_section(text: str, name: str, kind: Callable[[Any], Any], **options: Any) -> Control:
     """Control of a field of the section, if there is one."""
 
     def write(session: Session, value: Any) -> None:
@@ -149,18 +117,38 @@ def _of_section(name: str, kind: Callable[[Any], Any], **options: Any) -> Contro
             session.change(section=replace(section, **{name: kind(value)}))
 
     return Control(
-        lambda session: getattr(session.state.section or Section(), name), write, **options
-    )
+        text, lambda session: getattr(session.state.section or Section(), name), write,
+        shown=lambda session: session.state.section is not None, **options,
+    )  # fmt: skip
 
 
-def _drawn(name: str, check: Callable[[Session], None], **options: Any) -> Control:
-    """Control of whether something is drawn, if the object has it."""
+def _drawn(text: str, name: str, key: str, needs: str) -> Control:
+    """Control of whether the hand, or its table, is drawn, if the object has one."""
 
     def write(session: Session, value: Any) -> None:
-        check(session)
+        session.check_gripper(table=needs == "table")
         session.change(**{name: bool(value)})
 
-    return Control(lambda session: getattr(session.state, name), write, **options)
+    return _of_state(
+        f"show the {text}", name, bool, write=write, keys={key: not_},
+        of_keys=f"show or hide the {text}",
+        shown=lambda session: getattr(session.scene, needs, None) is not None,
+    )  # fmt: skip
+
+
+def _by(
+    step: float, less: str, more: str, least: float = 0.0, most: float = math.inf
+) -> dict[str, Callable[[float], float]]:
+    """Keys that change a number by a step, up to its limits."""
+    return {
+        less: lambda now: max(least, round(now - step, 10)),
+        more: lambda now: min(most, round(now + step, 10)),
+    }
+
+
+def _step(session: Session, control: Control, following: Callable[[Any], Any]) -> None:
+    """Change a control to the value that follows the present one."""
+    control.change(session, following(control.read(session)))
 
 
 def _write_axis(session: Session, value: Any) -> None:
@@ -168,122 +156,96 @@ def _write_axis(session: Session, value: Any) -> None:
     session.change(section=None if value == "off" else replace(section, axis=value))
 
 
-def _degrees(angle: float) -> float:
-    return round(math.degrees(angle), 9)
+def offered_paints(session: Session) -> dict[Paint, str]:
+    """The colours of the current object."""
+    chosen = session.state.paint
+    return {one: text for one, text in PAINTS.items() if one == chosen or session.offers(one)}
 
 
-AXES = ("off", *get_args(Axis))
-
-PAINTS: dict[Paint, str] = {
-    "label": "S, M, U of the contacts",
-    "critical_angle": "β*, critical friction angle",
-    "max_resolution": "α*, coarsest resolution at which it is S",
-    "epsilon": "ε",
-    "epsilon_min": f"{EPSILON_MIN}, over all uncertainties",
-    "approach_margin": "approach margin of the gripper",
-    "grip_force": "grip force of each contact",
-    "payload": "payload of the contacts",
-    "margin": "margin: how far it is S, or fails to be",
-}
-"""Quantities that colours can show, as they are listed."""
+AXES = {"off": "none", **{axis: f"across {axis}" for axis in get_args(Axis)}}
+CLICKS = {"inspect": "inspects a vertex", "fix": "fixes a finger"}
+FINGERS = {count: str(count) for count in range(2, MAX_SEARCHED_FINGERS + 1)}
 
 CONTROLS: dict[str, Control] = {
-    "friction": Control(
-        attrgetter("state.model.nominal_friction"),
-        lambda session, value: session.change(
-            friction=_number(value, above=0.0, below=MAX_FRICTION)
-        ),
-        valid=f"friction must be a number above 0 and below {MAX_FRICTION:,.0f}",
-        keys={
-            "Left": lambda now: max(FRICTION_STEP, round(now - FRICTION_STEP, 10)),
-            "Right": lambda now: round(now + FRICTION_STEP, 10),
-        },
-        of_keys="friction μ",
-        page=Field(
-            "friction μ", "Friction coefficient μ", 1.5,
-            limits=lambda _: (LEAST_FRICTION, None),
-        ),
+    "number": Control(
+        "object",
+        lambda session: session.number,
+        lambda session, value: session.step(int(value) - session.number),
+        options=lambda session: dict(enumerate(item.name for item in session.collection.items)),
+        shown=lambda session: len(session.collection.items) > 1,
+    ),
+    "friction": _of_state(
+        "friction μ", "friction", float, least=LEAST_FRICTION, most=1.5,
+        read=attrgetter("state.model.nominal_friction"),
+        keys=_by(0.05, "Left", "Right", least=0.05),
     ),
     "resolution": Control(
-        lambda session: _degrees(session.state.model.sensor_resolution),
-        lambda session, value: session.change(
-            sensor_resolution=_number(value, below=180.0) * DEGREE
-        ),
-        valid="sensor resolution must be from 0 to below 180 degrees",
-        keys={
-            "Down": lambda now: max(0.0, now - RESOLUTION_STEP),
-            "Up": lambda now: now + RESOLUTION_STEP,
-        },
-        of_keys="sensor resolution α",
-        page=Field("sensor resolution α", "Sensor resolution α in degrees", 90.0, 0.1, "°"),
+        "sensor resolution α",
+        lambda session: round(math.degrees(session.state.model.sensor_resolution), 9),
+        lambda session, value: session.change(sensor_resolution=float(value) * DEGREE),
+        most=90.0, step=0.1, unit="°",
+        keys=_by(2.0, "Down", "Up"),
     ),
-    "paint": _chosen(
-        "paint", str,
-        keys={
-            str(number): lambda _, paint=paint: paint
-            for number, paint in enumerate(PAINTS, start=1)
-        },
-        of_keys="colours: S M U, β*, α*, ε, ε_min, approach, grip force, payload, margin",
+    "paint": _of_state(
+        "colours", "paint", str, options=offered_paints, shown=is_labelled,
+        keys={str(number): lambda _, paint=paint: paint for number, paint in enumerate(PAINTS, 1)},
+        of_keys="colours, in the order of their list",
     ),
-    "axis": Control(
-        lambda session: "off" if session.state.section is None else session.state.section.axis,
-        _write_axis,
-        keys={"x": lambda now: AXES[(AXES.index(now) + 1) % len(AXES)]},
-        of_keys="section across x, y, z, none",
+    "fingers": _of_state(
+        "fingers", "fingers", int, options=lambda _: FINGERS, shown=is_labelled
     ),
-    "position": _of_section(
-        "position", float,
-        keys={
-            "[": lambda now: max(0.0, now - SECTION_STEP),
-            "]": lambda now: min(1.0, now + SECTION_STEP),
-        },
-        of_keys="move the section",
-    ),
-    "flipped": _of_section(
-        "flipped", bool, keys={"i": not_}, of_keys="show the other side of the section"
-    ),
-    "click": _chosen(
-        "click", str,
+    "click": _of_state(
+        "a click", "click", str, options=lambda _: CLICKS, shown=is_labelled,
         keys={"f": lambda now: "inspect" if now == "fix" else "fix"},
         of_keys="clicks inspect, or fix a finger",
     ),
-    "show_gripper": _drawn(
-        "show_gripper", Session.check_gripper, keys={"j": not_}, of_keys="show or hide the gripper"
+    "show_gripper": _drawn("hand", "show_gripper", "j", needs="hand"),
+    "show_table": _drawn("table", "show_table", "t", needs="table"),
+    "axis": Control(
+        "section",
+        lambda session: "off" if session.state.section is None else session.state.section.axis,
+        _write_axis,
+        options=lambda _: AXES,
+        keys={"x": lambda now: list(AXES)[(list(AXES).index(now) + 1) % len(AXES)]},
+        of_keys="section across x, y, z, none",
     ),
-    "show_table": _drawn(
-        "show_table", lambda session: session.check_gripper(table=True),
-        keys={"t": not_}, of_keys="show or hide the table",
+    "position": _of_section(
+        "its position", "position", float, most=1.0,
+        keys=_by(0.05, "[", "]", most=1.0), of_keys="move the section",
     ),
-    "fingers": _chosen("fingers", int),
-    "number": Control(
-        lambda session: session.number,
-        lambda session, value: session.step(int(value) - session.number),
+    "flipped": _of_section(
+        "its other side", "flipped", bool, keys={"i": not_},
+        of_keys="show the other side of the section",
     ),
 }  # fmt: skip
-"""The user's choices by the name of their field."""
+"""The user's choices by the name of their field, as they are listed."""
 
-STEPS = (
-    ("b", "v", Session.step_best, "one of the best grasps"),
-    ("n", "p", Session.step, "object"),
-)
-"""Keys that lead forward and back, and to what."""
+OF_WINDOW = {"q": "quit", "w": "open the page, with all settings, in a browser"}
+"""Keys that only a window has."""
 
 OWN = {
     "sg": "save the labelled PLY, a picture", "r": "reset the view", "+-": "zoom in, out",
-    "h": "show or hide this help", "q": "quit",
+    "h": "show or hide this help", **OF_WINDOW,
 }  # fmt: skip
 """Keys that the window or the page handles itself."""
 
 KEYS: tuple[Keys, ...] = (
     *(
-        Keys(one.of_keys, {key: partial(one.step, following=to) for key, to in one.keys.items()})
+        Keys(
+            one.of_keys or one.text,
+            {key: partial(_step, control=one, following=to) for key, to in one.keys.items()},
+        )
         for one in CONTROLS.values()
         if one.keys
     ),
     Keys("release fixed fingers", {"u": lambda session: session.change(fixed=())}),
-    *(
-        Keys(f"next, previous {what}", {on: partial(step, by=1), back: partial(step, by=-1)})
-        for on, back, step, what in STEPS
+    Keys(
+        "next, previous one of the best grasps",
+        {"b": partial(Session.step_best, by=1), "v": partial(Session.step_best, by=-1)},
+    ),
+    Keys(
+        "next, previous object",
+        {"n": partial(Session.step, by=1), "p": partial(Session.step, by=-1)},
     ),
     *(Keys(text, dict.fromkeys(keys)) for keys, text in OWN.items()),
 )

@@ -14,14 +14,6 @@ from grasp3d.stability.label import MEANING, Label
 from grasp3d.system.counts import counted, noun
 from grasp3d.viewer.session.session import Session
 
-HINTS = {
-    "inspect": "Click the surface to see the best grasp there, and why it is S, M or U.",
-    "fix": "Click the surface to fix a finger there.",
-}
-"""What a click does, by `ViewState.click`."""
-
-OF_POSES = "Fingers that touch have the colour of the letter of the pose."
-
 NOTHING, EVERYTHING = "0.0 %", "100.0 %"
 ROUNDING = 1e-9
 """Rounding error of sums of area fractions."""
@@ -66,6 +58,8 @@ class PanelText:
     """Legend of the colours; None: labels."""
     notes: tuple[str, ...]
     """Warnings that concern the labels."""
+    hint: str
+    """What a click does, or what is computed before clicks have an effect."""
     stale: bool = False
     """Whether the surface has other fingers or limits than are chosen; see `Session`."""
 
@@ -85,14 +79,26 @@ def panel_text(session: Session) -> PanelText:
         fractions=_fractions(current, model) if current else (),
         ramp=ramp_of(subject, session.state.paint, model) if subject else None,
         notes=(*_notes(session), *(subject.notes if subject else ()), *session.collection.notes),
+        hint=_hint(session),
         stale=stale,
     )
 
 
-def interval_text(model: GraspModel) -> str:
-    """Smallest and largest friction."""
-    low, high = model.friction_interval
-    return f"{low:.4g} to {high:.4g}"
+def _hint(session: Session) -> str:
+    if session.stale and session.working is not None:
+        then = " Then the grasp of the clicked vertex is shown."
+        return f"{session.working[0]} …{then if session.state.vertex is not None else ''}"
+    if session.subject is not None and session.subject.poses is not None:
+        return "Fingers that touch have the colour of the letter of the pose."
+    count, hint = len(session.state.fixed), ""
+    if count:
+        fixed = counted(count, "fingers")
+        hint = f"{fixed} fixed: the colours are for the contact point of the next one. "
+    if session.state.click == "inspect":
+        return f"{hint}Click the surface to see the best grasp there, and why it is S, M or U."
+    if count == session.state.model.fingers - 1:
+        return f"{hint}Click the surface to move the last one there."
+    return f"{hint}Click the surface to fix a finger there."
 
 
 def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
@@ -136,11 +142,9 @@ def _notes(session: Session) -> Iterator[str]:
 
 def _rule(session: Session) -> str:
     """Limits of S and U for the chosen friction and resolution."""
-    state = session.state
-    fingers = len(state.fixed) + 1 if state.fixed else state.model.fingers
-    model = state.model
-    if model.fingers != fingers:
-        model = replace(model, fingers=fingers)
+    model, fixed = session.state.model, len(session.state.fixed)
+    if fixed:
+        model = replace(model, fingers=fixed + 1)
     stable = math.degrees(model.sure_angle)
     limit = model.unstable_from
     below = f"S below {stable:.1f}°" if stable > 0.0 else "no S"
@@ -150,13 +154,11 @@ def _rule(session: Session) -> str:
 
 def _fractions(subject: Subject, model: GraspModel) -> tuple[LabelFraction, ...]:
     fractions = area_fractions(subject, labels_at(subject, model))
-    labels = [
-        (label.name, MEANING[subject.labels.mode][label], int(label))
-        for label in sorted(Label, reverse=True)
-    ]
+    meaning = MEANING[subject.labels.mode]
+    labels = [(label.name, meaning[label], int(label)) for label in sorted(Label, reverse=True)]
     if fractions[UNSEARCHED] > 0.0:
         labels.append(("–", "not searched", UNSEARCHED))
     return tuple(
         LabelFraction(letter, text, HEX_PALETTE[code], float(fractions[code]))
         for letter, text, code in labels
-    )  # fmt: skip
+    )

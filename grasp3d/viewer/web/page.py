@@ -1,76 +1,127 @@
-"""Serving the viewer's page to browsers."""
+"""The viewer as a page in browsers of this machine, on trame's server."""
 
 import asyncio
 import contextlib
-import errno
+import io
 import os
+import re
+import secrets
 import signal
 import socket
 import threading
 import webbrowser
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from concurrent.futures import Future
-from functools import cache, partial
-from importlib import import_module
-from typing import TYPE_CHECKING
+from functools import partial
+from importlib.resources import files
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from urllib.parse import quote
 
-from grasp3d.errors import OutputError
-from grasp3d.pictures.opengl import check_rendering
-from grasp3d.pictures.view_settings import ViewSettings
-from grasp3d.viewer.session.collection import Collection
+from aiohttp import web
+from aiohttp.typedefs import Handler
+from PIL import Image
+from trame.app import get_server
+from trame.app.core import AVAILABLE_SERVERS
+from trame.ui.html import DivLayout
+from trame.widgets import html, rca
+from trame_client.module import vue3  # type: ignore[import-untyped]
+from trame_rca.rca import VtkRemoteControlledArea
+
+from grasp3d.errors import GraspError, OutputError, SettingError
+from grasp3d.pictures.opengl import check_rendering, new_plotter
+from grasp3d.viewer.scene import ClickDetector, Scene
+from grasp3d.viewer.screenshots import file_name, render_copy
+from grasp3d.viewer.session.controls import CONTROLS, handle_key
 from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.web.page_state import page_state, progress_state
 
-if TYPE_CHECKING:
-    from grasp3d.viewer.web.server import ViewerServer
-
+os.environ["TRAME_ARGS"] = ""  # otherwise trame parses this program's command line
 HOST, PORT = "127.0.0.1", 8080
 OTHER_PORTS = 20
 """Number of following ports that are tried if the requested one is in use."""
-LAST_PORT = 65535
 START_TIMEOUT = 60.0
-"""Longest wait for a server in the background to start [s]."""
+"""Longest wait for a page in the background to start [s]."""
+UNUSED = 3600
+"""Time after which a page in the background ends that no browser shows [s]."""
+POLL_INTERVAL = 0.1
+"""Time between two polls of the background job [s]."""
+ZOOM = 1.2
+MAX_PIXELS = 4_000_000
+"""Largest number of pixels rendered for a browser, which enlarges the picture if it needs more."""
+
+STATIC = files("grasp3d.viewer.web") / "static"
+SCRIPTS = re.compile(r'<script type="module"[^>]*></script>|<link rel="stylesheet"[^>]*>')
+"""Scripts and styles in trame's own page; their names change with its version."""
+FILES = {"labels.ply": ("labeled", ".ply"), "picture.png": ("view", ".png")}
+"""Paths of the files that can be saved, and what their names end in."""
+HEADERS = {
+    "Cache-Control": "no-store",
+    # Vue compiles the template that trame sends, for which it needs unsafe-eval, and the picture's
+    # element has styles of its own, for which it needs unsafe-inline.
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
+        "img-src 'self' data: blob:; connect-src 'self' ws: wss:; base-uri 'self'; "
+        "form-action 'none'"
+    ),
+    "Referrer-Policy": "no-referrer",  # the address contains the page's token
+    "X-Content-Type-Options": "nosniff",
+}
 
 
-def serve(
-    collection: Collection,
-    settings: ViewSettings,
-    *,
-    port: int = PORT,
-    ready: Callable[[str], None] | None = None,
-) -> None:
-    """Serve a collection to browsers of this machine until SIGTERM.
+def serve(session: Session, *, port: int = PORT, ready: Callable[[str], None]) -> None:
+    """Serve a session to browsers of this machine until SIGTERM.
 
     Args:
-        collection: The objects.
-        settings: Initial view.
-        port: Port; if it is in use, the next free one. 0: any free port.
+        session: What the page shows; it belongs to the page from now on.
+        port: Port; if it is in use, another one. 0: any free port.
         ready: Called with the page's address when the server is ready.
 
     Raises:
-        OutputError: There is no OpenGL, or the port cannot be used.
+        OutputError: There is no OpenGL, or no port can be used.
         KeyboardInterrupt: It was stopped with Ctrl+C.
     """
-    server = create_server()
-    server.add(partial(Session, collection, settings))
-    with contextlib.closing(listen(port)) as listener:
-        asyncio.run(_serve(server, listener, ready))  # Ctrl+C ends it, too
+
+    async def run() -> None:
+        page = Page(session)
+        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, page.stop)
+        await page.run(ready, port)
+
+    asyncio.run(run())  # Ctrl+C ends it, too
 
 
-def check_page() -> None:
-    """Check that a page can be served.
+def serve_in_background(session: Session, *, proxied: bool = False) -> str:
+    """Serve a page in a thread, until the process ends or no browser has shown it for long.
+
+    Args:
+        session: What it shows; it belongs to the page from now on.
+        proxied: Accept requests through a proxy, with any host name.
+
+    Returns:
+        Its address on the same machine.
 
     Raises:
-        OutputError: It cannot; see `serve`.
+        OutputError: There is no OpenGL, or no port can be used.
     """
-    create_server()
-    listen(PORT).close()
+    served: Future[str] = Future()
+
+    async def run() -> None:
+        try:
+            await Page(session, proxied=proxied).run(served.set_result, unused=UNUSED)
+        except Exception as error:  # noqa: BLE001
+            if not served.done():
+                served.set_exception(error)
+
+    threading.Thread(target=lambda: asyncio.run(run()), daemon=True).start()
+    return served.result(START_TIMEOUT)
 
 
 def open_page(session: Session) -> str:
     """Serve what a session shows until the process ends, and open it in a browser.
 
     The page has a session of its own, which starts with the same object and the same choices:
-    friction, resolution, errors, colours, section, inspected vertex and fixed fingers.
+    friction, resolution, colours, section, inspected vertex and fixed fingers.
 
     Args:
         session: The session, which is not changed.
@@ -81,123 +132,246 @@ def open_page(session: Session) -> str:
     Raises:
         OutputError: It cannot be served, or there is no browser.
     """
-    server = background_server()
-    start = partial(
-        Session, session.collection, session.settings, state=session.state, number=session.number
+    address = serve_in_background(
+        Session(session.collection, session.settings, state=session.state, number=session.number)
     )
-    address = server.address + server.add(start)
     if not webbrowser.open(address):
         raise OutputError(f"no browser was found; open {address} in one while this program runs")
     return address
 
 
-def create_server() -> "ViewerServer":
-    """Make a server without content.
+def free_port(port: int = PORT) -> int:
+    """The first free one of a port and those that follow it, else any.
 
     Raises:
-        OutputError: There is no OpenGL.
+        OutputError: There is none.
     """
-    check_rendering()
-    os.environ["TRAME_ARGS"] = ""  # otherwise trame parses this program's command line
-    server: ViewerServer = import_module("grasp3d.viewer.web.server").ViewerServer()
-    return server
+    for candidate in (*range(port, port + OTHER_PORTS + 1), 0):
+        with contextlib.suppress(OSError), socket.create_server((HOST, candidate)) as found:
+            return int(found.getsockname()[1])
+    raise OutputError(f"no port of {HOST} can be used to serve the page")
 
 
-def listen(port: int) -> socket.socket:
-    """Open a listening socket at a port, or at the next free one.
+class Page:
+    """A session as a page at an address with a random token; used in one event loop.
 
-    Raises:
-        OutputError: None of the ports can be used.
+    All browsers that open the address show the same view. The token is all that protects it: who
+    knows the address sees the object, may change the view, save its files and end the page.
     """
-    if not 0 <= port <= LAST_PORT:
-        raise OutputError(f"port must be from 0 to {LAST_PORT}; got {port}")
-    last = min(port + OTHER_PORTS, LAST_PORT) if port else 0
-    for candidate in range(port, last + 1):
-        try:
-            return socket.create_server((HOST, candidate))
-        except OSError as error:
-            if error.errno != errno.EADDRINUSE:
-                raise OutputError(f"cannot serve at {HOST}, port {candidate}: {error}") from None
-    raise OutputError(f"ports {port} to {last} are all in use; choose another one")
 
-
-def address_of(listener: socket.socket) -> str:
-    """Address of the page for a browser."""
-    return f"http://{HOST}:{listener.getsockname()[1]}/"
-
-
-class BackgroundServer:
-    """Serves pages in a thread, for the lifetime of the process."""
-
-    def __init__(self) -> None:
-        self._server = create_server()
-        self._listener = listen(PORT)
-        started: Future[None] = Future()
-        thread = threading.Thread(target=self._run, args=(started,), daemon=True, name="grasp3d")
-        thread.start()
-        started.result(START_TIMEOUT)
-
-    @property
-    def address(self) -> str:
-        """Its address on the same machine."""
-        return address_of(self._listener)
-
-    @property
-    def port(self) -> int:
-        """Its port."""
-        return int(self._listener.getsockname()[1])
-
-    def add(self, start: Callable[[], Session]) -> str:
-        """Add a view; returns its path.
+    def __init__(self, session: Session, *, proxied: bool = False) -> None:
+        """Make the page; `run` serves it.
 
         Args:
-            start: Starts its session.
+            session: What it shows; it belongs to the page.
+            proxied: Accept requests with any host name.
+
+        Raises:
+            OutputError: There is no OpenGL.
         """
-        return self._server.add(start)
+        check_rendering()
+        self._session, self._proxied = session, proxied
+        self._plotter = new_plotter(
+            session.settings.width, session.settings.height, off_screen=True
+        )
+        self._plotter.enable_trackball_style()  # type: ignore[call-arg]
+        self._scene = Scene(self._plotter, legend=False)
+        ClickDetector(self._plotter, self._click)
+        self._path = f"/{secrets.token_hex(16)}/"
+        self._wake, self._drawn = asyncio.Event(), -1
+        self._server = get_server(self._path, client_type="vue3")
+        self._build()
 
-    def allow_other_hosts(self) -> None:
-        """Accept requests through a proxy, with any host name."""
-        self._server.local_only = False
+    async def run(self, ready: Callable[[str], None], port: int = PORT, unused: int = 0) -> None:
+        """Serve the page until `stop`.
 
-    def _run(self, started: "Future[None]") -> None:
-        async def forever() -> None:
-            async with serving(self._server, self._listener):
-                started.set_result(None)
-                await asyncio.Event().wait()
-
+        Args:
+            ready: Called with its address when a browser can open it.
+            port: Port; if it is in use, another one.
+            unused: Time without a browser after which it ends [s]. 0: never.
+        """
+        server = self._server
+        server.cli.set_defaults(ws=f"{self._path}ws")
+        server.controller.on_server_bind.add(self._protect)
+        address = f"http://{HOST}:{(port := free_port(port))}{self._path}"
+        server.controller.on_server_ready.add(lambda **_: ready(address))
+        watching = asyncio.create_task(self._watch())
         try:
-            asyncio.run(forever())
-        except Exception as error:  # noqa: BLE001
-            if not started.done():
-                started.set_exception(error)
+            await server.start(
+                exec_mode="coroutine", backend="aiohttp", thread=True, timeout=unused,
+                host=HOST, port=port, open_browser=False, show_connection_info=False,
+                disable_logging=True,
+            )  # fmt: skip
+        finally:
+            self._session.close()  # ends what a download waits for
+            with contextlib.suppress(asyncio.InvalidStateError):  # it has ended itself
+                await server.stop()
+            watching.cancel()
+            await self._view.close()
+            AVAILABLE_SERVERS.pop(self._path)
+            self._plotter.close()
+            # trame's objects refer to this one; what is large is released now.
+            vars(self).clear()
+
+    def stop(self) -> None:
+        """End `run`."""
+        self._session.close()
+        self._stopping = asyncio.create_task(self._server.stop())
+
+    def _build(self) -> None:
+        """Make the page's elements and connect its events."""
+        server = self._server
+        server.state.update({**page_state(self._session), **progress_state(self._session)})
+        server.state.trame__template_error = (STATIC / "ended.html").read_text(encoding="utf-8")
+        with DivLayout(server, classes="page"):
+            with html.Main(id="stage", aria_label=("`Surface of ${title}`",)):
+                view = rca.RemoteControlledArea(display="image", event_throttle_ms=20)
+            html.Div((STATIC / "page.html").read_text(encoding="utf-8"), classes="beside")
+        self._view = view.create_view_handler(
+            RemoteView(self._plotter.render_window), encoder="jpeg", target_fps=30.0,
+            interactive_quality=70, still_quality=95,
+        )  # fmt: skip
+        self._view.max_pixel_count = MAX_PIXELS
+        server.state.change(*CONTROLS)(self._on_change)
+        server.controller.trigger("key")(self._on_key)
+
+    def _protect(self, bound: Any) -> None:
+        """Prepare trame's server: all paths begin with the token, and have headers."""
+        app, path, front = bound.app, self._path, _front()
+
+        async def page(_: web.Request) -> web.StreamResponse:
+            return web.Response(text=front, content_type="text/html")
+
+        async def no_launcher(_: web.Request) -> web.StreamResponse:
+            return web.json_response(None)
+
+        app.middlewares.append(self._check)
+        app.on_response_prepare.append(_add_headers)
+        folders = {"own": str(STATIC), **self._server.serve, "": vue3.www}
+        app.add_routes([
+            web.get(path, page),
+            *(web.get(path + one, partial(self._download, *FILES[one])) for one in FILES),
+            # trame's client asks for another server's address first; there is none.
+            web.post(f"{path}paraview/", no_launcher),
+            *(web.static(path + name, folder) for name, folder in folders.items()),
+        ])  # fmt: skip
+
+    @web.middleware
+    async def _check(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Refuse what a page of another site, or a program without the token, asks for."""
+        if not (self._proxied or _is_local(request.host)):
+            raise web.HTTPForbidden(text="Use the address 127.0.0.1 or localhost.")
+        if not request.path.startswith(self._path):
+            raise web.HTTPNotFound(text="There is no object here: use the whole address.")
+        if "Upgrade" in request.headers and not _is_same_origin(request):
+            raise web.HTTPForbidden(text="Connections from other sites are not allowed.")
+        return await handler(request)
+
+    async def _download(self, kind: str, suffix: str, _: web.Request) -> web.StreamResponse:
+        """A file; without one the browser stays on the page, which says why."""
+        name, headers = file_name(self._session, kind, suffix), {}
+        try:
+            data = self._picture() if suffix == ".png" else await self._labels(name)
+            headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{quote(name)}"
+            status, message = 200, f"saved: {name}"
+        except GraspError as error:
+            data, status, message = b"", 204, str(error)
+        self._run(lambda: self._session.show_message(message))
+        return web.Response(body=data, status=status, headers=headers)
+
+    async def _labels(self, name: str) -> bytes:
+        with TemporaryDirectory() as folder:
+            path, session = Path(folder) / name, self._session
+            session.save(path)
+            while session.working is not None and not session.message:  # noqa: ASYNC110
+                await asyncio.sleep(POLL_INTERVAL)
+            if not path.exists():
+                raise SettingError(session.message or "nothing was saved")
+            return path.read_bytes()
+
+    def _picture(self) -> bytes:
+        self._session.check_current()
+        width, height = self._plotter.render_window.GetSize()  # type: ignore[union-attr]
+        picture, data = render_copy(self._session, self._scene.camera, width, height), io.BytesIO()
+        Image.fromarray(picture).save(data, "PNG")
+        return data.getvalue()
+
+    def _run(self, action: Callable[[], object]) -> None:
+        """Run an action of the user; after an error the page has the old values again."""
+        try:
+            action()
+        except SettingError as error:
+            self._session.show_message(str(error))
+        self._drawn = -1
+        self._wake.set()
+
+    def _on_change(self, **state: Any) -> None:
+        """Apply the fields that differ from the session."""
+        for name, control in CONTROLS.items():
+            if state[name] != control.read(self._session):
+                self._run(partial(control.change, self._session, state[name]))
+
+    def _on_key(self, key: str) -> None:
+        camera = self._scene.camera
+        actions: dict[str, Callable[[], object]] = {
+            "+": lambda: camera.zoom(ZOOM), "-": lambda: camera.zoom(1.0 / ZOOM),
+            "r": lambda: self._scene.look(self._session),
+        }  # fmt: skip
+        self._run(actions.get(key, lambda: handle_key(self._session, str(key))))
+
+    def _click(self, x: float, y: float, inspect: bool) -> None:
+        vertex = self._scene.pick(self._session, x, y)
+        self._run(lambda: self._session.click(vertex, inspect=inspect))
+
+    async def _watch(self) -> None:
+        """Poll the session and update the page."""
+        while True:
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._wake.wait(), POLL_INTERVAL)
+            self._wake.clear()
+            try:
+                self._refresh()
+            except GraspError as error:
+                self._session.show_message(str(error))
+
+    def _refresh(self) -> None:
+        session = self._session
+        session.poll()
+        with self._server.state as state:
+            state.update(progress_state(session))
+            if session.revision != self._drawn:
+                self._drawn = session.revision
+                self._scene.update(session)
+                self._view.update()
+                state.update(page_state(session))
 
 
-@cache
-def background_server() -> BackgroundServer:
-    """The server in the background of this process; started at the first call."""
-    return BackgroundServer()
+class RemoteView(VtkRemoteControlledArea):  # type: ignore[misc]
+    """A render window without VTK's key bindings; the page handles keys."""
+
+    def process_interaction_event(self, event: dict[str, Any]) -> None:
+        """Forward events of the mouse and of fingers, but no key events."""
+        if not event["type"].startswith("Key"):
+            super().process_interaction_event(event)
 
 
-@contextlib.asynccontextmanager
-async def serving(server: "ViewerServer", listener: socket.socket) -> AsyncIterator[None]:
-    """Accept connections while the block runs."""
-    web = import_module("aiohttp.web")
-    runner = web.AppRunner(server.app, access_log=None, shutdown_timeout=1.0)
-    await runner.setup()
-    try:
-        await web.SockSite(runner, listener).start()
-        yield
-    finally:
-        await runner.cleanup()
+async def _add_headers(_: web.Request, response: web.StreamResponse) -> None:
+    response.headers.update(HEADERS)
 
 
-async def _serve(
-    server: "ViewerServer", listener: socket.socket, ready: Callable[[str], None] | None
-) -> None:
-    """Serve until SIGTERM."""
-    stop = asyncio.Event()
-    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop.set)
-    async with serving(server, listener):
-        if ready is not None:
-            ready(address_of(listener))
-        await stop.wait()
+def _front() -> str:
+    """The page, with the scripts of trame's own page."""
+    trame = Path(vue3.www, "index.html").read_text(encoding="utf-8")
+    scripts = "\n    ".join(SCRIPTS.findall(trame))
+    return (STATIC / "index.html").read_text(encoding="utf-8").replace("TRAME", scripts)
+
+
+def _is_local(host: str) -> bool:
+    """Whether a Host header is an address or localhost; other names may be rebound by DNS."""
+    return bool(re.fullmatch(r"(localhost|[\d.]+|\[[\da-fA-F:]+\])(:\d+)?", host))
+
+
+def _is_same_origin(request: web.Request) -> bool:
+    """Whether a request comes from a page of this server, directly or through a proxy."""
+    _, _, origin = request.headers.get("Origin", "").partition("://")
+    return bool(origin) and origin in {request.host, request.headers.get("X-Forwarded-Host")}
