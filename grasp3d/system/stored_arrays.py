@@ -23,10 +23,11 @@ class RefusedError(ValueError):
 _OURS = {
     ("_codecs", "encode"): lambda text, *_: text.encode("latin-1"),
     ("builtins", "bytes"): lambda *_: b"",  # how none are written in old pickles
+    ("numpy", "dtype"): lambda name, *_: np.dtype(name, copy=True),  # never NumPy's own one
 }
 _NUMPYS = {
     ("numpy._core.multiarray", "_reconstruct"), ("numpy._core.multiarray", "scalar"),
-    ("numpy._core.numeric", "_frombuffer"), ("numpy", "ndarray"), ("numpy", "dtype"),
+    ("numpy._core.numeric", "_frombuffer"), ("numpy", "ndarray"),
 }  # fmt: skip
 """The functions and classes that a pickle may name, those of NumPy and what stands for others."""
 
