@@ -57,12 +57,8 @@ def stored_objects(path: Path) -> list[Any] | None:
     """
     try:
         stream = io.BytesIO(path.read_bytes())
-        version = np.lib.format.read_magic(stream)
-        read_header = {
-            (1, 0): np.lib.format.read_array_header_1_0,
-            (2, 0): np.lib.format.read_array_header_2_0,
-        }[version]
-        if not read_header(stream)[2].hasobject:
+        np.lib.format.read_magic(stream)  # later versions are for long headers only
+        if not np.lib.format.read_array_header_1_0(stream)[2].hasobject:
             return None
         stored = _Unpickler(stream).load()
     except RefusedError:
