@@ -9,7 +9,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -244,19 +244,6 @@ class EpsilonRange(NamedTuple):
         return locked(codes.astype(np.uint8))
 
 
-def extreme_normals(half_range: float, tilt: float) -> Floats:
-    """The two normals that are farthest apart, the counter-clockwise one first.
-
-    Args:
-        half_range: Half-range of the contact's normals about their middle [rad].
-        tilt: Largest tilt of each normal, alpha / 2 [rad].
-
-    Returns:
-        Angles about the middle [rad], shape (2,).
-    """
-    return np.array([half_range + tilt, -half_range - tilt])
-
-
 def face_normals(half_range: float) -> Floats:
     """The normals on both sides of a corner and the bisecting one; elsewhere the one normal."""
     return np.array([-half_range, 0.0, half_range]) if half_range > SAME else np.zeros(1)
@@ -413,14 +400,14 @@ class PlanarScan:
             for label in sorted(Label, reverse=True)
         }
 
-    @property
-    def _extreme(self) -> NormalChoice:
-        return partial(extreme_normals, tilt=self.model.tilt)
+    def _extreme(self, half_range: float) -> Floats:
+        """The two normals that are farthest apart, the counter-clockwise one first."""
+        return (half_range + self.model.tilt) * np.array([1.0, -1.0])
 
     @cached_property
     def _tested(self) -> EpsilonRange:
-        beta = self.model.friction_angle
-        return self._over(partial(tested_normals, tilt=self.model.tilt, friction_angle=beta), beta)
+        tilt, beta = self.model.tilt, self.model.friction_angle
+        return self._over(lambda half_range: tested_normals(half_range, tilt, beta), beta)
 
     def _over(self, choose: NormalChoice, friction_angle: float) -> EpsilonRange:
         """Range over all combinations of chosen normals, whose number may differ by contact."""

@@ -177,13 +177,9 @@ class Contacts:
         """The contacts in an order of `by_finger` (p,), each as a finger of its own."""
         if self.groups is None and len(which) == self.count:
             return self
-        return self._changed(
-            points=self.points[..., which, :],
-            normals=self.normals[..., which, :],
-            friction=self.friction[..., which],
-            torsion_radius=self.torsion_radius[..., which],
-            groups=None,
-        )
+        axis = len(self.batch)
+        columns = {name: getattr(self, name).take(which, axis) for name in _COLUMNS}
+        return self._changed(**columns, groups=None)
 
     def reshape(self, batch: tuple[int, ...]) -> "Contacts":
         """The same grasps in a batch of another shape, in which one number may be -1."""

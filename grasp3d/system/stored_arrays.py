@@ -1,7 +1,7 @@
 """Arrays and plain containers in pickles of NumPy's files; nothing in them is executed.
 
 A pickle may call whatever it names. Of names only those are known here with which NumPy makes
-arrays, types and scalars.
+arrays, types and scalars; functions of ours stand for them.
 """
 
 import io
@@ -20,29 +20,30 @@ class RefusedError(ValueError):
     """A file is not read; the message says why."""
 
 
-_OURS = {
+_MAKERS: dict[tuple[str, str], Any] = {
+    ("numpy.core.multiarray", "_reconstruct"): lambda *_: np.empty(0, "b"),  # that gets its state
+    ("numpy.core.multiarray", "scalar"): lambda kind, data: np.frombuffer(data, kind)[0].item(),
+    ("numpy.core.numeric", "_frombuffer"): lambda data, kind, shape, order: np.frombuffer(
+        data, kind
+    ).reshape(shape, order=order),
+    ("numpy", "ndarray"): None,  # only an argument of the first
+    ("numpy", "dtype"): lambda name, *_: np.dtype(name, copy=True),  # never NumPy's own one
     ("_codecs", "encode"): lambda text, *_: text.encode("latin-1"),
     ("builtins", "bytes"): lambda *_: b"",  # how none are written in old pickles
 }
-_NUMPYS = {
-    ("numpy._core.multiarray", "_reconstruct"), ("numpy._core.multiarray", "scalar"),
-    ("numpy._core.numeric", "_frombuffer"), ("numpy", "ndarray"), ("numpy", "dtype"),
-}  # fmt: skip
-"""The functions and classes that a pickle may name, those of NumPy and what stands for others."""
+"""What stands for the functions and classes that a pickle may name."""
 
 
 class _Unpickler(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
         """What stands for a name. Raises RefusedError."""
-        module = module.replace("numpy.core", "numpy._core").replace("__builtin__", "builtins")
-        if (module, name) in _NUMPYS:
-            return super().find_class(module, name)
-        if (module, name) not in _OURS:
+        module = module.replace("numpy._core", "numpy.core").replace("__builtin__", "builtins")
+        if (module, name) not in _MAKERS:
             raise RefusedError(
                 f"is a pickle that names {ascii(module[:40])[1:-1]}.{ascii(name[:40])[1:-1]}: "
                 "only arrays and plain containers are read, and nothing is executed"
             )
-        return _OURS[module, name]
+        return _MAKERS[module, name]
 
 
 def stored_objects(path: Path) -> list[Any] | None:
@@ -56,12 +57,8 @@ def stored_objects(path: Path) -> list[Any] | None:
     """
     try:
         stream = io.BytesIO(path.read_bytes())
-        version = np.lib.format.read_magic(stream)
-        read_header = {
-            (1, 0): np.lib.format.read_array_header_1_0,
-            (2, 0): np.lib.format.read_array_header_2_0,
-        }[version]
-        if not read_header(stream)[2].hasobject:
+        np.lib.format.read_magic(stream)  # later versions are for long headers only
+        if not np.lib.format.read_array_header_1_0(stream)[2].hasobject:
             return None
         stored = _Unpickler(stream).load()
     except RefusedError:
@@ -75,7 +72,7 @@ def stored_objects(path: Path) -> list[Any] | None:
 
 def array_in(value: object) -> npt.NDArray[Any]:
     """Numbers of an array, or of a list of them. Raises RefusedError."""
-    if type(value) is list and all(isinstance(one, int | float | np.number) for one in value):
+    if type(value) is list and all(isinstance(one, int | float) for one in value):
         value = np.array(value)
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub":
         raise RefusedError("has arrays of other values than numbers")

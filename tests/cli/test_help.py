@@ -62,7 +62,7 @@ def test_the_examples_are_valid(
 ) -> None:
     """Those of `design` are run, the others parsed: they take longer."""
     if not words.startswith("design"):
-        monkeypatch.setattr("grasp3d.cli.import_module", lambda _: Mock(run=lambda _: 0))
+        monkeypatch.setattr("grasp3d.cli.import_module", lambda _: Mock(run=lambda *_: 0))
     (tmp_path / "meshes").symlink_to(MESHES)
     printed(*shlex.split(words), cwd=tmp_path)
 

@@ -52,7 +52,7 @@ class Solid:
     manifold: manifold3d.Manifold
 
     @classmethod
-    def of(cls, points: Floats, faces: Ints, distance: float = 0.0) -> "Solid":
+    def of(cls, points: Floats, faces: Ints, distance: float) -> "Solid":
         """Offset the faces of a body.
 
         Args:
@@ -62,8 +62,7 @@ class Solid:
         """
         corners, rows = np.unique(faces, return_inverse=True)
         own, rows = points[corners], rows.reshape(-1, 3)
-        if distance:
-            own += distance * _unit_shifts(own, rows)
+        own += distance * _unit_shifts(own, rows)
         mark = manifold3d.Manifold.reserve_ids(1)
         mesh = manifold3d.Mesh64(
             own,

@@ -30,16 +30,6 @@ def is_face(faces: Ints) -> Bools:
     return np.asarray((a != b) & (b != c) & (c != a))
 
 
-def is_first(faces: Ints) -> Bools:
-    """Mask of the first face of each set of equal ones, at any starting corner, shape (F,).
-
-    Faces with the same corners in the opposite winding are not equal: a sheet may have two sides.
-    """
-    mask = np.zeros(len(faces), dtype=bool)
-    mask[first_alike(from_least_corner(faces))[0]] = True
-    return mask
-
-
 def from_least_corner(faces: Ints) -> Ints:
     """Rotate each face so that it begins at its smallest vertex index, shape (F, 3)."""
     shift = np.argmin(faces, axis=1)[:, None]
@@ -84,12 +74,8 @@ def _is_body(faces: Ints, sheet: Ints) -> Bools:
 
 def first_alike(rows: Ints) -> tuple[Ints, Ints]:
     """First of each set of equal rows, and the number of its set for each row."""
-    kinds = np.lexsort(rows.T[::-1])
-    new = np.ones(len(rows), dtype=bool)
-    new[1:] = (rows[kinds[1:]] != rows[kinds[:-1]]).any(axis=1)
-    same = np.empty(len(rows), dtype=np.int64)
-    same[kinds] = np.cumsum(new) - 1
-    return kinds[new], same
+    _, first, same = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    return first, same.ravel()
 
 
 def disagreeing(faces: Ints) -> Bools:

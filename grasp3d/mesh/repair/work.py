@@ -18,9 +18,10 @@ from grasp3d.mesh.repair.bodies import Solid, bodies_of, orient, rows_of
 from grasp3d.mesh.repair.cleaning import (
     clusters,
     disagreeing,
+    first_alike,
     first_of_body,
+    from_least_corner,
     is_face,
-    is_first,
     weld_nearby,
     without_mirrored,
 )
@@ -157,7 +158,9 @@ def _clean(work: _Work) -> None:
     work.canonical, work.faces = joined[work.canonical], joined[work.faces]
     work.note("joined", count, "vertices", "joined to an earlier one a rounding error away")
     work.keep("sunk", is_face(work.faces), "left out: without area, and joined away")
-    once = is_first(work.faces)
+    once = np.zeros(len(work.faces), dtype=bool)
+    # The same corners in the opposite winding are another face: a sheet may have two sides.
+    once[first_alike(from_least_corner(work.faces))[0]] = True
     once[once] = without_mirrored(work.faces[once])
     work.keep("repeated", once, "left out: came twice")
     flip = disagreeing(work.faces)
