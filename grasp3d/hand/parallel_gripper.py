@@ -13,7 +13,7 @@ from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand import touching
 from grasp3d.hand.jaws import Corners, Jaws
-from grasp3d.hand.robot_files import read_json
+from grasp3d.hand.robot_files import check_keys, read_json
 from grasp3d.system.context import unreported
 from grasp3d.system.documents import typed
 from grasp3d.system.names import unknown
@@ -228,15 +228,8 @@ def gripper_of(content: Mapping[str, Any]) -> ParallelGripper:
     Raises:
         SettingError: It is not the description of a gripper.
     """
-    for key, value in (("version", VERSION), ("unit", "m")):
-        stated = content.get(key, value)
-        if stated != value or isinstance(stated, bool):
-            got = json.dumps(stated)[:40]
-            raise SettingError(f"{key} must be {json.dumps(value)}; got {got}")
     known = {field.name: field for field in fields(ParallelGripper)}
-    # Notes are what only people read, such as where lengths come from: any JSON.
-    for key in (one for one in content if one not in {*KEYS, "notes", *known}):
-        raise SettingError(unknown("field", key, known))
+    check_keys(content, known, version=VERSION, unit="m")
     needed = [name for name, field in known.items() if field.default is MISSING]
     if missing := [name for name in needed if name not in content]:
         raise SettingError(f"{', '.join(missing)} missing; every gripper needs it")

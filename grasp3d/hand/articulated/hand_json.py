@@ -17,9 +17,8 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
 from grasp3d.hand.articulated.proposal import articulated_hand_of
 from grasp3d.hand.link_tree import LinkMass, LinkTree
-from grasp3d.hand.robot_files import NAMES, VERSION, made_of, read_json
+from grasp3d.hand.robot_files import NAMES, VERSION, check_keys, made_of, read_json
 from grasp3d.system.documents import typed
-from grasp3d.system.names import unknown
 
 FOLDER = Path(__file__).parents[1] / "presets"
 
@@ -106,7 +105,6 @@ KEYS: dict[str, tuple[Any, Callable[[Any], bool], str]] = {
     "closing": (Numbers, _whatever, _NUMBERS),
     "source": (str, _whatever, "a text"),
     "assumed": (tuple[str, ...], _whatever, "a list of texts"),
-    "notes": (object, _whatever, "anything"),
 }
 """Keys of a description besides format and version: type, what a value must fulfil, in words."""
 
@@ -117,13 +115,9 @@ def stated_of(content: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         SettingError: A value is not what its key means.
     """
-    if content.get("version") != VERSION or isinstance(content.get("version"), bool):
-        got = json.dumps(content.get("version"))[:40]
-        raise SettingError(f"version must be {VERSION}; got {got}")
+    check_keys(content, KEYS, version=VERSION)
     stated: dict[str, Any] = {}
-    for key in (one for one in content if one not in {"format", "version"}):
-        if key not in KEYS:
-            raise SettingError(unknown("key", key, KEYS))
+    for key in (one for one in content if one in KEYS):
         hint, holds, expected = KEYS[key]
         try:
             json.dumps(content[key], allow_nan=False)  # raises for numbers that are not finite
