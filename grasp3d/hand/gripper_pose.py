@@ -48,7 +48,8 @@ class GripperPose:
         if reach is None or not np.isfinite(reach.poses[row]).all():
             return None
         columns = reach.opening, reach.pregrasp_opening, reach.approach_margin, reach.depth
-        return cls(reach.poses[row], *(float(column[row]) for column in columns))
+        opening, before, margin, depth = (float(column[row]) for column in columns)
+        return cls(reach.poses[row], opening, before, margin, depth)
 
     @property
     def has_joints(self) -> bool:
