@@ -73,6 +73,7 @@ class Hand(Protocol):
     def shape(self, opening: float, posture: "ArrayLike" = ()) -> "Triangles":
         """Its solid parts in its own frame at an opening [m] and a posture."""
 
+    # `*_` beside `**options` lets hands name the options that they take.
     def reach(
         self, mesh: "ObjectMesh", points: Any, normals: Any, *_: Any, **options: Any
     ) -> "Reach":
