@@ -290,8 +290,7 @@ def close_jaws(
         >>> import numpy as np
         >>> import trimesh
         >>> import grasp3d
-        >>> from grasp3d.hand.closing import Closing
-        >>> from grasp3d.hand.closing import close_jaws
+        >>> from grasp3d.hand.closing import Closing, close_jaws
         >>> from grasp3d.hand.parallel_gripper import ParallelGripper
         >>> hand = ParallelGripper(
         ...     name="small", max_opening=0.08, pad_width=0.02, pad_height=0.01,

@@ -143,18 +143,15 @@ def _mover(tree: LinkTree, link: str) -> str:
 
 def _finger(tree: LinkTree, link: str, mover: str, around: dict[str, Floats]) -> _Finger:
     joint = tree.joints[mover]
-    limits = joint.limits
-    if joint.follows is not None:
-        name, factor, offset = tree.source_of(joint)
-        low, high = sorted(factor * limit + offset for limit in tree.by_name[name].limits)
-        limits = low, high
-    if not 0.0 < limits[1] - limits[0] < math.inf:
+    name, factor, offset = tree.source_of(joint)
+    low, high = sorted(factor * limit + offset for limit in tree.by_name[name].limits)
+    if not 0.0 < high - low < math.inf:
         raise tree.error(f"joint {joint.name} has no limits, from which the stroke follows")
     pose = around[joint.parent] @ joint.origin
     triangles = tree.triangles({one: pose @ to for one, to in tree.below(mover).items()})
     if not len(triangles):
         raise tree.error(f"{link} has no collision geometry")
-    return _Finger(link, joint, pose[:3, :3] @ joint.axis, limits, triangles)
+    return _Finger(link, joint, pose[:3, :3] @ joint.axis, (low, high), triangles)
 
 
 def _centre(triangles: Floats) -> Floats:
@@ -174,13 +171,13 @@ def _closing_axis(tree: LinkTree, carrier: str, one: _Finger, two: _Finger) -> s
         )
     ends = [_centre(part.triangles) + 0.5 * sum(part.limits) * part.axis for part in (one, two)]
     direction = one.axis if (ends[1] - ends[0]) @ one.axis >= 0.0 else -one.axis
-    for name, axis in UNIT.items():
-        if direction @ axis > ALIGNED:
-            return name
-    raise tree.error(
-        f"the fingers must move along an axis of the frame of {carrier}, the link that carries "
-        f"them; turn that frame, or {DESCRIBE}"
-    )
+    name = max(UNIT, key=lambda axis: float(direction @ UNIT[axis]))
+    if direction @ UNIT[name] <= ALIGNED:
+        raise tree.error(
+            f"the fingers must move along an axis of the frame of {carrier}, the link that carries "
+            f"them; turn that frame, or {DESCRIBE}"
+        )
+    return name
 
 
 def _sizes(

@@ -82,12 +82,12 @@ class _Reader:
         }
         root, links = self.links[0], (self.links[0], *joints)
         if urdf is None:
-            with_geometry = sorted({*model.geom_bodyid.tolist()} - {0})
-            unseen = [self.links[one] for one in with_geometry if not self._numbers(one)]
-            weights = zip(model.body_mass.tolist(), model.body_ipos.tolist(), strict=True)
+            seen = sorted({*model.geom_bodyid.tolist()} - {0})
+            unseen = [self.links[one] for one in seen if not self._numbers(one)]
+            columns = self.links, model.body_mass.tolist(), model.body_ipos.tolist()
             masses = {
                 name: LinkMass(weight, tuple(center))
-                for name, (weight, center) in zip(self.links, weights, strict=True)
+                for name, weight, center in zip(*columns, strict=True)
                 if weight > 2.0 * LEAST_MASS
             }
         else:

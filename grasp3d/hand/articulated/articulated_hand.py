@@ -13,7 +13,7 @@ from grasp3d._kernels.hands import kinematics
 from grasp3d._kernels.hands.link_shapes import LinkShapes
 from grasp3d.arrays import ArrayLike, Floats, Ints, locked
 from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.link_bodies import link_bodies
+from grasp3d.hand.articulated.link_bodies import half_widths, link_bodies
 from grasp3d.hand.link_tree import Joint, LinkMass, LinkShape, LinkTree
 from grasp3d.hand.robot_files import FORMAT, VERSION
 from grasp3d.hand.triangles import Part, Triangles, triangles_of
@@ -146,6 +146,11 @@ class ArticulatedHand:
     def bodies(self) -> LinkShapes:
         """Collision geometry as kernels have it."""
         return link_bodies(self.shapes)
+
+    @cached_property
+    def half_widths(self) -> Floats:
+        """Half the smallest width of each shape of `bodies` [m], shape (m,); slow to compute."""
+        return half_widths(self.bodies)
 
     @cached_property
     def chain(self) -> kinematics.Chain:

@@ -13,7 +13,7 @@ from grasp3d._kernels.hands.touching import Touches, TouchScratch, make_touch_sc
 from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.link_bodies import half_widths, reach_along
+from grasp3d.hand.articulated.link_bodies import reach_along
 from grasp3d.hand.choices import ContactRule
 from grasp3d.hand.jaws import IN_METRES
 from grasp3d.hand.pose_checks import checked_poses
@@ -182,7 +182,7 @@ def _largest_steps(scene: HandScene) -> Floats:
     thickest shape of its link, may pass.
     """
     steps = np.zeros(len(scene.hand.link_names))
-    np.maximum.at(steps, scene.bodies.links, 0.75 * half_widths(scene.bodies))
+    np.maximum.at(steps, scene.bodies.links, 0.75 * scene.hand.half_widths)
     return np.clip(steps[scene.bodies.links], SMALLEST_STEP, LARGEST_STEP)
 
 
