@@ -150,7 +150,7 @@ class ArticulatedHand:
     @cached_property
     def half_widths(self) -> Floats:
         """Half the smallest width of each shape of `bodies` [m], shape (m,); slow to compute."""
-        return half_widths(self.bodies)
+        return half_widths(self.bodies, [shape for some in self.shapes for shape in some])
 
     @cached_property
     def chain(self) -> kinematics.Chain:

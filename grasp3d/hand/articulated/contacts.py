@@ -88,11 +88,11 @@ class HandScene:
         if table is None:
             return np.full(len(frames), np.nan)
         lowest = np.full(len(frames), np.inf)
-        for body, link in enumerate(self.bodies.links):
-            pose = frames[:, link, :, :3] @ self.bodies.poses[body]
+        for link, shape in ((k, one) for k, some in enumerate(self.hand.shapes) for one in some):
+            pose = frames[:, link, :, :3] @ shape.pose[:3]
             pose[..., 3] += frames[:, link, :, 3]
-            up = table.normal @ pose  # (k, 4), in the body's frame
-            lowest = np.minimum(lowest, up[:, 3] - reach_along(self.bodies, body, -up[:, :3]))
+            up = table.normal @ pose  # (k, 4), in the shape's frame
+            lowest = np.minimum(lowest, up[:, 3] - reach_along(shape, -up[:, :3]))
         return np.asarray(table.offset - lowest)
 
     def overlaps(self, frames: Floats, allowed: Ints) -> tuple[Floats, Ints]:
