@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from grasp3d.arrays import Floats
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
 from grasp3d.hand.choices import AXES
@@ -182,6 +183,18 @@ class Jaws:
         inside = 0.0 if grip == "squeeze" else 2.0 * self.finger_thickness
         least, most = self.limits
         return least, most + inside + 2.0 * self.tip_radius
+
+    @property
+    def base_pose(self) -> Floats:
+        """Matrix that takes coordinates of the hand's own frame to the gripper's, shape (4, 4).
+
+        Its translation is in metres.
+        """
+        closing, approach = (np.array(AXES[name]) for name in self.base_axes)
+        pose = np.eye(4)
+        pose[:3, :3] = np.stack([closing, np.cross(approach, closing), approach])
+        pose[2, 3] = -self.base_to_tcp
+        return pose
 
     def check_fingers(self, count: int) -> None:
         """Refuse grasps of so many fingers if they cannot be tested.

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
 from grasp3d.hand.choices import AXES
-from grasp3d.hand.frames import FRAMES
 from grasp3d.hand.hand_files import read_hand
 from grasp3d.hand.link_tree import Joint, LinkShape, LinkTree
 from grasp3d.hand.measured_gripper import measured_gripper
@@ -320,8 +319,7 @@ def test_joints_give_the_opening_in_any_frame(
         assert -1e-8 <= value <= 0.02 + 1e-8
         sides.append((shapes[name] + value * side * x) @ x)
     assert sides[1].min() - sides[0].max() == pytest.approx(opening, abs=1e-7)
-    to_tcp = np.linalg.inv(FRAMES["hand"].to_tcp(gripper))
-    in_frame = shapes["palm"] @ to_tcp[:3, :3].T + to_tcp[:3, 3]
+    in_frame = shapes["palm"] @ gripper.base_pose[:3, :3].T + gripper.base_pose[:3, 3]
     assert in_frame[..., 2].max() == pytest.approx(gripper.end - gripper.finger_length)
 
 
