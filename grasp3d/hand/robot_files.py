@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -70,11 +71,7 @@ def check_keys(content: Mapping[str, Any], known: Collection[str], **fixed: str 
 def read_json(path: Path) -> Any:
     """The content of a JSON file of a hand. Raises SettingError."""
     try:
-        return read_file(_content, path)
+        return read_file(partial(load_json, finite=True), path)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SettingError(printable(f"{path}: {reason}")) from error
-
-
-def _content(path: Path) -> object:
-    return load_json(path, finite=True)
