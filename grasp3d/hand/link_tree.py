@@ -12,7 +12,7 @@ from scipy.spatial import QhullError
 
 from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.system.names import printable
+from grasp3d.system.names import printable, unknown
 
 FARTHEST = 1e3
 """Distance of geometry from its frame that no hand has [m]."""
@@ -184,9 +184,7 @@ class LinkTree:
         """Refuse names that no link has. Raises SettingError."""
         for name in names:
             if name not in self.links:
-                more = " ..." if len(self.links) > MAX_LISTED else ""
-                listed = ", ".join(self.links[:MAX_LISTED]) + more
-                raise self.error(f"no link is called {name!r}; known: {listed}")
+                raise self.error(unknown("link", name, self.links, self.links[:MAX_LISTED]))
 
     def children(self, link: str) -> tuple[str, ...]:
         """The links whose joints a link carries, in their order."""

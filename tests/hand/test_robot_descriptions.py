@@ -168,7 +168,11 @@ def test_meshes_are_read_from_packages_and_beside_the_file(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("changed", "fingers", "words"),
     [
-        ({}, ("left", "rihgt"), "no link is called 'rihgt'; known: arm, hand"),
+        (
+            {},
+            ("left", "rihgt"),
+            "no link is called 'rihgt' (did you mean right?); known: arm",
+        ),
         ({"kind": "revolute"}, FINGERS, "joint slide_left turns left; only fingers that slide"),
         ({"axis": "0 -1 0"}, FINGERS, "are -28 mm apart when they are closed"),
         ({"limit": ""}, FINGERS, "joint slide_right has no limits"),
