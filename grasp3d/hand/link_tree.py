@@ -140,17 +140,11 @@ class LinkTree:
             SettingError: There is no such link.
         """
         self.check_links([base])
-        kept = {base}
-        for name in self.links:
-            if name in self.joints and self.joints[name].parent in kept:
-                kept.add(name)
-        return replace(
-            self,
-            links=tuple(name for name in self.links if name in kept),
-            joints={name: one for name, one in self.joints.items() if name in kept - {base}},
-            masses={name: one for name, one in self.masses.items() if name in kept},
-            unseen=tuple(name for name in self.unseen if name in kept),
-        )
+        kept = tuple(name for name in self.links if base in self.chain(name))
+        joints = {name: one for name, one in self.joints.items() if name in kept and name != base}
+        masses = {name: one for name, one in self.masses.items() if name in kept}
+        unseen = tuple(name for name in self.unseen if name in kept)
+        return replace(self, links=kept, joints=joints, masses=masses, unseen=unseen)
 
     @cached_property
     def by_name(self) -> dict[str, Joint]:
