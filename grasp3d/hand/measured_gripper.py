@@ -113,12 +113,14 @@ def measured_gripper(
     middle = np.mean([_centre(part.triangles) for part in parts], axis=0) - _centre(body)
     across = [name for name in AXES if name[-1] != closing[-1]]
     approach = max(across, key=lambda name: float(UNIT[name] @ middle))
-    links = [name for name in around if tcp is None and name.lower().endswith("tcp")]
-    named = {link: float(around[link][:3, 3] @ UNIT[approach]) for link in links}
-    numbers, at = _sizes(tree, parts, body, (closing, approach), tcp, named)
+    tcps = {"": tcp} if tcp is not None else {
+        link: float(pose[:3, 3] @ UNIT[approach])
+        for link, pose in around.items() if link.lower().endswith("tcp")
+    }  # fmt: skip
+    numbers, at = _sizes(tree, parts, body, (closing, approach), tcps)
     assumed = [
         "the inner sides are flat, and nothing else of a finger touches",
-        *([] if tcp is not None else [f"the TCP is {at}"]),
+        *([f"the TCP is {at}"] if at else []),
         "the palm is as wide as the stroke at least",
         "compliance and clearance are the defaults, the force is not known",
     ]
@@ -181,14 +183,17 @@ def _closing_axis(tree: LinkTree, carrier: str, one: _Finger, two: _Finger) -> s
 
 
 def _sizes(
-    tree: LinkTree,
-    parts: list[_Finger],
-    body: Floats,
-    axes: tuple[str, str],
-    tcp: float | None,
-    named: dict[str, float],
+    tree: LinkTree, parts: list[_Finger], body: Floats, axes: tuple[str, str], tcp: dict[str, float]
 ) -> tuple[dict[str, Any], str]:
-    """Lengths of a gripper [m], what its joints do, and where its TCP is. Raises SettingError."""
+    """Lengths of a gripper [m], what its joints do, and where its TCP is. Raises SettingError.
+
+    Args:
+        tree: Links and joints.
+        parts: The fingers.
+        body: Corners of the palm in the hand's frame [m], shape (n, 3, 3).
+        axes: Closing and approach axis.
+        tcp: Where it may be along the approach axis, by its link [m]; by "" it is stated.
+    """
     x, z = UNIT[axes[0]], UNIT[axes[1]]
     frame = np.stack([x, np.cross(z, x), z])
     palm = body.reshape(-1, 3) @ frame.T
@@ -223,13 +228,12 @@ def _sizes(
     pads = [_pad(tree, one, front) for one in fingers]
     least = 0.5 * (front + end)
     at, centre = "in the middle of their flat parts", max(float(pad[:, 1].mean()) for pad in pads)
-    centre = centre if tcp is None else tcp
-    for link, one in named.items():
-        if least <= one < end:
-            at, centre = f"the link {link}", one
+    for link, one in tcp.items():
+        if not link or least <= one < end:
+            at, centre = f"the link {link}" if link else "", one
             break
     if not least <= centre < end:
-        what = "the pads' middle is at" if tcp is None else "got"
+        what = "the pads' middle is at" if at else "got"
         raise tree.error(
             f"the TCP must be in the outer half of the fingers, from {least:.4g} to "
             f"{end:.4g} m along {axes[1]}; {what} {centre:.4g} (--tcp)"
