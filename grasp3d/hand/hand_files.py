@@ -102,7 +102,7 @@ def read_hand(
             f"have of it: grasp3d hand FILE.urdf -o {name}.json"
         )
     if given and suffix not in MODELS:
-        raise SettingError(printable(f"{name}: {given}: for URDF and MuJoCo files only"))
+        raise SettingError(printable(f"{given}: for URDF and MuJoCo files; {name!r} is none"))
     is_file_name = suffix in SUFFIXES or len(path.parts) > 1 or is_file(path) or folder
     if name in {"", *PRESETS, *ALIASES} or not is_file_name:
         return known_gripper(name)
