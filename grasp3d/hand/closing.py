@@ -191,13 +191,17 @@ def jaw_of(gripper: Jaws, scale: float) -> Jaw:
     """
     faces = [np.array(face) * scale for face in inner_faces(gripper)]
     most = max(map(len, faces))
-    edges = np.empty((len(faces), most, 3))
-    edges[:] = NO_EDGE
+    edges = np.tile(NO_EDGE, (len(faces), most, 1))
     for row, face in zip(edges, faces, strict=True):
         row[: len(face)] = _edges(face)
     points = np.concatenate(faces)[:, 1:]
     return Jaw(
-        planes=np.stack([_plane(face) for face in faces]),
+        planes=np.stack(
+            [  # coefficients of x = a + b y + c z, by least squares
+                np.linalg.lstsq(np.column_stack([np.ones(len(face)), face[:, 1:]]), face[:, 0])[0]
+                for face in faces
+            ]
+        ),
         edges=edges,
         bounds=np.concatenate([points.min(axis=0), points.max(axis=0)]),
         radius=gripper.tip_radius * scale,
@@ -218,12 +222,6 @@ def inner_faces(gripper: Jaws) -> tuple[Corners, ...]:
     tip = gripper.tip_radius
     y, z = (tip, tip) if tip else (0.5 * gripper.pad_width, 0.5 * gripper.pad_height)
     return (((0.0, -y, -z), (0.0, y, -z), (0.0, y, z), (0.0, -y, z)),)
-
-
-def _plane(face: Floats) -> Floats:
-    """Coefficients of x = a + b y + c z through the corners of a face (n, 3), by least squares."""
-    columns = np.column_stack([np.ones(len(face)), face[:, 1:]])
-    return np.asarray(np.linalg.lstsq(columns, face[:, 0])[0])
 
 
 def _edges(face: Floats) -> Floats:
@@ -292,8 +290,7 @@ def close_jaws(
         >>> import numpy as np
         >>> import trimesh
         >>> import grasp3d
-        >>> from grasp3d.hand.closing import Closing
-        >>> from grasp3d.hand.closing import close_jaws
+        >>> from grasp3d.hand.closing import Closing, close_jaws
         >>> from grasp3d.hand.parallel_gripper import ParallelGripper
         >>> hand = ParallelGripper(
         ...     name="small", max_opening=0.08, pad_width=0.02, pad_height=0.01,

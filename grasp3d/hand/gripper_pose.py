@@ -47,13 +47,9 @@ class GripperPose:
         """
         if reach is None or not np.isfinite(reach.poses[row]).all():
             return None
-        return cls(
-            reach.poses[row],
-            float(reach.opening[row]),
-            float(reach.pregrasp_opening[row]),
-            float(reach.approach_margin[row]),
-            float(reach.depth[row]),
-        )
+        columns = reach.opening, reach.pregrasp_opening, reach.approach_margin, reach.depth
+        opening, before, margin, depth = (float(column[row]) for column in columns)
+        return cls(reach.poses[row], opening, before, margin, depth)
 
     @property
     def has_joints(self) -> bool:

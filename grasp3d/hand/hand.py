@@ -73,7 +73,10 @@ class Hand(Protocol):
     def shape(self, opening: float, posture: "ArrayLike" = ()) -> "Triangles":
         """Its solid parts in its own frame at an opening [m] and a posture."""
 
-    def reach(self, mesh: "ObjectMesh", points: Any, normals: Any, **options: Any) -> "Reach":
+    # `*_` beside `**options` lets hands name the options that they take.
+    def reach(
+        self, mesh: "ObjectMesh", points: Any, normals: Any, *_: Any, **options: Any
+    ) -> "Reach":
         """Which grasps it reaches, and in which pose and opening.
 
         Args:
@@ -84,7 +87,7 @@ class Hand(Protocol):
                 `table`: what the object stands on, or None; `approach`: an `Approach`, or None.
         """
 
-    def close(self, mesh: "ObjectMesh", poses: Any, **options: Any) -> "ClosedJaws":
+    def close(self, mesh: "ObjectMesh", poses: Any, *_: Any, **options: Any) -> "ClosedJaws":
         """What its fingers touch when they close at poses, wide open at first.
 
         Args:
@@ -97,7 +100,7 @@ class Hand(Protocol):
         """
 
     def blocked(
-        self, mesh: "ObjectMesh", poses: Any, closed: "ClosedJaws", **options: Any
+        self, mesh: "ObjectMesh", poses: Any, closed: "ClosedJaws", *_: Any, **options: Any
     ) -> "Bools":
         """Whether the hand collides on its way to poses, shape (k,).
 

@@ -15,7 +15,7 @@ from grasp3d.hand.parallel_gripper import preset as known_gripper
 from grasp3d.hand.robot_files import FORMAT as ARTICULATED
 from grasp3d.hand.robot_files import NAMES, made_of, read_json
 from grasp3d.hand.robot_files import SUFFIXES as MODELS
-from grasp3d.system.documents import described, is_file, is_folder, parse_json, problem_of_file
+from grasp3d.system.documents import described, is_file, is_folder, parse_json
 from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.names import printable, unsupported
 
@@ -95,26 +95,21 @@ def read_hand(
     options = {"fingers": fingers, "palm": palm, "tcp": tcp}
     given = ", ".join(name for name, value in options.items() if value is not None)
     path, name = Path(source), str(source)
-    suffix, there = path.suffix.lower(), is_file(path) or is_folder(path)
-    if name in {"", *PRESETS, *ALIASES, *NAMES} or not (
-        suffix in SUFFIXES or len(path.parts) > 1 or there
-    ):
-        if name in NAMES:
-            raise SettingError(
-                f"{name} is a hand with joints, known without its links: name the URDF that you "
-                f"have of it: grasp3d hand FILE.urdf -o {name}.json"
-            )
-        if given:
-            raise SettingError(f"{given}: for URDF and MuJoCo files; {name!r} is no file")
+    suffix, folder = path.suffix.lower(), is_folder(path)
+    if name in NAMES:
+        raise SettingError(
+            f"{name} is a hand with joints, known without its links: name the URDF that you "
+            f"have of it: grasp3d hand FILE.urdf -o {name}.json"
+        )
+    if given and suffix not in MODELS:
+        raise SettingError(printable(f"{given}: for URDF and MuJoCo files; {name!r} is none"))
+    is_file_name = suffix in SUFFIXES or len(path.parts) > 1 or is_file(path) or folder
+    if name in {"", *PRESETS, *ALIASES} or not is_file_name:
         return known_gripper(name)
-    if suffix not in SUFFIXES and not is_folder(path):
+    if suffix not in SUFFIXES and not folder:
         raise SettingError(unsupported(path, SUFFIXES, "gripper"))
-    if problem := problem_of_file(path):
-        raise SettingError(printable(f"{path}: {problem}"))
     if suffix != ".json":
         return made_of(path, _of_links, fingers, palm, tcp)
-    if given:
-        raise SettingError(printable(f"{path}: {given}: for URDF and MuJoCo files only"))
     content = read_json(path)
     if isinstance(content, dict) and isinstance(content.get(MODEL), str):
         content = {**content, MODEL: str(path.parent / content[MODEL])}

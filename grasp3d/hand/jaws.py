@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from itertools import chain
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from grasp3d.arrays import Floats
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
 from grasp3d.hand.choices import AXES
@@ -31,16 +32,6 @@ LARGEST_COORDINATE = 1.0
 
 LARGEST = 10.0
 """Largest length of a gripper [m]: more is a length in millimetres."""
-
-POSITIVE = (
-    "max_opening", "finger_thickness", "finger_width", "finger_length", "palm_thickness",
-    "palm_width", "palm_length",
-)  # fmt: skip
-LENGTHS = (
-    "min_opening", "pad_width", "pad_height", "tip_radius", "compliance", "clearance",
-    "base_to_tcp",
-)  # fmt: skip
-"""Lengths of a gripper: those that are above 0, and the others."""
 
 AT_MOST = (
     ("min_opening", "max_opening"), ("pad_width", "finger_width"),
@@ -104,8 +95,9 @@ class Jaws:
 
     def _wrong_sizes(self) -> Iterator[str]:
         """Sizes that cannot be, or contradict each other, one sentence each."""
-        for name in (*POSITIVE, *LENGTHS):
-            yield from _problems_of_length(name, getattr(self, name))
+        for field in (one for one in fields(self) if one.type is float):
+            needed = field.default is MISSING
+            yield from _problems_of_length(field.name, getattr(self, field.name), positive=needed)
         for small, large in AT_MOST:
             few, most = getattr(self, small), getattr(self, large)
             if few > most:
@@ -183,6 +175,18 @@ class Jaws:
         least, most = self.limits
         return least, most + inside + 2.0 * self.tip_radius
 
+    @property
+    def base_pose(self) -> Floats:
+        """Matrix that takes coordinates of the hand's own frame to the gripper's, shape (4, 4).
+
+        Its translation is in metres.
+        """
+        closing, approach = (np.array(AXES[name]) for name in self.base_axes)
+        pose = np.eye(4)
+        pose[:3, :3] = np.stack([closing, np.cross(approach, closing), approach])
+        pose[2, 3] = -self.base_to_tcp
+        return pose
+
     def check_fingers(self, count: int) -> None:
         """Refuse grasps of so many fingers if they cannot be tested.
 
@@ -215,12 +219,12 @@ class Jaws:
         return UNIFORM_PRESSURE * friction * radius
 
 
-def _problems_of_length(name: str, value: object) -> Iterator[str]:
-    """Why a value is no length of a gripper, in metres."""
+def _problems_of_length(name: str, value: object, *, positive: bool) -> Iterator[str]:
+    """Why a value is no length of a gripper, in metres; positive: nor may it be 0."""
     metres = math.nan if isinstance(value, str) else number_of(value)
     if not 0.0 <= metres < math.inf:
         yield f"{name} must be a length in metres of at least 0; got {described(value)}"
-    if name in POSITIVE and metres == 0.0:
+    if positive and metres == 0.0:
         yield f"{name} must be above 0"
     if metres > LARGEST:
         yield (

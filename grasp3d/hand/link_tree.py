@@ -12,7 +12,7 @@ from scipy.spatial import QhullError
 
 from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.system.names import printable
+from grasp3d.system.names import printable, unknown
 
 FARTHEST = 1e3
 """Distance of geometry from its frame that no hand has [m]."""
@@ -140,17 +140,11 @@ class LinkTree:
             SettingError: There is no such link.
         """
         self.check_links([base])
-        kept = {base}
-        for name in self.links:
-            if name in self.joints and self.joints[name].parent in kept:
-                kept.add(name)
-        return replace(
-            self,
-            links=tuple(name for name in self.links if name in kept),
-            joints={name: one for name, one in self.joints.items() if name in kept - {base}},
-            masses={name: one for name, one in self.masses.items() if name in kept},
-            unseen=tuple(name for name in self.unseen if name in kept),
-        )
+        kept = tuple(name for name in self.links if base in self.chain(name))
+        joints = {name: one for name, one in self.joints.items() if name in kept and name != base}
+        masses = {name: one for name, one in self.masses.items() if name in kept}
+        unseen = tuple(name for name in self.unseen if name in kept)
+        return replace(self, links=kept, joints=joints, masses=masses, unseen=unseen)
 
     @cached_property
     def by_name(self) -> dict[str, Joint]:
@@ -184,9 +178,7 @@ class LinkTree:
         """Refuse names that no link has. Raises SettingError."""
         for name in names:
             if name not in self.links:
-                more = " ..." if len(self.links) > MAX_LISTED else ""
-                listed = ", ".join(self.links[:MAX_LISTED]) + more
-                raise self.error(f"no link is called {name!r}; known: {listed}")
+                raise self.error(unknown("link", name, self.links, self.links[:MAX_LISTED]))
 
     def children(self, link: str) -> tuple[str, ...]:
         """The links whose joints a link carries, in their order."""

@@ -113,12 +113,14 @@ def measured_gripper(
     middle = np.mean([_centre(part.triangles) for part in parts], axis=0) - _centre(body)
     across = [name for name in AXES if name[-1] != closing[-1]]
     approach = max(across, key=lambda name: float(UNIT[name] @ middle))
-    links = [name for name in around if tcp is None and name.lower().endswith("tcp")]
-    named = {link: float(around[link][:3, 3] @ UNIT[approach]) for link in links}
-    numbers, at = _sizes(tree, parts, body, (closing, approach), tcp, named)
+    tcps = {"": tcp} if tcp is not None else {
+        link: float(pose[:3, 3] @ UNIT[approach])
+        for link, pose in around.items() if link.lower().endswith("tcp")
+    }  # fmt: skip
+    numbers, at = _sizes(tree, parts, body, (closing, approach), tcps)
     assumed = [
         "the inner sides are flat, and nothing else of a finger touches",
-        *([] if tcp is not None else [f"the TCP is {at}"]),
+        *([f"the TCP is {at}"] if at else []),
         "the palm is as wide as the stroke at least",
         "compliance and clearance are the defaults, the force is not known",
     ]
@@ -143,18 +145,15 @@ def _mover(tree: LinkTree, link: str) -> str:
 
 def _finger(tree: LinkTree, link: str, mover: str, around: dict[str, Floats]) -> _Finger:
     joint = tree.joints[mover]
-    limits = joint.limits
-    if joint.follows is not None:
-        name, factor, offset = tree.source_of(joint)
-        low, high = sorted(factor * limit + offset for limit in tree.by_name[name].limits)
-        limits = low, high
-    if not 0.0 < limits[1] - limits[0] < math.inf:
+    name, factor, offset = tree.source_of(joint)
+    low, high = sorted(factor * limit + offset for limit in tree.by_name[name].limits)
+    if not 0.0 < high - low < math.inf:
         raise tree.error(f"joint {joint.name} has no limits, from which the stroke follows")
     pose = around[joint.parent] @ joint.origin
     triangles = tree.triangles({one: pose @ to for one, to in tree.below(mover).items()})
     if not len(triangles):
         raise tree.error(f"{link} has no collision geometry")
-    return _Finger(link, joint, pose[:3, :3] @ joint.axis, limits, triangles)
+    return _Finger(link, joint, pose[:3, :3] @ joint.axis, (low, high), triangles)
 
 
 def _centre(triangles: Floats) -> Floats:
@@ -174,24 +173,27 @@ def _closing_axis(tree: LinkTree, carrier: str, one: _Finger, two: _Finger) -> s
         )
     ends = [_centre(part.triangles) + 0.5 * sum(part.limits) * part.axis for part in (one, two)]
     direction = one.axis if (ends[1] - ends[0]) @ one.axis >= 0.0 else -one.axis
-    for name, axis in UNIT.items():
-        if direction @ axis > ALIGNED:
-            return name
-    raise tree.error(
-        f"the fingers must move along an axis of the frame of {carrier}, the link that carries "
-        f"them; turn that frame, or {DESCRIBE}"
-    )
+    name = max(UNIT, key=lambda axis: float(direction @ UNIT[axis]))
+    if direction @ UNIT[name] <= ALIGNED:
+        raise tree.error(
+            f"the fingers must move along an axis of the frame of {carrier}, the link that carries "
+            f"them; turn that frame, or {DESCRIBE}"
+        )
+    return name
 
 
 def _sizes(
-    tree: LinkTree,
-    parts: list[_Finger],
-    body: Floats,
-    axes: tuple[str, str],
-    tcp: float | None,
-    named: dict[str, float],
+    tree: LinkTree, parts: list[_Finger], body: Floats, axes: tuple[str, str], tcp: dict[str, float]
 ) -> tuple[dict[str, Any], str]:
-    """Lengths of a gripper [m], what its joints do, and where its TCP is. Raises SettingError."""
+    """Lengths of a gripper [m], what its joints do, and where its TCP is. Raises SettingError.
+
+    Args:
+        tree: Links and joints.
+        parts: The fingers.
+        body: Corners of the palm in the hand's frame [m], shape (n, 3, 3).
+        axes: Closing and approach axis.
+        tcp: Where it may be along the approach axis, by its link [m]; by "" it is stated.
+    """
     x, z = UNIT[axes[0]], UNIT[axes[1]]
     frame = np.stack([x, np.cross(z, x), z])
     palm = body.reshape(-1, 3) @ frame.T
@@ -226,13 +228,12 @@ def _sizes(
     pads = [_pad(tree, one, front) for one in fingers]
     least = 0.5 * (front + end)
     at, centre = "in the middle of their flat parts", max(float(pad[:, 1].mean()) for pad in pads)
-    centre = centre if tcp is None else tcp
-    for link, one in named.items():
-        if least <= one < end:
-            at, centre = f"the link {link}", one
+    for link, one in tcp.items():
+        if not link or least <= one < end:
+            at, centre = f"the link {link}" if link else "", one
             break
     if not least <= centre < end:
-        what = "the pads' middle is at" if tcp is None else "got"
+        what = "the pads' middle is at" if at else "got"
         raise tree.error(
             f"the TCP must be in the outer half of the fingers, from {least:.4g} to "
             f"{end:.4g} m along {axes[1]}; {what} {centre:.4g} (--tcp)"

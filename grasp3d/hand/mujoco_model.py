@@ -21,15 +21,14 @@ from grasp3d.system.names import printable, reason_of
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
 """Given to moving links that state none, which MuJoCo would refuse [kg, kg m^2]."""
 
-JOINTS: dict[int, JointKind] = {mj.mjtJoint.mjJNT_SLIDE: "slides", mj.mjtJoint.mjJNT_HINGE: "turns"}
+JOINTS: dict[str, JointKind] = {"mjJNT_SLIDE": "slides", "mjJNT_HINGE": "turns"}
+"""Kinds of joints by their names in MuJoCo."""
 
-SHAPES: dict[int, tuple[ShapeKind, int]] = {
-    mj.mjtGeom.mjGEOM_BOX: ("box", 3),
-    mj.mjtGeom.mjGEOM_SPHERE: ("sphere", 1),
-    mj.mjtGeom.mjGEOM_CYLINDER: ("cylinder", 2),
-    mj.mjtGeom.mjGEOM_CAPSULE: ("capsule", 2),
-}
-"""Kinds of shapes, and how many numbers their sizes are."""
+SHAPES: dict[str, tuple[ShapeKind, int]] = {
+    "mjGEOM_BOX": ("box", 3), "mjGEOM_SPHERE": ("sphere", 1), "mjGEOM_CYLINDER": ("cylinder", 2),
+    "mjGEOM_CAPSULE": ("capsule", 2),
+}  # fmt: skip
+"""Kinds of shapes likewise, and how many numbers their sizes are."""
 
 
 def read_links(path: Path) -> LinkTree:
@@ -83,12 +82,12 @@ class _Reader:
         }
         root, links = self.links[0], (self.links[0], *joints)
         if urdf is None:
-            with_geometry = sorted({*model.geom_bodyid.tolist()} - {0})
-            unseen = [self.links[one] for one in with_geometry if not self._numbers(one)]
-            weights = zip(model.body_mass.tolist(), model.body_ipos.tolist(), strict=True)
+            seen = sorted({*model.geom_bodyid.tolist()} - {0})
+            unseen = [self.links[one] for one in seen if not self._numbers(one)]
+            columns = self.links, model.body_mass.tolist(), model.body_ipos.tolist()
             masses = {
                 name: LinkMass(weight, tuple(center))
-                for name, (weight, center) in zip(self.links, weights, strict=True)
+                for name, weight, center in zip(*columns, strict=True)
                 if weight > 2.0 * LEAST_MASS
             }
         else:
@@ -123,7 +122,7 @@ class _Reader:
     def _joint(self, number: int, parent: str, pose: Floats) -> Joint:
         """A joint whose link has a pose in the frame of its parent at its reference value."""
         model, name = self.model, self.names[number]
-        kind = JOINTS.get(int(model.jnt_type[number]), "free")
+        kind = JOINTS.get(mj.mjtJoint(model.jnt_type[number]).name, "free")
         axis, position = np.array(model.jnt_axis[number]), np.array(model.jnt_pos[number])
         back, reference = np.eye(4), self._reference(number)
         if kind == "slides":
@@ -217,7 +216,7 @@ class _Reader:
         return tuple(self._shape(geom, link, number) for number, geom in found)
 
     def _shape(self, geom: int, link: str, number: int) -> LinkShape:
-        model, kind = self.model, int(self.model.geom_type[geom])
+        model, kind = self.model, mj.mjtGeom(self.model.geom_type[geom]).name
         pose = _pose(model.geom_pos[geom], model.geom_quat[geom])
         size = tuple(model.geom_size[geom].tolist())
         if kind in SHAPES and (self.urdf is None or (link, number) not in self.urdf.meshes):
@@ -225,9 +224,9 @@ class _Reader:
             return LinkShape(name, pose, size[:count])
         if self.urdf is not None:
             triangles = mesh_triangles(self.urdf.meshes[link, number], link, self.path)
-        elif kind == mj.mjtGeom.mjGEOM_MESH:
+        elif kind == "mjGEOM_MESH":
             triangles = _mesh(model, int(model.geom_dataid[geom]))
-        elif kind == mj.mjtGeom.mjGEOM_ELLIPSOID:
+        elif kind == "mjGEOM_ELLIPSOID":
             triangles = np.asarray(creation.icosphere().triangles * size)
         else:  # a plane or a height field
             problem = f"{self.path}: collision geometry of {link} is of no finite shape"

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, get_type_hints
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bools
+from grasp3d.arrays import ArrayLike, Bools, Floats
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand import touching
 from grasp3d.hand.jaws import Corners, Jaws
-from grasp3d.hand.robot_files import read_json
+from grasp3d.hand.robot_files import check_keys, read_json
 from grasp3d.system.context import unreported
 from grasp3d.system.documents import typed
 from grasp3d.system.names import unknown
@@ -157,12 +157,25 @@ class ParallelGripper(Jaws):
         return close_jaws(mesh, poses, self, **options)
 
     def blocked(
-        self, mesh: "ObjectMesh", poses: Any, closed: "ClosedJaws", **options: Any
+        self,
+        mesh: "ObjectMesh",
+        poses: Floats,
+        closed: "ClosedJaws",
+        *,
+        held: Bools,
+        table: "Table | None" = None,
     ) -> Bools:
-        """Whether it collides on its way to poses; see `Hand.blocked` and `collides_closing`."""
-        from grasp3d.hand.reach import collides_closing
+        """Whether it collides on its way to poses at which its jaws then close, shape (k,).
 
-        return collides_closing(mesh, poses, closed, self, **options)
+        Where the jaws do not close symmetrically about the TCP, hand or object has given way. See
+        `Hand.blocked`.
+        """
+        from grasp3d.hand.reach import collides
+
+        opening = np.where(held, np.maximum(closed.opening, 0.0), self.limits[1])
+        centred, offset = poses.copy(), np.where(held, closed.offset, 0.0)
+        centred[:, :3, 3] += offset[:, None] * poses[:, :3, 0]
+        return collides(mesh, centred, opening, self, table=table)
 
     fitting = (
         "jaws that are thin close on the object where it is, each with a twentieth of its pad,"
@@ -215,15 +228,8 @@ def gripper_of(content: Mapping[str, Any]) -> ParallelGripper:
     Raises:
         SettingError: It is not the description of a gripper.
     """
-    for key, value in (("version", VERSION), ("unit", "m")):
-        stated = content.get(key, value)
-        if stated != value or isinstance(stated, bool):
-            got = json.dumps(stated)[:40]
-            raise SettingError(f"{key} must be {json.dumps(value)}; got {got}")
     known = {field.name: field for field in fields(ParallelGripper)}
-    # Notes are what only people read, such as where lengths come from: any JSON.
-    for key in (one for one in content if one not in {*KEYS, "notes", *known}):
-        raise SettingError(unknown("field", key, known))
+    check_keys(content, known, version=VERSION, unit="m")
     needed = [name for name, field in known.items() if field.default is MISSING]
     if missing := [name for name in needed if name not in content]:
         raise SettingError(f"{', '.join(missing)} missing; every gripper needs it")

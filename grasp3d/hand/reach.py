@@ -12,7 +12,6 @@ from grasp3d._kernels.jaws.gripper_parts import ApproachLimits, GripperShape, ma
 from grasp3d._kernels.jaws.reaching import collide_poses, reach_pairs, reach_tips
 from grasp3d._kernels.surface.box_tree import BoxTree
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr, unit_rows
-from grasp3d.hand.closing import ClosedJaws
 from grasp3d.hand.jaws import IN_METRES, Jaws
 from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.hand.table import Approach, Table, best_approach
@@ -76,19 +75,13 @@ class Reach:
             results: Codes, masks of free angles, and poses with the numbers behind them.
             angles: Number of approach angles.
         """
-        free, rows = results.free, results.found
+        rows = results.found
         poses = rows[:, :16].reshape(-1, 4, 4)
         poses[:, :3, 3] = mesh.from_normalized(poses[:, :3, 3])
-        bits = (free[:, None] >> np.arange(angles, dtype=np.uint64)) & np.uint64(1)
-        return cls(
-            state=locked(results.codes),
-            poses=locked(poses),
-            approach_margin=locked(rows[:, gripper_parts.MARGIN]),
-            opening=locked(rows[:, gripper_parts.OPENING] * mesh.size),
-            pregrasp_opening=locked(rows[:, gripper_parts.PREGRASP] * mesh.size),
-            depth=locked(rows[:, gripper_parts.DEPTH] * mesh.size),
-            free=locked(bits.astype(np.bool_)),
-        )
+        bits = (results.free[:, None] >> np.arange(angles, dtype=np.uint64)) & np.uint64(1)
+        margin, free = rows[:, gripper_parts.MARGIN], bits.astype(np.bool_)
+        lengths = rows[:, [gripper_parts.OPENING, gripper_parts.PREGRASP, gripper_parts.DEPTH]].T
+        return cls(*map(locked, (results.codes, poses, margin, *lengths * mesh.size, free)))
 
     def take(self, which: Ints | Bools) -> "Reach":
         """The chosen grasps."""
@@ -184,7 +177,6 @@ def reach_grasps(
 
     Raises:
         SettingError: The mesh has no unit, or flat pads are given more than two contacts.
-        ContactError: Points, normals or grips of wrong shapes or values.
 
     Example:
         >>> import numpy as np, trimesh, grasp3d
@@ -259,7 +251,7 @@ def collides(
 
     Raises:
         SettingError: The mesh has no unit.
-        ContactError: Poses, openings or grips of wrong shapes or values.
+        ContactError: Poses that are no rigid motions.
 
     Example:
         >>> import numpy as np, trimesh, grasp3d
@@ -289,36 +281,3 @@ def collides(
 
     in_threads(work, count, CHUNK, lambda: make_workspace(1))
     return verdict
-
-
-def collides_closing(
-    mesh: ObjectMesh,
-    poses: Floats,
-    closed: ClosedJaws,
-    hand: Jaws,
-    *,
-    held: Bools,
-    table: Table | None = None,
-) -> Bools:
-    """Test whether a gripper collides on its way to poses at which its jaws then close.
-
-    Where the jaws do not close symmetrically about the TCP, hand or object has given way.
-
-    Args:
-        mesh: The object; its unit must be known.
-        poses: From the gripper's frame to the mesh's, shape (k, 4, 4).
-        closed: Where the jaws close there.
-        hand: The gripper, in metres.
-        held: Whether it is tested around the object that it holds there, or else wide open, shape
-            (k,).
-        table: What the object stands on; None: nothing.
-
-    Returns:
-        Whether the gripper collides, shape (k,).
-    """
-    wide = hand.limits[1]
-    opening = np.where(held, np.maximum(closed.opening, 0.0), wide)
-    centred = poses.copy()
-    offset = np.where(held, closed.offset, 0.0)
-    centred[:, :3, 3] += offset[:, None] * poses[:, :3, 0]
-    return collides(mesh, centred, opening, hand, table=table)

@@ -1,6 +1,8 @@
 """Files of hands: JSON, and URDF and MuJoCo models with what is made of their links."""
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -9,7 +11,7 @@ import numpy as np
 from grasp3d.errors import SettingError
 from grasp3d.system.documents import load_json, problem_of_file
 from grasp3d.system.limited_reading import read_file
-from grasp3d.system.names import printable
+from grasp3d.system.names import printable, unknown
 
 FORMAT, VERSION = "grasp3d articulated hand", 1
 """What the keys `format` and `version` of the JSON of a hand with joints contain."""
@@ -50,14 +52,26 @@ def _make(path: Path, make: Callable[..., T], *arguments: Any) -> T:
         return make(read_links(path), *arguments)
 
 
+def check_keys(content: Mapping[str, Any], known: Collection[str], **fixed: str | int) -> None:
+    """Refuse keys of JSON that are not known, or of another value than they must have.
+
+    Notes are what only people read, such as where lengths come from: any JSON.
+
+    Raises:
+        SettingError: There are such.
+    """
+    for key, value in content.items():
+        if key in fixed and (value != fixed[key] or isinstance(value, bool)):
+            expected, got = json.dumps(fixed[key]), json.dumps(value)[:40]
+            raise SettingError(f"{key} must be {expected}; got {got}")
+        if key not in {"format", "notes", *fixed, *known}:
+            raise SettingError(unknown("key", key, known))
+
+
 def read_json(path: Path) -> Any:
     """The content of a JSON file of a hand. Raises SettingError."""
     try:
-        return read_file(_content, path)
+        return read_file(partial(load_json, finite=True), path)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SettingError(printable(f"{path}: {reason}")) from error
-
-
-def _content(path: Path) -> object:
-    return load_json(path, finite=True)

@@ -123,7 +123,7 @@ def typed(value: Any, hint: Any) -> Any:
         return None if value is None else typed(value, kinds[0])
     if hint is float and type(value) is int:
         return float(value)
-    if type(value) is not hint and hint is not object:
+    if type(value) is not hint:
         raise TypeError(f"{value!r:.50} is not of type {hint}")
     return value
 

@@ -115,7 +115,7 @@ check void | no mesh in it
 check ball.ply --max-memory 0.1 | max memory must be at least 0.5 GB
 hand --picture a.png | --picture needs a gripper
 hand nope | 'nope'; known: franka (panda), robotiq_2f85, robotiq_2f140, wsg50, tactile
-hand franka --fingers a b | is no file
+hand franka --fingers a b | is none
 batch void -o out | no mesh in it
 batch list.txt -o out | list.txt, line 2: nowhere.stl: there is no such file or folder
 batch nothing://lib -o out | no file system is called nothing://

@@ -20,7 +20,6 @@ from grasp3d.formats import read_grasps, read_poses, write_grasps
 from grasp3d.formats.frames import read_object_pose
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.hand.frames import FRAMES
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.settings.units import METRES
 from grasp3d.surface.grasp_table import GraspTable
@@ -126,9 +125,7 @@ def test_moveit_has_the_robots_frame_by_name(
     write_grasps(path, poses, format="moveit", object_pose=pose)
     message = json.loads(path.read_text(encoding="utf-8"))[0]["grasp_pose"]
     assert message["header"]["frame_id"] == pose.frame
-    expected = (pose.matrix @ poses.poses @ np.linalg.inv(FRAMES["hand"].to_tcp(poses.hand)))[
-        0, :3, 3
-    ]
+    expected = (pose.matrix @ poses.poses @ poses.hand.base_pose)[0, :3, 3]  # type: ignore[union-attr]
     equal([message["pose"]["position"][axis] for axis in "xyz"], expected, 1e-12)
     back = read_poses(path, hand=poses.hand, object_pose=pose)  # type: ignore[arg-type]
     equal(back.poses, poses.poses, 1e-10)

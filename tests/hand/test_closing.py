@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import ContactError
 from grasp3d.hand.closing import ClosedJaws, Closing, close_jaws
-from grasp3d.hand.reach import collides_closing
 from grasp3d.settings.units import Unit
 from grasp3d.system.context import running
 from tests.helpers import shapes
@@ -264,10 +263,10 @@ def test_jaws_that_close_beside_their_middle_hold_the_object_without_collision(
     found = close_jaws(box, poses, hand)
     assert found.offset == pytest.approx(-0.008)
     held = np.array([True])
-    assert not collides_closing(box, poses, found, hand, held=held)
+    assert not hand.blocked(box, poses, found, held=held)
     opposite = replace(found, positions=-found.positions[:, ::-1])
     assert opposite.offset == pytest.approx(0.008)
-    assert collides_closing(box, poses, opposite, hand, held=held)
+    assert hand.blocked(box, poses, opposite, held=held)
 
 
 @pytest.mark.parametrize("hand", [pads(), tips()])

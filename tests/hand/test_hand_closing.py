@@ -238,7 +238,7 @@ def test_hands_close_as_in_small_steps_of_all_joints(name: str) -> None:
         touches = scene.touch(scene.frames(poses, values), contacts=False, search=1e-3)
         going &= ~((touches.gaps <= 0.0)[:, :, None] & reach).any(axis=1)
         tried = np.clip(values + 2e-3 * going * np.sign(hand.closing), low, high)
-        depth, pairs = scene.self_collisions(scene.frames(poses, tried))
+        depth, pairs = scene.overlaps(scene.frames(poses, tried), scene.may_overlap)
         for row in np.flatnonzero(depth > OVERLAPS):
             one, other = (reach[scene.bodies.links == link].any(axis=0) for link in pairs[row])
             going[row] &= one == other
@@ -281,7 +281,7 @@ def test_overlaps_of_links_are_those_of_fcl(name: str) -> None:
     low, high = hand.limits_of_joints.T
     postures = low + (high - low) * np.random.default_rng(0).random((SIZE, len(low)))
     frames = scene.frames(np.tile(np.eye(4), (SIZE, 1, 1)), postures)
-    found, _ = scene.self_collisions(frames)
+    found, _ = scene.overlaps(frames, scene.may_overlap)
     exact = np.array([overlap_by_fcl(scene, placed) for placed in frames])
     assert (exact > 0.001).sum() > 5
     assert (found[exact > 0.001] > 0.0).all()

@@ -102,7 +102,7 @@ def changed(folder: Path, **values: Any) -> Path:
         ({"format": "other"}, 'expected an object with "format": "grasp3d gripper"'),
         ({"version": 2}, "version must be 1; got 2"),
         ({"unit": "mm"}, 'unit must be "m"; got "mm"'),
-        ({"max_openning": 0.08}, "no field is called 'max_openning' (did you mean max_opening?)"),
+        ({"max_openning": 0.08}, "no key is called 'max_openning' (did you mean max_opening?)"),
         ({"max_opening": "80 mm"}, 'max_opening must be a number; got "80 mm"'),
         ({"max_opening": 80}, "is it in millimetres?"),
         ({"pad_width": math.nan}, "is no JSON: NaN is no finite number"),

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
 from grasp3d.hand.choices import AXES
-from grasp3d.hand.frames import FRAMES
 from grasp3d.hand.hand_files import read_hand
 from grasp3d.hand.link_tree import Joint, LinkShape, LinkTree
 from grasp3d.hand.measured_gripper import measured_gripper
@@ -169,7 +168,11 @@ def test_meshes_are_read_from_packages_and_beside_the_file(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("changed", "fingers", "words"),
     [
-        ({}, ("left", "rihgt"), "no link is called 'rihgt'; known: arm, hand"),
+        (
+            {},
+            ("left", "rihgt"),
+            "no link is called 'rihgt' (did you mean right?); known: arm",
+        ),
         ({"kind": "revolute"}, FINGERS, "joint slide_left turns left; only fingers that slide"),
         ({"axis": "0 -1 0"}, FINGERS, "are -28 mm apart when they are closed"),
         ({"limit": ""}, FINGERS, "joint slide_right has no limits"),
@@ -320,8 +323,7 @@ def test_joints_give_the_opening_in_any_frame(
         assert -1e-8 <= value <= 0.02 + 1e-8
         sides.append((shapes[name] + value * side * x) @ x)
     assert sides[1].min() - sides[0].max() == pytest.approx(opening, abs=1e-7)
-    to_tcp = np.linalg.inv(FRAMES["hand"].to_tcp(gripper))
-    in_frame = shapes["palm"] @ to_tcp[:3, :3].T + to_tcp[:3, 3]
+    in_frame = shapes["palm"] @ gripper.base_pose[:3, :3].T + gripper.base_pose[:3, 3]
     assert in_frame[..., 2].max() == pytest.approx(gripper.end - gripper.finger_length)
 
 

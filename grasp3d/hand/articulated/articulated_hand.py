@@ -149,8 +149,8 @@ class ArticulatedHand:
 
     @cached_property
     def half_widths(self) -> Floats:
-        """Half the smallest width of each shape of `bodies` [m], shape (m,)."""
-        return half_widths(self.bodies)
+        """Half the smallest width of each shape of `bodies` [m], shape (m,); slow to compute."""
+        return half_widths(self.bodies, [shape for some in self.shapes for shape in some])
 
     @cached_property
     def chain(self) -> kinematics.Chain:
@@ -220,14 +220,10 @@ class ArticulatedHand:
             Velocities in the hand's frame per unit of velocity of the joints of a posture; those
             that follow others move with them.
         """
-        arrays = [np.ascontiguousarray(numbers, np.int64).copy() for numbers in (row, link)]
         found: Floats = kinematics.jacobians(
-            np.array(link_poses, np.float64, order="C"),
-            *arrays,
-            np.array(points, np.float64, order="C").reshape(-1, 3),
-            len(self.joint_names),
-            self.chain,
-        )
+            np.array(link_poses, order="C"), np.array(row, np.int64), np.array(link, np.int64),
+            np.array(points, order="C").reshape(-1, 3), len(self.joint_names), self.chain,
+        )  # fmt: skip
         return found
 
     def link_loads(self, postures: Floats, link_poses: Floats) -> Floats | None:
@@ -274,21 +270,13 @@ class ArticulatedHand:
     @cached_property
     def beyond_palm(self) -> frozenset[str]:
         """Links that a joint between them and the palm moves."""
-        return self._beyond(self.palm)
+        return frozenset(self.tree.branch(self.palm).links) - self.tree.rigid(self.palm).keys()
 
     @cached_property
     def beyond_base(self) -> tuple[str, ...]:
         """Links that move in the hand's frame, in their order."""
-        moving = self._beyond(self.link_names[0])
-        return tuple(name for name in self.link_names if name in moving)
-
-    def _beyond(self, link: str) -> frozenset[str]:
-        found = set[str]()
-        for name in self.tree.branch(link).links[1:]:
-            joint = self.tree.joints[name]
-            if joint.kind != "fixed" or joint.parent in found:
-                found.add(name)
-        return frozenset(found)
+        still = self.tree.rigid(self.link_names[0])
+        return tuple(name for name in self.link_names if name not in still)
 
     # What a `Hand` has besides.
     fingers = ()

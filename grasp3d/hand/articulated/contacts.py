@@ -88,19 +88,20 @@ class HandScene:
         if table is None:
             return np.full(len(frames), np.nan)
         lowest = np.full(len(frames), np.inf)
-        for body, link in enumerate(self.bodies.links):
-            pose = frames[:, link, :, :3] @ self.bodies.poses[body]
+        for link, shape in ((k, one) for k, some in enumerate(self.hand.shapes) for one in some):
+            pose = frames[:, link, :, :3] @ shape.pose[:3]
             pose[..., 3] += frames[:, link, :, 3]
-            up = table.normal @ pose  # (k, 4), in the body's frame
-            lowest = np.minimum(lowest, up[:, 3] - reach_along(self.bodies, body, -up[:, :3]))
+            up = table.normal @ pose  # (k, 4), in the shape's frame
+            lowest = np.minimum(lowest, up[:, 3] - reach_along(shape, -up[:, :3]))
         return np.asarray(table.offset - lowest)
 
-    def self_collisions(self, frames: Floats) -> tuple[Floats, Ints]:
-        """How deep the two links that overlap most do [m], (k,), and which they are (k, 2)."""
-        return self.overlaps(frames, self.may_overlap)
-
     def overlaps(self, frames: Floats, allowed: Ints) -> tuple[Floats, Ints]:
-        """As `self_collisions`, with 1 for links that may overlap (L, L)."""
+        """How deep the two links that overlap most do [m], (k,), and which they are (k, 2).
+
+        Args:
+            frames: As `frames` returns them.
+            allowed: 1 for links that may overlap (L, L).
+        """
         depths, pairs = np.zeros(len(frames)), np.full((len(frames), 2), -1)
 
         def run(rows: slice, _: object) -> None:
@@ -176,7 +177,7 @@ def close(scene: HandScene, poses: Floats, postures: Floats) -> Floats:
 def _largest_steps(scene: HandScene) -> Floats:
     """Steps of shapes with which no links pass through each other unseen [m], shape (m,).
 
-    Of two alike `self_collisions` sees the way from touching to filling the same place, except its
+    Of two alike `overlaps` sees the way from touching to filling the same place, except its
     ends: both together move by three quarters of that. What is thinner than 3 mm, or than the
     thickest shape of its link, may pass.
     """
@@ -300,7 +301,7 @@ def hand_contacts(
     gaps = scene.link_gaps(touches)
     if rule != "given":
         touches.contacts[gaps > TOUCHED] = np.nan
-    depth, pairs = scene.self_collisions(frames)
+    depth, pairs = scene.overlaps(frames, scene.may_overlap)
     contacts = touches.contacts
     return HandContacts(
         rule=rule,

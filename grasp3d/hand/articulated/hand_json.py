@@ -17,9 +17,8 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
 from grasp3d.hand.articulated.proposal import articulated_hand_of
 from grasp3d.hand.link_tree import LinkMass, LinkTree
-from grasp3d.hand.robot_files import NAMES, VERSION, made_of, read_json
+from grasp3d.hand.robot_files import NAMES, VERSION, check_keys, made_of, read_json
 from grasp3d.system.documents import typed
-from grasp3d.system.names import unknown
 
 FOLDER = Path(__file__).parents[1] / "presets"
 
@@ -56,7 +55,8 @@ def names_in(content: Mapping[str, Any]) -> set[str]:
 def _renamed(value: Any, names: set[str], prefix: str) -> Any:
     """JSON with a prefix before all names of joints and links."""
     if isinstance(value, dict):
-        return {prefix * (key in names) + key: _renamed(value[key], names, prefix) for key in value}
+        pairs = ((_renamed(key, names, prefix), value[key]) for key in value)
+        return {name: _renamed(one, names, prefix) for name, one in pairs}
     if isinstance(value, list):
         return [_renamed(one, names, prefix) for one in value]
     return prefix + value if value in names else value
@@ -70,45 +70,38 @@ def _is_coupling(one: Coupling) -> bool:
     return several and all(one.ratios)
 
 
-def _whatever(_: object) -> bool:
-    return True
-
-
 _NUMBERS = "an object of numbers by joints"
-KEYS: dict[str, tuple[Any, Callable[[Any], bool], str]] = {
-    "name": (str, _whatever, "a text"),
-    "description": (str, _whatever, "a text, the name of a URDF or MuJoCo file"),
-    "base": (str, _whatever, "the name of a link"),
-    "palm": (str, _whatever, "the name of a link"),
-    "approach": (tuple[float, float, float], any, "a list of three numbers, not all 0"),
-    "fingertips": (tuple[str, ...], _whatever, "a list of names of links"),
-    "sensors": (
-        Numbers,
-        lambda values: all(0.0 <= one < math.pi for one in values.values()),
-        "an object of sensor resolutions [rad] from 0 to below pi by links",
-    ),
-    "torques": (
-        Numbers,
-        lambda values: all(one >= 0.0 for one in values.values()),
-        f"{_NUMBERS} [N m, or N where they slide], at least 0 (0: no motor)",
-    ),
+KEYS: dict[str, tuple[Any, str]] = {
+    "name": (str, "a text"),
+    "description": (str, "a text, the name of a URDF or MuJoCo file"),
+    "base": (str, "the name of a link"),
+    "palm": (str, "the name of a link"),
+    "approach": (tuple[float, float, float], "a list of three numbers, not all 0"),
+    "fingertips": (tuple[str, ...], "a list of names of links"),
+    "sensors": (Numbers, "an object of sensor resolutions [rad] from 0 to below pi by links"),
+    "torques": (Numbers, f"{_NUMBERS} [N m, or N where they slide], at least 0 (0: no motor)"),
     "couplings": (
-        tuple[Coupling, ...],
-        lambda values: all(map(_is_coupling, values)),
-        'a list of objects of "joints" and the "ratios" of their values',
+        tuple[Coupling, ...], 'a list of objects of "joints" and the "ratios" of their values'
     ),
     "masses": (
         dict[str, LinkMass],
-        lambda values: all(one.mass > 0.0 for one in values.values()),
         'an object by links of "mass" [kg] above 0 and its "center" [m], three numbers',
     ),
-    "preshapes": (dict[str, Numbers], _whatever, "an object of postures by name"),
-    "closing": (Numbers, _whatever, _NUMBERS),
-    "source": (str, _whatever, "a text"),
-    "assumed": (tuple[str, ...], _whatever, "a list of texts"),
-    "notes": (object, _whatever, "anything"),
+    "preshapes": (dict[str, Numbers], "an object of postures by name"),
+    "closing": (Numbers, _NUMBERS),
+    "source": (str, "a text"),
+    "assumed": (tuple[str, ...], "a list of texts"),
+}  # fmt: skip
+"""Keys of a description besides format and version: their types, and what they must be."""
+
+HOLDS: dict[str, Callable[[Any], bool]] = {
+    "approach": any,
+    "sensors": lambda values: all(0.0 <= one < math.pi for one in values.values()),
+    "torques": lambda values: all(one >= 0.0 for one in values.values()),
+    "couplings": lambda values: all(map(_is_coupling, values)),
+    "masses": lambda values: all(one.mass > 0.0 for one in values.values()),
 }
-"""Keys of a description besides format and version: type, what a value must fulfil, in words."""
+"""What values of some keys must fulfil."""
 
 
 def stated_of(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -117,18 +110,14 @@ def stated_of(content: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         SettingError: A value is not what its key means.
     """
-    if content.get("version") != VERSION or isinstance(content.get("version"), bool):
-        got = json.dumps(content.get("version"))[:40]
-        raise SettingError(f"version must be {VERSION}; got {got}")
+    check_keys(content, KEYS, version=VERSION)
     stated: dict[str, Any] = {}
-    for key in (one for one in content if one not in {"format", "version"}):
-        if key not in KEYS:
-            raise SettingError(unknown("key", key, KEYS))
-        hint, holds, expected = KEYS[key]
+    for key in (one for one in content if one in KEYS):
+        hint, expected = KEYS[key]
         try:
             json.dumps(content[key], allow_nan=False)  # raises for numbers that are not finite
-            stated[key] = value = typed(content[key], hint)
-            wrong = not holds(value)
+            stated[key] = typed(content[key], hint)
+            wrong = key in HOLDS and not HOLDS[key](stated[key])
         except (TypeError, ValueError, OverflowError):
             wrong = True
         if wrong:

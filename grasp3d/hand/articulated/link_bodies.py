@@ -85,28 +85,25 @@ def link_bodies(shapes: Sequence[Sequence[LinkShape]]) -> LinkShapes:
     )  # fmt: skip
 
 
-def reach_along(bodies: LinkShapes, body: int, directions: Floats) -> Floats:
+def reach_along(shape: LinkShape, directions: Floats) -> Floats:
     """How far a shape reaches along directions (k, 3) in its frame, shape (k,)."""
-    kind, size = bodies.kinds[body], bodies.sizes[body]
-    if kind == HULL:
-        vertices = bodies.hull.vertices[bodies.hull.at[body] :]
-        if body + 1 < len(bodies.kinds):
-            vertices = vertices[: bodies.hull.at[body + 1] - bodies.hull.at[body]]
-        return np.asarray((directions @ vertices.T).max(axis=1))
-    if kind == BOX:
-        return np.asarray(np.abs(directions) @ size)
-    around = np.ones(len(directions)) if kind != CYLINDER else np.hypot(*directions.T[:2])
-    along = size[1] if kind != SPHERE else 0.0
-    return np.asarray(size[0] * around + along * np.abs(directions[:, 2]))
+    if shape.kind == "mesh":
+        return np.asarray((directions @ shape.vertices.T).max(axis=1))
+    if shape.kind == "box":
+        return np.asarray(np.abs(directions) @ np.array(shape.size))
+    radius, *half = shape.size
+    around = np.hypot(*directions.T[:2]) if shape.kind == "cylinder" else 1.0
+    return np.asarray(radius * around + sum(half) * np.abs(directions[:, 2]))
 
 
-def half_widths(bodies: LinkShapes) -> Floats:
+def half_widths(bodies: LinkShapes, shapes: Sequence[LinkShape]) -> Floats:
     """Half the smallest width of each shape [m]; of hulls that across a face."""
     widths = bodies.boxes[:, 3:6].min(axis=1)
-    for body in np.flatnonzero(bodies.kinds == HULL).tolist():
-        planes: Floats = bodies.planes[bodies.first_plane[body] : bodies.first_plane[body + 1]]
-        across = planes[:, 3] + reach_along(bodies, body, -planes[:, :3])
-        widths[body] = 0.5 * across.min()
+    for body, shape in enumerate(shapes):
+        if shape.kind == "mesh":
+            planes: Floats = bodies.planes[bodies.first_plane[body] : bodies.first_plane[body + 1]]
+            across = planes[:, 3] + reach_along(shape, -planes[:, :3])
+            widths[body] = 0.5 * across.min()
     return np.asarray(widths)
 
 

@@ -30,6 +30,7 @@ from grasp3d.arrays import Bools, Floats, locked, unit_rows
 from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand, Coupling
 from grasp3d.hand.articulated.plausible_numbers import largest_torque
 from grasp3d.hand.link_tree import LinkTree
+from grasp3d.system.names import unknown
 
 FARTHEST_APPROACH = 65.0
 """Largest angle between the approach direction and the way to where fingertips meet [degrees]."""
@@ -112,7 +113,7 @@ def _coupled(tree: LinkTree, couplings: Iterable[Coupling]) -> LinkTree:
     for coupling in couplings:
         for name in coupling.joints:
             if name not in links:
-                raise tree.error(f"no joint is called {name!r}; known: {', '.join(links)}")
+                raise tree.error(unknown("joint", name, links))
         first, *others = coupling.joints
         for name, ratio in zip(others, coupling.ratios[1:], strict=True):
             follows = first, ratio / coupling.ratios[0], 0.0
