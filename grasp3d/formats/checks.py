@@ -19,13 +19,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import HEADER_ERRORS, Floats
 from grasp3d.errors import ContactError, OutputError, SettingError
-from grasp3d.system.documents import (
-    described,
-    file_bytes,
-    is_folder,
-    number_of,
-    problem_of_file,
-)
+from grasp3d.system.documents import described, file_bytes, is_folder, number_of, problem_of_file
 from grasp3d.system.files import atomic_write
 from grasp3d.system.names import printable, reason_of
 from grasp3d.system.versions import package_version
@@ -191,10 +185,8 @@ def joints_of(values: Sequence[Any], what: str) -> tuple[tuple[str, ...], Floats
     first = rows[0]
     for number, row in enumerate(rows, 1):
         if other := sorted(map(str, row.keys() ^ first.keys())):
-            raise ContactError(
-                f"grasp {number}: {what} must have the joints of grasp 1; {other[0]!r} is in one "
-                "of them only"
-            )
+            where = f"grasp {number}: {what} must have the joints of grasp 1"
+            raise ContactError(f"{where}; {other[0]!r} is in one of them only")
     columns = [numbers([row[name] for row in rows], (), f"{what} {name}") for name in first]
     return tuple(map(str, first)), np.reshape(columns, (len(first), len(rows))).T.copy()
 
@@ -251,9 +243,7 @@ def outcomes_of(
             listed = ", ".join(names[:30]) + ", ..." * (len(names) > 30) or "nothing"
             raise ContactError(f"no outcome is called {outcome!r}: its grasps have {listed}")
     if len(found) > 1:
-        raise ContactError(
-            f"it has both {' and '.join(found)}: give the one that is meant (--outcome)"
-        )
+        raise ContactError(f"it has both {' and '.join(found)}: give one of them (--outcome)")
     if not found:
         return np.full(count, math.nan)
     outcomes = []
@@ -299,9 +289,8 @@ def write_yaml(path: Path, document: Mapping[str, Any]) -> None:
     """Write a YAML file that says which program wrote it."""
     yaml = library("yaml", "PyYAML")
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-    text = yaml.dump(
-        document, Dumper=dumper, sort_keys=False, default_flow_style=None, allow_unicode=True
-    )
+    style: Any = {"sort_keys": False, "default_flow_style": None, "allow_unicode": True}
+    text = yaml.dump(document, Dumper=dumper, **style)
     write_text(path, [f"# written by grasp3d {package_version()}\n", text])
 
 

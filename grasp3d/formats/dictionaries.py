@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from grasp3d.errors import ContactError
 from grasp3d.formats.checks import entries_of, load_array, outcomes_of, write_array
 from grasp3d.formats.format import Given
 from grasp3d.formats.frames import from_quaternions, quaternions
-from grasp3d.formats.poses import STAGES, GraspPoses
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import matched, wrist_of
 from grasp3d.hand.articulated.presets import NAMES as HANDS
 from grasp3d.hand.frames import FRAMES, GripperFrame
@@ -29,8 +30,8 @@ from grasp3d.system.stored_arrays import RefusedError, StoredArray, array_in, st
 Rows = dict[str, Any]
 """What a dictionary of a file states of its grasps."""
 
-ALL_STAGES = ("pregrasp", "grasp", "squeeze")
-"""In the order in which files have them."""
+ALL_STAGES = {"pregrasp": "pregrasp_", "grasp": "", "squeeze": "squeeze_"}
+"""In the order in which files have them, and how names of fields begin."""
 
 POSE = 7
 """Numbers of a pose: x, y, z [m] and the quaternion w, x, y, z."""
@@ -78,7 +79,7 @@ def load_npy(path: Path) -> Any:
 def _only(found: AbstractSet[Any], what: str) -> Any:
     """What all files state; None: nothing. Raises ContactError if it differs."""
     if len(found) > 1:
-        listed = " and ".join(sorted(map(str, found))[:2])
+        listed = " and ".join(sorted(f"{one!s:.60}" for one in found)[:2])
         raise ContactError(
             f"has grasps of {len(found)} {what}, such as {listed}: put the files of each into a "
             "folder of their own"
@@ -156,10 +157,9 @@ def grasps_in(
         raise ContactError(f"it has more than {MOST_GRASPS:,} grasps")
     to_object, object_pose = _object_poses(content, counts)
     fields: dict[str, Any] = {}
-    for stage in ALL_STAGES:
+    for stage, start in ALL_STAGES.items():
         if all(stage in part for part in parts):
             values = np.concatenate([part[stage] for part in parts])
-            start = "" if stage == "grasp" else f"{stage}_"
             fields[f"{start}poses"] = to_object @ _matrices(values[:, :POSE])
             fields[f"{start}posture"] = values[:, POSE:]
     joints, wrist = columns - POSE, wrist_of(given.hand)
@@ -167,29 +167,26 @@ def grasps_in(
     elsewhere = ["in its scene_cfg" for rows in content if "scene_cfg" in rows]
     elsewhere += [text for rows in content for text in texts_in(rows, "scene_path")]
     is_known = not elsewhere or any("obj_pose" in rows for rows in content)
+    is_whole = joints == len(given.hand.joint_names)
+    files = {file for rows in content for file in texts_in(rows, "obj_path")}
     held = ("succ_flag",) * any("succ_flag" in rows for rows in content)
     poses = GraspPoses(
         **fields,
         joint_names=names if len(names) == joints else (),
         outcome=outcomes_of(
-            given.outcome, sum(counts), held, lambda key: _of_each(content, key, counts),
-            default=held,
+            given.outcome, sum(counts), held, partial(_of_each, content, counts), default=held
         ),
         names=tuple(str(rows["name"]) for rows in content if rows["name"] and max(counts) == 1),
-        object_file=_only(
-            {text for rows in content for text in texts_in(rows, "obj_path")}, "objects"
-        ),
+        object_file=_only(files, "objects"),
         object_pose=object_pose,
-        gripper_frame=FRAMES["hand"]
-        if joints == len(given.hand.joint_names)
-        else GripperFrame(link=root),
+        gripper_frame=FRAMES["hand"] if is_whole else GripperFrame(link=root),
         settings={} if is_known else {"frame": f"of the scene {elsewhere[-1]}"},
     )  # fmt: skip
     poses = _of_one_scale(poses, content, counts, given.object_scale)
     return matched(poses, given.hand, wrist=wrist.joints)
 
 
-def _of_each(content: Sequence[Rows], key: str, counts: Sequence[int]) -> Floats:
+def _of_each(content: Sequence[Rows], counts: Sequence[int], key: str) -> Floats:
     """Numbers of a key for each grasp, nan where a dictionary has none, shape (k,)."""
     numbered = zip(content, counts, range(1, len(content) + 1), strict=True)
     return np.concatenate([
@@ -266,12 +263,11 @@ def qpos_of(poses: Floats, posture: Floats) -> Floats:
 
 def stages_of(poses: GraspPoses) -> dict[str, Floats]:
     """Rows of a pose and the joints of the stages that are known, in their order."""
-    found = {"pregrasp": None, "grasp": qpos_of(poses.poses, poses.posture)}
-    for stage in STAGES[1:]:
-        posture, moved = getattr(poses, f"{stage}posture"), getattr(poses, f"{stage}poses")
-        if posture.size:
-            found[stage[:-1]] = qpos_of(poses.poses if moved is None else moved, posture)
-    return {stage: values for stage, values in found.items() if values is not None}
+    moved, found = poses.of_stages("poses"), {}
+    for stage, start in ALL_STAGES.items():
+        if (posture := poses.of_stages("posture").get(f"{start}posture")) is not None:
+            found[stage] = qpos_of(moved.get(f"{start}poses", poses.poses), posture)
+    return found
 
 
 def write_objects(path: Path, content: Any) -> None:

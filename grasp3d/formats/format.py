@@ -31,6 +31,10 @@ class Given:
     """Name of the values that say whether a grasp held; None: those of the format."""
     object_scale: float | None = None
     """Scale of the object whose grasps are read, of files of several."""
+    object_pose: Any = None
+    """Pose of the object in the frame of the poses, see `read_object_pose`; None: not given."""
+    frame: Any = None
+    """Frame of the gripper in which the poses are, see `read_frame`; None: not given."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """What the project's own formats, JSON, CSV and Parquet, state of all grasps and of each."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_of
 from grasp3d.hand.object_pose import ObjectPose
-from grasp3d.settings.units import Unit
+from grasp3d.settings.units import METRES, Unit
 from grasp3d.system.documents import described
 from grasp3d.system.versions import package_version
 
@@ -89,12 +89,9 @@ def stated_unit(stated: object, default: Unit | None) -> Unit | None:
     """
     if stated in (None, "", "unknown"):
         return default
-    units: dict[object, Unit] = {unit: unit for unit in get_args(Unit)}
-    unit = units.get(stated) if isinstance(stated, str) else None
+    unit = next((unit for unit in METRES if unit == stated), None)
     if unit is None:
-        raise ContactError(
-            f"the unit must be one of {', '.join(units.values())}; got {described(stated)}"
-        )
+        raise ContactError(f"the unit must be one of {', '.join(METRES)}; got {described(stated)}")
     if default not in {None, unit}:
         raise ContactError(f"it states the unit {unit}, not {default}: read it without a unit")
     return unit
@@ -145,12 +142,8 @@ def table_of(poses: GraspPoses, **stated: npt.NDArray[Any]) -> dict[str, npt.NDA
         placed[f"{stage}posture"] = getattr(poses, f"{stage}posture")
         if (moved := getattr(poses, f"{stage}poses")) is not None:
             placed[f"{stage}pose"] = moved
-    numbers = {
-        "opening": poses.opening,
-        "pregrasp_opening": poses.pregrasp_opening,
-        "score": poses.scores,
-        "outcome": poses.outcome,
-    }
+    numbers = {"opening": poses.opening, "pregrasp_opening": poses.pregrasp_opening,
+               "score": poses.scores, "outcome": poses.outcome}  # fmt: skip
     further = {name: one for name, one in poses.columns.items() if name not in VECTOR_COLUMNS}
     vectors = {name: poses.columns[name] for name in VECTOR_COLUMNS if name in poses.columns}
     if "normals" in vectors:
@@ -192,10 +185,8 @@ def poses_of(
             if {*own} != {*names}:
                 raise ContactError(f"{start}posture must have the joints of the posture")
             fields[f"{start}posture"] = values[:, [own.index(name) for name in names]]
-    known = {"opening": "opening", "pregrasp_opening": "pregrasp_opening", "scores": "score"}
-    for field, name in known.items():
-        if name in table:
-            fields[field] = numbers_of(table[name], name)
+    for name in {"opening", "pregrasp_opening", "score"} & table.keys():
+        fields[name.replace("score", "scores")] = numbers_of(table[name], name)
     named = enumerate(table.get("name", ()), 1)
     return GraspPoses(
         outcome=outcomes_of(given.outcome, len(fields["poses"]), table, table.__getitem__),
@@ -237,9 +228,7 @@ def _column(values: Values, name: str) -> npt.NDArray[Any]:
     if all(isinstance(value, int | float | None) for value in values):
         return numbers_of(values, name)
     if wrong := [value for value in values if isinstance(value, list | dict)]:
-        raise ContactError(
-            f"{name} must be numbers or text in all grasps; got {described(wrong[0])}"
-        )
+        raise ContactError(f"{name} must be numbers or text; got {described(wrong[0])}")
     column = np.array(["" if value is None else str(value) for value in values])
     column.flags.writeable = False  # so that poses need no copy of it
     return column

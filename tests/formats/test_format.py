@@ -61,13 +61,12 @@ def test_poses_return_from_every_format(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_content_is_in_one_format_only(tmp_path: Path, name: str) -> None:
-    from grasp3d.formats.files import _content
+    from grasp3d.formats.files import _fitting
 
     form = formats()[name]
     path = tmp_path / f"a{form.suffixes[0]}"
     write_grasps(path, poses_for(form), format=name)
-    content = _content(path)
-    same = [one for one in formats().values() if path.suffix in one.suffixes]
+    same, content = _fitting(path)
     assert [one.name for one in same if one.sniff(content)] == [name]
 
 

@@ -15,7 +15,7 @@ from grasp3d import load_mesh, read_hand
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.formats import holds_poses, read_poses, write_grasps
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.formats.postures import POSTURES, matched, wrist_of
+from grasp3d.formats.postures import matched, wrist_of
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.parallel_gripper import preset
@@ -269,7 +269,7 @@ def test_joints_that_follow_others_must_not_contradict_them(prefix: str, stage: 
 
     names = (*hand.joint_names, *(joint.name for joint in followers))
     last = np.arange(len(names)) == len(names) - 1
-    stages = {name: values(getattr(poses, name)) for name in POSTURES}
+    stages = {name: values(one) for name, one in poses.of_stages("posture").items()}
     full = replace(poses, joint_names=tuple(prefix + name for name in names), **stages)
     same_grasps(matched(full, hand), poses)
     stages[stage] = stages[stage] + 0.01 * last

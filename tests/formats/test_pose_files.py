@@ -565,7 +565,7 @@ def no_joints() -> ParallelGripper:
         ("one.npy", None, {"unit": None}, "in metres, but the unit of the poses is not known"),
         ("one.yaml", None, {"hand": no_joints()}, "'two_fingers' has no joint_names"),
         ("one.yaml", None, {"scores": 353.0}, "must be from 0 to 1; grasp 1 has 353"),
-        ("one.json", "graspgen", {}, "outcome of grasp 1 is not known"),
+        ("one.json", "graspgen", {}, "each outcome; that of grasp 1 is missing"),
         ("one.json", "moveit", {"scores": math.inf}, "scores .* must be finite"),
         ("one.json", None, {"settings": {"a": object()}}, "its settings are no JSON"),
         ("folder/one.json", None, {}, "cannot be written"),
@@ -687,7 +687,7 @@ def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
 def test_poses_of_the_base_need_the_gripper(name: Any, tmp_path: Path) -> None:
     path = tmp_path / f"poses.{SUFFIX[name]}"
     write_grasps(path, one_pose(outcome=1.0), format=name)
-    with pytest.raises(ContactError, match=r"not of the fingertips, .*: give it \(--hand"):
+    with pytest.raises(ContactError, match=r"the pose of the hand's base, .*: give it \(--hand"):
         read_poses(path)
 
 
@@ -701,9 +701,9 @@ def dataset(shape: tuple[int, ...], **options: Any) -> Any:
     [
         (
             dataset((10**9, 4, 4), chunks=(1, 4, 4)),
-            r"must have the shape \(k, 4, 4\), k at most 1000000; got \(1000000000, 4, 4\)",
+            r"must be \(k, 4, 4\), k at most 1000000; got \(1000000000, 4, 4\)",
         ),
-        (lambda file: file.create_group("grasps/transforms"), r"must have the shape .*got \(\)"),
+        (lambda file: file.create_group("grasps/transforms"), r"must be \(k, 4, 4\), .*got \(\)"),
         (
             lambda file: file.__setitem__("grasps/transforms", h5py.SoftLink("/grasps/transforms")),
             "is damaged, or no such HDF5 file",

@@ -38,7 +38,8 @@ def read(content: Any, given: Given) -> GraspPoses:
             if stage == "grasp" or rows.get(f"{stage}_qpos") is not None
         }
         if len({len(values) for values in part.values()}) > 1:
-            raise ContactError(f"{where}{' and '.join(part)}_qpos must have as many rows")
+            stages = ", ".join(f"{stage}_qpos" for stage in part)
+            raise ContactError(f"{where}{stages} must have as many rows")
         parts.append(part)
     return dictionaries.grasps_in(content, parts, given, wrist_of(given.hand).before)
 

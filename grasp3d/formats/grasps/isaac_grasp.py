@@ -46,14 +46,11 @@ def write(path: Path, poses: GraspPoses) -> None:
     if twice := [name for name, count in Counter(poses.names).items() if count > 1]:
         raise OutputError(f"two grasps are called {twice[0]!r}: give each a name of its own")
     if len(outside := np.flatnonzero((poses.scores < 0.0) | (poses.scores > 1.0))):
-        raise OutputError(
-            f"the confidence in {NAME} files must be from 0 to 1; grasp {outside[0] + 1} has "
-            f"{poses.scores[outside[0]]:g}"
-        )
+        one = f"grasp {outside[0] + 1} has {poses.scores[outside[0]]:g}"
+        raise OutputError(f"the confidence in {NAME} files must be from 0 to 1; {one}")
     hand: Any = poses.hand
-    if isinstance(hand, ArticulatedHand):
-        values = [poses.posture, poses.pregrasp_posture]
-    else:
+    values = [poses.posture, poses.pregrasp_posture]
+    if not isinstance(hand, ArticulatedHand):
         values = [frames.joint_values(hand, one) for one in (poses.opening, poses.pregrasp_opening)]
 
     def by_name(values: Floats, k: int) -> dict[str, float]:
@@ -72,14 +69,9 @@ def write(path: Path, poses: GraspPoses) -> None:
         for k, name in enumerate(poses.names)
     }
     links = zip(LINKS, ("object", hand.name), strict=True)
-    document = {
-        "format": NAME,
-        "format_version": VERSION,
-        **{key: str(poses.settings.get(key, name)) for key, name in links},
-        "object_scale": poses.object_scale,
-        "grasps": grasps,
-    }
-    checks.write_yaml(path, document)
+    about = {key: str(poses.settings.get(key, name)) for key, name in links}
+    head = {"format": NAME, "format_version": VERSION, **about, "object_scale": poses.object_scale}
+    checks.write_yaml(path, {**head, "grasps": grasps})
 
 
 def read(content: Any, given: Given) -> GraspPoses:
@@ -108,12 +100,8 @@ def read(content: Any, given: Given) -> GraspPoses:
 
 def _poses(entries: checks.Entries) -> Floats:
     """Poses that have a position, and an orientation of w and xyz, shape (k, 4, 4)."""
-    for number, entry in enumerate(entries, 1):
-        if isinstance(entry.get("orientation"), list):
-            raise ContactError(
-                f"grasp {number}: orientation must be w and xyz: a list of numbers does not state "
-                "whether w is the first or the last"
-            )
+    if any(isinstance(entry.get("orientation"), list) for entry in entries):
+        raise ContactError("orientation must be w and xyz: a list does not state where w is")
     position = checks.numbers(checks.each(entries, "position"), (3,), "position")
     w = checks.numbers(checks.each(entries, "orientation", "w"), (), "orientation.w")
     xyz = checks.numbers(checks.each(entries, "orientation", "xyz"), (3,), "orientation.xyz")
@@ -123,9 +111,8 @@ def _poses(entries: checks.Entries) -> Floats:
 def _openings(entries: checks.Entries, given: Given) -> dict[str, Any]:
     fields = {}
     for field, key in (("opening", AT), ("pregrasp_opening", BEFORE)):
-        where = ((f"grasp {number}: {key}", entry) for number, entry in enumerate(entries, 1))
-        rows = [checks.mapping(entry.get(key) or {}, what) for what, entry in where]
-        fields[field] = frames.openings_of_joints(given.hand, rows, key)
+        stated = [entry.get(key) or {} for entry in entries]
+        fields[field] = frames.openings_of_joints(given.hand, stated, key)
     return fields
 
 

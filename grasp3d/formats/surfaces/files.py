@@ -10,15 +10,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, locked
 from grasp3d.errors import MeshError, OutputError
-from grasp3d.formats.surfaces.layouts import (
-    read_npz,
-    read_ply,
-    write_fields,
-    write_glb,
-    write_npz,
-    write_ply,
-    write_vtp,
-)  # fmt: skip
+from grasp3d.formats.surfaces import layouts
 from grasp3d.formats.surfaces.stored import (
     DAMAGE,
     FIELDS,
@@ -27,7 +19,7 @@ from grasp3d.formats.surfaces.stored import (
     check_stored,
     damaged,
     settings_from,
-)
+)  # fmt: skip
 from grasp3d.hand.reach import Reach
 from grasp3d.mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.normals import CornerNormals
@@ -49,13 +41,12 @@ from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import printable, unsupported
 
 WRITERS: dict[str, Callable[[Path, SurfaceLabels], None]] = {
-    ".ply": write_ply,
-    ".glb": write_glb,
-    ".npz": write_npz,
-    ".vtp": write_vtp,
-    ".parquet": write_fields,
-}
-READERS: dict[str, Callable[[Source], Stored | None]] = {".ply": read_ply, ".npz": read_npz}
+    ".ply": layouts.write_ply, ".glb": layouts.write_glb, ".npz": layouts.write_npz,
+    ".vtp": layouts.write_vtp, ".parquet": layouts.write_fields,
+}  # fmt: skip
+READERS: dict[str, Callable[[Source], Stored | None]] = {
+    ".ply": layouts.read_ply, ".npz": layouts.read_npz,
+}  # fmt: skip
 """By suffix."""
 
 
@@ -181,7 +172,7 @@ def _load_result(
     values: Arrays, settings: FileSettings, mesh: ObjectMesh, bounds: str
 ) -> LoadResult:
     """Forces and payloads under the load. Raises one of `DAMAGE`."""
-    load, scene, how = settings.load, settings.scene, cast(Certainty, bounds)
+    load, scene, how = settings.load, settings.scene, cast("Certainty", bounds)
     if load is None or how not in get_args(Certainty):
         raise ValueError(f"its force_bounds are {bounds[:20]!r}")
     case = LoadCase.of(load, mesh, settings.model, None if scene is None else scene.hand)

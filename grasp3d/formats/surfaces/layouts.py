@@ -15,15 +15,9 @@ from grasp3d.surface.fields import DECIDED, EPSILONS, FLOAT, XYZ, Arrays, Field,
 from grasp3d.surface.label_settings import SETTING
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES, label_colors
+from grasp3d.system import ply_files
 from grasp3d.system.files import atomic_write
 from grasp3d.system.names import reason_of
-from grasp3d.system.ply_files import (
-    ply_header,
-    property_names,
-    read_ply_columns,
-    settings_of_header,
-    write_ply_columns,
-)
 
 
 def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
@@ -125,7 +119,7 @@ def write_ply(path: str | Path, labels: SurfaceLabels) -> None:
         for name, column in field.as_columns(values).items()
     }
     settings = {**labels.complete_settings(), PACKED: packed((*HIDDEN, *SURFACE[1:]), labels)}
-    write_ply_columns(Path(path), columns, labels.mesh.faces, settings)
+    ply_files.write_ply_columns(Path(path), columns, labels.mesh.faces, settings)
 
 
 PACKED = "packed"
@@ -146,13 +140,13 @@ could mean anything. Other properties (colours, confidence, texture coordinates)
 def read_ply(source: Source) -> Stored | None:
     """Read a labelled PLY; None: it has no labels. Raises MeshError."""
     with source.path.open("rb") as stream:
-        header = ply_header(stream)
-        settings = settings_of_header(header)
-        if {*LABELLED}.isdisjoint(property_names(header)):
+        header = ply_files.ply_header(stream)
+        settings = ply_files.settings_of_header(header)
+        if {*LABELLED}.isdisjoint(ply_files.property_names(header)):
             return None
         try:
             fingers = fingers_of(settings)
-            columns, faces = read_ply_columns(stream, header)
+            columns, faces = ply_files.read_ply_columns(stream, header)
             values = unpacked(source, settings.pop(PACKED)) | {"faces": faces}
             for name in LABELLED:
                 columns[name]
