@@ -102,11 +102,11 @@ def _files(command: Label) -> tuple[Path, Path]:
 def _check_grasp_file(command: Label, path: Path) -> None:
     """Check before the work that the best grasps can be written to a file of that name."""
     hand, name = command.posed_hand, command.grasps_format
-    form = format_called(name) if name else format_of(path)
-    if form is not None and name:
-        check_suffix(path, form.suffixes, name)
+    if name:
+        check_suffix(path, format_called(name).suffixes, name)
     check_suffix(path, suffixes() if hand else SUFFIXES, "table")
-    if form is not None and form.outcomes:
+    form = format_of(path, name)
+    if form.outcomes:
         raise SettingError(
             f"{form.called} files state which grasps held, which is not known of grasps that are "
             "found; choose another grasps_format"

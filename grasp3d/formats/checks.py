@@ -62,22 +62,23 @@ def load_yaml(path: Path) -> Any:
     text = file_bytes(path)
     try:
         return yaml.load(text, loader)
-    except yaml.YAMLError as error:
-        raise ContactError(f"is no YAML: {' '.join(str(error).split())[:200]}") from error
-    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
-        # Dates such as 2026-13-45, numbers of thousands of digits, keys that are lists.
-        raise ContactError(f"is no YAML: {error}") from error
+    except (yaml.YAMLError, *HEADER_ERRORS, AttributeError) as error:
+        # Also of dates such as 2026-13-45, numbers of thousands of digits, keys that are lists.
+        raise ContactError(f"is no YAML: {reason_of(error)}") from error
+
+
+MOST_NUMBERS = 200_000_000
+"""Most numbers of an array that are read."""
 
 
 def load_array(path: Path) -> npt.NDArray[Any]:
     """Numbers of a .npy file, which are not in memory. Raises ContactError, OSError."""
-    with path.open("rb") as stream:
-        if stream.read(6) != b"\x93NUMPY":
-            raise ContactError("is no .npy file")
     try:
-        array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+        array: npt.NDArray[Any] = np.lib.format.open_memmap(path, mode="r")
     except HEADER_ERRORS as error:
         raise ContactError(f"is no .npy file of numbers ({reason_of(error)})") from error
+    if array.size > MOST_NUMBERS:
+        raise ContactError(f"has more than {MOST_NUMBERS:,} numbers")
     return array
 
 
@@ -134,7 +135,7 @@ def each(entries: Entries, *keys: str) -> list[Any]:
     return values
 
 
-def numbers(values: Sequence[Any], shape: tuple[int, ...], what: str) -> Floats:
+def numbers(values: Values, shape: tuple[int, ...], what: str) -> Floats:
     """Numbers of each grasp, shape (k, *shape); null is nan.
 
     Numbers as text are accepted: YAML reads 1e-05 as text.
@@ -142,8 +143,9 @@ def numbers(values: Sequence[Any], shape: tuple[int, ...], what: str) -> Floats:
     Raises:
         ContactError: Values that are no numbers, or lists of other lengths.
     """
-    found = _numbers(values, shape)
-    if found is not None:
+    if isinstance(values, np.ndarray) and values.dtype.kind in "fiub":
+        return values.astype(np.float64)
+    if (found := _numbers(values, shape)) is not None:
         return found
     row = next(k for k, value in enumerate(values) if _numbers([value], shape) is None)
     words = "a number" if not shape else " x ".join(map(str, shape)) + " numbers, in lists"
@@ -151,7 +153,7 @@ def numbers(values: Sequence[Any], shape: tuple[int, ...], what: str) -> Floats:
     raise ContactError(f"grasp {row + 1}: {what} must be {words}; got {described(values[row])}")
 
 
-def _numbers(values: Sequence[Any], shape: tuple[int, ...]) -> Floats | None:
+def _numbers(values: Values, shape: tuple[int, ...]) -> Floats | None:
     """The same; None: they are no such numbers."""
     flat = list(values)
     for size in shape:
@@ -294,26 +296,21 @@ def write_yaml(path: Path, document: Mapping[str, Any]) -> None:
     write_text(path, [f"# written by grasp3d {package_version()}\n", text])
 
 
-def write_rows(
-    path: Path, header: Mapping[str, Any], columns: Mapping[str, Any], count: int
-) -> None:
+def write_rows(path: Path, header: Mapping[str, Any], columns: Mapping[str, Any]) -> None:
     """Write JSON: what applies to all grasps, then one line for each grasp.
 
     Args:
         path: File to make or replace.
         header: What applies to all.
         columns: By name, the values of all grasps, as JSON has them.
-        count: Number of grasps.
 
     Raises:
         OutputError: The file cannot be written, or a value is none that JSON has.
     """
+    rows = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
     try:
-        lines = [
-            json.dumps({name: values[row] for name, values in columns.items()}, allow_nan=False)
-            for row in range(count)
-        ]
+        lines = ",\n".join(json.dumps(row, allow_nan=False) for row in rows)
         start = f'{{"grasp3d": {json.dumps(header, allow_nan=False)},\n"grasps": [\n'
     except (TypeError, ValueError) as error:
         raise OutputError(f"{path}: its settings are no JSON: {error}") from error
-    write_text(path, [start, ",\n".join(lines), "\n]}\n"])
+    write_text(path, [start, lines, "\n]}\n"])

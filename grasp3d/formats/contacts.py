@@ -112,4 +112,4 @@ def write_contacts(path: Path, grasps: GraspTable, metrics: Mapping[str, Floats]
         for grasp in zip(*contacts.values(), strict=True)
     ]
     header = {name: checks.json_values(np.array(one)) for name, one in settings.items()}
-    checks.write_rows(path, header, columns, grasps.size)
+    checks.write_rows(path, header, columns)

@@ -30,6 +30,8 @@ from grasp3d.system.stored_arrays import RefusedError, StoredArray, array_in, st
 Rows = dict[str, Any]
 """What a dictionary of a file states of its grasps."""
 
+Content = Sequence[Rows]
+
 ALL_STAGES = {"pregrasp": "pregrasp_", "grasp": "", "squeeze": "squeeze_"}
 """In the order in which files have them, and how names of fields begin."""
 
@@ -135,7 +137,7 @@ def flat(values: Floats) -> Floats:
 
 
 def grasps_in(
-    content: Sequence[Rows], parts: Sequence[Mapping[str, Floats]], given: Given, root: str
+    content: Content, parts: Sequence[Mapping[str, Floats]], given: Given, root: str
 ) -> GraspPoses:
     """Grasps of all dictionaries, relative to their object. Raises ContactError.
 
@@ -186,7 +188,7 @@ def grasps_in(
     return matched(poses, given.hand, wrist=wrist.joints)
 
 
-def _of_each(content: Sequence[Rows], counts: Sequence[int], key: str) -> Floats:
+def _of_each(content: Content, counts: Sequence[int], key: str) -> Floats:
     """Numbers of a key for each grasp, nan where a dictionary has none, shape (k,)."""
     numbered = zip(content, counts, range(1, len(content) + 1), strict=True)
     return np.concatenate([
@@ -200,9 +202,7 @@ def _matrices(values: Floats, where: str = "") -> Floats:
     return from_quaternions(values[:, :3], np.roll(values[:, 3:], -1, axis=1), where)
 
 
-def _object_poses(
-    content: Sequence[Rows], counts: Sequence[int]
-) -> tuple[Floats, ObjectPose | None]:
+def _object_poses(content: Content, counts: Sequence[int]) -> tuple[Floats, ObjectPose | None]:
     """What takes poses of each grasp to those of the file, and the pose of the object there.
 
     Where objects have several poses, poses become those relative to the object.
@@ -222,7 +222,7 @@ def _object_poses(
 
 
 def _of_one_scale(
-    poses: GraspPoses, content: Sequence[Rows], counts: Sequence[int], wanted: float | None
+    poses: GraspPoses, content: Content, counts: Sequence[int], wanted: float | None
 ) -> GraspPoses:
     """The grasps of the object at one scale, with this. Raises ContactError."""
     of_each = [_scale(rows, number) for number, rows in enumerate(content, 1)]

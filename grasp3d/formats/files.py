@@ -13,7 +13,7 @@ from grasp3d.errors import ContactError, OutputError, SettingError
 from grasp3d.formats import checks, frames
 from grasp3d.formats.contacts import SUFFIXES, read_contacts, write_contacts
 from grasp3d.formats.dictionaries import load_npy
-from grasp3d.formats.format import Format, Given, format_called, format_of, formats, suffixes
+from grasp3d.formats.format import Format, Given, format_of, formats, suffixes
 from grasp3d.formats.own import OBJECT
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import matched, refuse_joints
@@ -283,9 +283,7 @@ def write_grasps(
         write_contacts(path, grasps, metrics)
         return
     poses = grasps if isinstance(grasps, GraspPoses) else grasps.to_poses(metrics)
-    form = format_of(path) if format is None else format_called(format)
-    if form is None:
-        raise OutputError(unsupported(path, suffixes(), "pose"))
+    form = format_of(path, format)
     check_suffix(path, form.suffixes, form.name)
     if not poses.count:
         raise OutputError(f"{path}: there are no poses to write")
@@ -331,30 +329,26 @@ def _of_format(poses: GraspPoses, form: Format) -> GraspPoses:
     return replace(poses.in_unit("m"), object_scale=poses.object_scale or METRES[poses.unit])
 
 
-def check_hand(form: Format | None, hand: Hand) -> None:
+def check_hand(form: Format, hand: Hand) -> None:
     """Check that poses of a hand can be written in a format.
 
     Args:
-        form: The format; None: another file.
+        form: The format.
         hand: The hand of the poses.
 
     Raises:
         OutputError: A library that the format needs is not installed.
         SettingError: The hand lacks what the files state.
     """
-    if form is not None and form.needs:
+    if form.needs:
         checks.library(*form.needs)
-    if form is not None and (missing := frames.missing_of_hand(hand, form, joints=True)):
+    if missing := frames.missing_of_hand(hand, form, joints=True):
         raise SettingError(missing)
 
 
-def check_frame(form: Format | None) -> None:
-    """Check that poses in a format may be in the frame of a robot. Raises SettingError.
-
-    Args:
-        form: The format; None: another file.
-    """
-    if form is not None and not form.moves:
+def check_frame(form: Format) -> None:
+    """Check that poses in a format may be in the frame of a robot. Raises SettingError."""
+    if not form.moves:
         able = (name for name, one in formats().items() if one.moves)
         raise SettingError(
             f"{form.name} files have poses in the object's frame by definition; with object_pose "

@@ -11,9 +11,10 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any, Literal
 
-from grasp3d.errors import SettingError
+from grasp3d.errors import OutputError, SettingError
 from grasp3d.formats import grasps
 from grasp3d.settings.units import Unit
+from grasp3d.system.names import unsupported
 
 if TYPE_CHECKING:
     from grasp3d.formats.poses import GraspPoses
@@ -115,10 +116,19 @@ def format_called(name: str) -> Format:
     return formats()[name]
 
 
-def format_of(path: Path) -> Format | None:
-    """The format in which a file of this name is written; None: of no format."""
-    fitting = (one for one in formats().values() if path.suffix.lower() in one.suffixes)
-    return next(fitting, None)
+def format_of(path: Path, name: str | None = None) -> Format:
+    """The format of a name; None: the main one of files of such a suffix.
+
+    Raises:
+        OutputError: No format has that suffix.
+        SettingError: No format is called so.
+    """
+    if name is not None:
+        return format_called(name)
+    for one in formats().values():
+        if path.suffix.lower() in one.suffixes:
+            return one
+    raise OutputError(unsupported(path, suffixes(), "pose"))
 
 
 def suffixes() -> tuple[str, ...]:

@@ -186,12 +186,12 @@ def poses_of(
                 raise ContactError(f"{start}posture must have the joints of the posture")
             fields[f"{start}posture"] = values[:, [own.index(name) for name in names]]
     for name in {"opening", "pregrasp_opening", "score"} & table.keys():
-        fields[name.replace("score", "scores")] = numbers_of(table[name], name)
+        fields[name.replace("score", "scores")] = checks.numbers(table[name], (), name)
     named = enumerate(table.get("name", ()), 1)
     return GraspPoses(
         outcome=outcomes_of(given.outcome, len(fields["poses"]), table, table.__getitem__),
         names=tuple(f"grasp_{k}" if name is None else str(name) for k, name in named),
-        columns={name: _column(table[name], name) for name in further},
+        columns={name: table[name] for name in further},
         **fields,
         **_fields_of(dict(header) | stated_in(table), given),
     )
@@ -211,24 +211,4 @@ def stacked(table: Mapping[str, Values], names: Sequence[str], words: str = "") 
     if missing := [name for name in names if name not in table]:
         found = " ".join([*table][:12]) + " ..." * (len(table) > 12)
         raise ContactError(f"column {missing[0]} is missing{words}; found {found}")
-    return np.stack([numbers_of(table[name], name) for name in names], axis=1)
-
-
-def numbers_of(values: Values, name: str) -> Floats:
-    """Numbers of a column, shape (k,). Raises ContactError."""
-    if isinstance(values, np.ndarray) and values.dtype.kind in "fiub":
-        return values.astype(np.float64)
-    return checks.numbers(list(values), (), name)
-
-
-def _column(values: Values, name: str) -> npt.NDArray[Any]:
-    """Text if there is any text, otherwise numbers. Raises ContactError."""
-    if isinstance(values, np.ndarray) and values.dtype.kind in "fiub":
-        return values
-    if all(isinstance(value, int | float | None) for value in values):
-        return numbers_of(values, name)
-    if wrong := [value for value in values if isinstance(value, list | dict)]:
-        raise ContactError(f"{name} must be numbers or text; got {described(wrong[0])}")
-    column = np.array(["" if value is None else str(value) for value in values])
-    column.flags.writeable = False  # so that poses need no copy of it
-    return column
+    return np.stack([checks.numbers(table[name], (), name) for name in names], axis=1)

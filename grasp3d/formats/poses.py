@@ -18,6 +18,7 @@ from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings.units import METRES, Unit
 from grasp3d.surface.fields import AREA, HAND_GRASPS, LENGTH, given_poses
+from grasp3d.system.documents import described
 
 _POWERS = {LENGTH: 1, AREA: 2}
 POWERS = {field.name: _POWERS.get(field.unit, 0) for field in (*given_poses(), *HAND_GRASPS)}
@@ -215,7 +216,7 @@ class GraspPoses:
         changed = {name: change(poses) for name, poses in self.of_stages("poses").items()}
         return replace(self, **changed)
 
-    def of_stages(self, name: str) -> dict[str, Floats]:
+    def of_stages(self, name: str) -> dict[str, Any]:
         """The fields 'poses' or 'posture' that are known, also before and after the grasp."""
         fields = (f"{stage}{name}" for stage in STAGES)
         values = {field: getattr(self, field) for field in fields}
@@ -341,7 +342,13 @@ def _column(name: str, values: ArrayLike, count: int) -> npt.NDArray[Any]:
         raise ContactError(f"no column of poses can be called {name!r}: files use this name")
     array = np.asarray(values)
     if array.dtype.kind == "O":
-        array = np.array(["" if value is None else str(value) for value in array.ravel().tolist()])
+        items = array.ravel().tolist()
+        if wrong := [one for one in items if isinstance(one, list | dict)]:
+            raise ContactError(f"{name} must be numbers or text; got {described(wrong[0])}")
+        if all(isinstance(one, int | float | None) for one in items):
+            array = np.array(items, dtype=np.float64)
+        else:
+            array = np.array(["" if one is None else str(one) for one in items])
     vectors = name in VECTOR_COLUMNS
     shape = (count, *array.shape[1:2], 3) if vectors else (count,)
     kind, size = ("numbers", ", contacts, 3") if vectors else ("numbers or text", ",")

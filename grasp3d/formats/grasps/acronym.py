@@ -129,9 +129,8 @@ def _values(file: Any, name: str, shape: tuple[int, ...], kinds: str = "fiub") -
     if data.dtype.kind not in kinds:
         wanted = "text" if kinds == "O" else "numbers"
         raise ContactError(f"{name} must be {wanted}; got {data.dtype}")
-    return (
-        data.asstr(errors="replace")[()] if data.dtype.kind == "O" else np.asarray(data[()] * 1.0)
-    )
+    is_text = data.dtype.kind == "O"
+    return data.asstr(errors="replace")[()] if is_text else np.asarray(data[()] * 1.0)
 
 
 def _text(file: Any, name: str) -> str | None:

@@ -43,9 +43,7 @@ def read(content: Any, given: Given) -> GraspPoses:
     values = numbers([[row[name] for name in wanted] for row in rows], (len(wanted),), "qpos")
     turned = Rotation.from_euler("xyz", values[:, 3:6]).as_quat(scalar_first=True)
     posed = np.hstack([values[:, :3], turned, values[:, 6:]])
-    parts = [
-        {"grasp": row[None]} for row in posed.reshape(len(rows), dictionaries.POSE + len(names))
-    ]
+    parts = [{"grasp": row[None]} for row in posed]
     content = [{"joint_names": list(map(str, names)), **one} for one in content]
     return dictionaries.grasps_in(content, parts, given, wrist_of(given.hand).beyond)
 

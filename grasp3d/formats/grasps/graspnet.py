@@ -28,9 +28,6 @@ from grasp3d.hand.frames import FRAMES
 LENGTH = 17
 """Numbers of a row: score, width, height, depth, rotation (9), translation (3), object."""
 
-MOST = 10_000_000
-"""Most rows that are read."""
-
 DEPTH = FRAMES["graspnetapi"].ahead
 """From the frame's origin to the ends of the fingers, in written files [m]."""
 
@@ -46,9 +43,8 @@ BEST_SCORE = 1.1
 
 def sniff(content: Any) -> bool:
     """Whether it is an array of such rows."""
-    return isinstance(content, np.ndarray) and content.shape[1:] == (LENGTH,) and (
-        0 < len(content) <= MOST and content.dtype.kind in "fiu"
-    )  # fmt: skip
+    is_array = isinstance(content, np.ndarray) and content.dtype.kind in "fiu"
+    return is_array and content.shape[1:] == (LENGTH,) and len(content) > 0
 
 
 def write(path: Path, poses: GraspPoses) -> None:

@@ -49,7 +49,7 @@ def write(path: Path, poses: GraspPoses) -> None:
             [dict(zip(keys, one, strict=True)) for one in zip(*grasp, strict=True)]
             for grasp in zip(*map(checks.json_values, vectors.values()), strict=True)
         ]
-    checks.write_rows(path, own.header_of(poses), columns, poses.count)
+    checks.write_rows(path, own.header_of(poses), columns)
 
 
 def read(content: Any, given: Given) -> GraspPoses:

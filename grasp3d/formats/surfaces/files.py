@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -168,13 +168,11 @@ def _reach(values: Arrays, settings: FileSettings) -> Reach | None:
     )
 
 
-def _load_result(
-    values: Arrays, settings: FileSettings, mesh: ObjectMesh, bounds: str
-) -> LoadResult:
+def _load_result(values: Arrays, settings: FileSettings, mesh: ObjectMesh, how: Any) -> LoadResult:
     """Forces and payloads under the load. Raises one of `DAMAGE`."""
-    load, scene, how = settings.load, settings.scene, cast("Certainty", bounds)
+    load, scene = settings.load, settings.scene
     if load is None or how not in get_args(Certainty):
-        raise ValueError(f"its force_bounds are {bounds[:20]!r}")
+        raise ValueError(f"its force_bounds are {how[:20]!r}")
     case = LoadCase.of(load, mesh, settings.model, None if scene is None else scene.hand)
     has_payload = case.available is not None and case.task.mass is not None
     payload = values["payload"] if has_payload else np.full(len(values["label"]), math.nan)

@@ -6,11 +6,10 @@ Their settings are read as text, and as values again.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
-from grasp3d.arrays import short_repr
 from grasp3d.errors import GraspError, MeshError
 from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.hand.scene import Scene
@@ -42,8 +41,7 @@ DAMAGE = (
 """What is raised for settings and values that are not those that were written."""
 
 
-@dataclass(frozen=True, eq=False)
-class Stored:
+class Stored(NamedTuple):
     """The arrays and settings of a labelled file, not checked yet."""
 
     source: Source
@@ -51,8 +49,6 @@ class Stored:
     """Texts by name."""
     values: Arrays
     """By name of the field, as files hold them: normals point outward."""
-
-    __repr__ = short_repr
 
 
 def damaged(source: Source, error: Exception) -> MeshError:
