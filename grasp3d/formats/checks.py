@@ -125,13 +125,11 @@ def required(document: Mapping[str, Any], key: str, where: str = "") -> Any:
 
 def each(entries: Entries, *keys: str) -> list[Any]:
     """The value of nested keys in every entry. Raises ContactError if one is missing."""
-    values: list[Any] = []
-    for number, entry in enumerate(entries, 1):
-        value: Any = entry
-        for depth, key in enumerate(keys):
-            where = f"grasp {number}: "
-            value = required(mapping(value, where + (".".join(keys[:depth]) or "it")), key, where)
-        values.append(value)
+    values: list[Any] = list(entries)
+    for depth, key in enumerate(keys):
+        what = ".".join(keys[:depth]) or "it"
+        named = ((f"grasp {number}: ", one) for number, one in enumerate(values, 1))
+        values = [required(mapping(one, where + what), key, where) for where, one in named]
     return values
 
 
@@ -173,24 +171,27 @@ def optional_numbers(entries: Entries, key: str) -> Floats:
     return numbers([entry.get(key) for entry in entries], (), key)
 
 
-def joints_of(values: Sequence[Any], what: str) -> tuple[tuple[str, ...], Floats]:
+def joints_of(
+    values: Sequence[Any], what: str, names: tuple[str, ...] = ()
+) -> tuple[tuple[str, ...], Floats]:
     """Values of the joints of each grasp: their names, and shape (k, p).
 
     Args:
         values: Of each grasp, an object of names and numbers.
         what: What they are, for messages.
+        names: Those that there must be, in this order; empty: those of the first grasp.
 
     Raises:
         ContactError: The joints of two grasps differ, or values are no numbers.
     """
     rows = [mapping(one, f"grasp {number}: {what}") for number, one in enumerate(values, 1)]
-    first = rows[0]
+    names = names or tuple(map(str, rows[0]))
     for number, row in enumerate(rows, 1):
-        if other := sorted(map(str, row.keys() ^ first.keys())):
-            where = f"grasp {number}: {what} must have the joints of grasp 1"
-            raise ContactError(f"{where}; {other[0]!r} is in one of them only")
-    columns = [numbers([row[name] for row in rows], (), f"{what} {name}") for name in first]
-    return tuple(map(str, first)), np.reshape(columns, (len(first), len(rows))).T.copy()
+        if other := sorted(map(str, row.keys() ^ {*names})):
+            where = f"grasp {number}: {what} must have the same joints in all"
+            raise ContactError(f"{where}, {' '.join(names[:30])}; {other[0]!r} differs")
+    columns = [numbers([row[name] for row in rows], (), f"{what} {name}") for name in names]
+    return names, np.reshape(columns, (len(names), len(rows))).T.copy()
 
 
 def number_or_none(value: object, what: str) -> float | None:
@@ -273,6 +274,13 @@ def json_values(values: npt.NDArray[Any]) -> Any:
     numbers_or_none = values.astype(object)
     numbers_or_none[~np.isfinite(values)] = None
     return numbers_or_none.tolist()
+
+
+def nested(values: Mapping[str, npt.NDArray[Any]]) -> list[list[dict[str, Any]]]:
+    """An object for each contact of each grasp, of values (k, n, ...) by name, for JSON."""
+    grasps = zip(*map(json_values, values.values()), strict=True)
+    contacts = (zip(*one, strict=True) for one in grasps)
+    return [[dict(zip(values, one, strict=True)) for one in of_grasp] for of_grasp in contacts]
 
 
 def write_text(path: Path, parts: Iterable[str]) -> None:

@@ -84,12 +84,12 @@ def _from_json(path: Path) -> tuple[Floats, Mapping[str, Any]]:
     stated = content if isinstance(content, dict) else {}
     listed = stated.get("grasps") if stated else content
     rows = checks.grasp_list(listed, "its grasps, each a list of contacts [x, y, z],")
-    grasps = [  # also of a file that write_grasps wrote
-        [one.get("point") if isinstance(one, dict) else one for one in row]
-        if isinstance(row, list)
-        else row
-        for row in (one.get("contacts", one) if isinstance(one, dict) else one for one in rows)
-    ]
+
+    def plain(value: Any, key: str) -> Any:  # of a file that write_grasps wrote
+        return value.get(key, value) if isinstance(value, dict) else value
+
+    rows = [plain(row, "contacts") for row in rows]
+    grasps = [[plain(c, "point") for c in row] if isinstance(row, list) else row for row in rows]
     count = len(grasps[0]) if isinstance(grasps[0], list) else 0
     points = checks.numbers(grasps, (count, 3), "its contacts, as many as of grasp 1,")
     header = stated.get("grasp3d")
@@ -106,10 +106,7 @@ def write_contacts(path: Path, grasps: GraspTable, metrics: Mapping[str, Floats]
         write_columns(path, grasps.table_columns(metrics), settings=settings)
         return
     columns = {name: checks.json_values(one) for name, one in grasps.columns(metrics).items()}
-    contacts = {field.name: checks.json_values(one) for field, one in grasps.contact_values()}
-    columns["contacts"] = [
-        [dict(zip(contacts, one, strict=True)) for one in zip(*grasp, strict=True)]
-        for grasp in zip(*contacts.values(), strict=True)
-    ]
+    contacts = {field.name: values for field, values in grasps.contact_values()}
+    columns["contacts"] = checks.nested(contacts)
     header = {name: checks.json_values(np.array(one)) for name, one in settings.items()}
     checks.write_rows(path, header, columns)

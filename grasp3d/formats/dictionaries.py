@@ -5,7 +5,7 @@ Nothing is executed; see `grasp3d.system.stored_arrays`.
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
 from functools import partial
@@ -16,7 +16,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
-from grasp3d.formats.checks import entries_of, load_array, outcomes_of, write_array
+from grasp3d.formats.checks import entries_of, load_array, outcomes_of
 from grasp3d.formats.format import Given
 from grasp3d.formats.frames import from_quaternions, quaternions
 from grasp3d.formats.poses import GraspPoses
@@ -96,20 +96,11 @@ def _of_file(path: Path, name: str) -> list[Rows]:
     return [{**one, "name": name} for one in rows]
 
 
-def have(*keys: str) -> Callable[[Any], bool]:
-    """Whether content is dictionaries of which the first has one of these keys."""
-    return lambda content: isinstance(content, list) and any(key in content[0] for key in keys)
-
-
-def numbers_in(rows: Rows, key: str, number: int) -> Floats:
-    """Numbers of a key of dictionary `number`, also in lists. Raises ContactError."""
-    return _numbers(rows[key], f"dictionary {number}: {key}", 0)
-
-
-def _numbers(value: Any, what: str, deep: int) -> Floats:
+def numbers_in(value: Any, what: str, deep: int = 0) -> Floats:
+    """Numbers of a value of a dictionary, also in lists. Raises ContactError."""
     is_nested = isinstance(value, list) and any(type(one) not in (int, float) for one in value)
     if is_nested and deep < DEEPEST:
-        parts = [_numbers(one, what, deep + 1) for one in value[:MOST_GRASPS]]
+        parts = [numbers_in(one, what, deep + 1) for one in value[:MOST_GRASPS]]
         if len({part.shape for part in parts}) == 1:
             return np.stack(parts)
     try:
@@ -190,11 +181,9 @@ def grasps_in(
 
 def _of_each(content: Content, counts: Sequence[int], key: str) -> Floats:
     """Numbers of a key for each grasp, nan where a dictionary has none, shape (k,)."""
-    numbered = zip(content, counts, range(1, len(content) + 1), strict=True)
-    return np.concatenate([
-        np.resize(np.nan if rows.get(key) is None else numbers_in(rows, key, number), count)
-        for rows, count, number in numbered
-    ])  # fmt: skip
+    values = ([np.nan] if rows.get(key) is None else rows[key] for rows in content)
+    of_each = zip(values, counts, strict=True)
+    return np.concatenate([np.resize(numbers_in(one, key), count) for one, count in of_each])
 
 
 def _matrices(values: Floats, where: str = "") -> Floats:
@@ -207,11 +196,9 @@ def _object_poses(content: Content, counts: Sequence[int]) -> tuple[Floats, Obje
 
     Where objects have several poses, poses become those relative to the object.
     """
-    unmoved = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-    at = [
-        unmoved if rows.get("obj_pose") is None else flat(numbers_in(rows, "obj_pose", number))[0]
-        for number, rows in enumerate(content, 1)
-    ]
+    unmoved = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+    stated = (unmoved if rows.get("obj_pose") is None else rows["obj_pose"] for rows in content)
+    at = [flat(numbers_in(one, "obj_pose"))[0] for one in stated]
     if other := [len(one) for one in at if len(one) != POSE]:
         raise ContactError(f"obj_pose must have {POSE} numbers; got {other[0]}")
     poses = _matrices(np.stack(at), "obj_pose: ")
@@ -225,8 +212,7 @@ def _of_one_scale(
     poses: GraspPoses, content: Content, counts: Sequence[int], wanted: float | None
 ) -> GraspPoses:
     """The grasps of the object at one scale, with this. Raises ContactError."""
-    of_each = [_scale(rows, number) for number, rows in enumerate(content, 1)]
-    scales = np.repeat(of_each, counts)
+    scales = np.repeat([_scale(rows) for rows in content], counts)
     known = np.unique(np.round(scales[np.isfinite(scales)], 9))
     if not len(known):
         return poses
@@ -244,12 +230,12 @@ def _of_one_scale(
     return replace(some, object_scale=scale)
 
 
-def _scale(rows: Rows, number: int) -> float:
+def _scale(rows: Rows) -> float:
     """The scale that a dictionary states; nan: none. Raises ContactError."""
-    key = next((key for key in ("obj_scale", "scale") if rows.get(key) is not None), None)
-    if key is None:
+    stated = [rows[key] for key in ("obj_scale", "scale") if rows.get(key) is not None]
+    if not stated:
         return np.nan
-    values = numbers_in(rows, key, number)
+    values = numbers_in(stated[0], "the scale of the object")
     size = np.abs(values).max()
     if not (0.0 < values.min() <= size < np.inf and np.ptp(values) <= SAME * size):
         raise ContactError(f"the scale of the object must be one number above 0; got {values}")
@@ -268,8 +254,3 @@ def stages_of(poses: GraspPoses) -> dict[str, Floats]:
         if (posture := poses.of_stages("posture").get(f"{start}posture")) is not None:
             found[stage] = qpos_of(moved.get(f"{start}poses", poses.poses), posture)
     return found
-
-
-def write_objects(path: Path, content: Any) -> None:
-    """Write dictionaries, a pickle in an .npy file. Raises OutputError."""
-    write_array(path, np.array(content, dtype=object))

@@ -139,10 +139,9 @@ def _relative(poses: GraspPoses, object_pose: ObjectPose | None) -> GraspPoses:
     if pose is not None:
         return replace(poses.moved(np.asarray(np.linalg.inv(pose.matrix))), object_pose=pose)
     if frame:
-        raise ContactError(
-            f"its poses are in the frame {frame!r}, not in that of the object ('object'): give the "
-            "pose of the object in it (--object-pose, in Python object_pose=...)"
-        )
+        where = f"its poses are in the frame {frame!r}, not in that of the object ('object')"
+        needed = "give the pose of the object in it (--object-pose, in Python object_pose=...)"
+        raise ContactError(f"{where}: {needed}")
     return poses
 
 
@@ -296,7 +295,7 @@ def write_grasps(
     poses = replace(poses, gripper_frame=given)
     try:
         form.write(path, frames.of_tcp(_of_format(poses, form), inverse=True))
-    except OutputError as error:
+    except (ContactError, OutputError) as error:
         text = str(error)
         raise OutputError(text if text.startswith(str(path)) else f"{path}: {text}") from error
 
@@ -305,8 +304,9 @@ def _of_format(poses: GraspPoses, form: Format) -> GraspPoses:
     """Poses as a format has them, in metres with the scale of the object's file.
 
     Raises:
-        OutputError: There is no hand that the format has, values of its joints or outcomes are
-            missing, or the unit of the poses is not known.
+        ContactError: The postures are those of another hand, or the unit is not known.
+        OutputError: There is no hand that the format has, or values of its joints or outcomes are
+            missing.
     """
     is_open = bool(np.isfinite([poses.opening, poses.pregrasp_opening]).any())
     if missing := frames.missing_of_hand(poses.hand, form, joints=is_open):
@@ -317,16 +317,9 @@ def _of_format(poses: GraspPoses, form: Format) -> GraspPoses:
     if form.unit == "stated":
         return poses
     if isinstance(poses.hand, ArticulatedHand):
-        try:
-            poses = matched(poses, poses.hand)
-        except ContactError as error:
-            raise OutputError(str(error)) from error
-    if poses.unit is None:
-        raise OutputError(
-            f"{form.called} files are in metres, but the unit of the poses is not known: give the "
-            "mesh's unit (--unit, in Python unit=...)"
-        )
-    return replace(poses.in_unit("m"), object_scale=poses.object_scale or METRES[poses.unit])
+        poses = matched(poses, poses.hand)
+    scale = poses.object_scale or METRES[poses.unit or "m"]
+    return replace(poses.in_unit("m"), object_scale=scale)
 
 
 def check_hand(form: Format, hand: Hand) -> None:
@@ -350,7 +343,5 @@ def check_frame(form: Format) -> None:
     """Check that poses in a format may be in the frame of a robot. Raises SettingError."""
     if not form.moves:
         able = (name for name, one in formats().items() if one.moves)
-        raise SettingError(
-            f"{form.name} files have poses in the object's frame by definition; with object_pose "
-            f"choose one of {', '.join(sorted(able))}"
-        )
+        why = f"{form.name} files have poses in the object's frame by definition"
+        raise SettingError(f"{why}; with object_pose choose one of {', '.join(sorted(able))}")

@@ -38,7 +38,8 @@ OF_ALL = ("unit", "object_pose", "frame", "gripper_frame")
 def header_of(poses: GraspPoses) -> dict[str, Any]:
     """Version, unit, frames, direction of the normals, gripper, object, settings."""
     hand, at = poses.hand, poses.object_pose
-    stated = {
+    return {
+        **poses.settings,
         "version": package_version(),
         "content": CONTENT,
         "unit": poses.unit or "unknown",
@@ -50,7 +51,6 @@ def header_of(poses: GraspPoses) -> dict[str, Any]:
         "object_scale": poses.object_scale,
         "object_pose": at and str(at),
     }
-    return {**poses.settings, **stated}
 
 
 STATED = frozenset({
@@ -159,7 +159,7 @@ def poses_of(
     *,
     further: Iterable[str],
     pose: Callable[[str], Floats | None],
-    posture: Callable[[str], tuple[tuple[str, ...], Floats] | None],
+    posture: Callable[[str, tuple[str, ...]], tuple[tuple[str, ...], Floats] | None],
 ) -> GraspPoses:
     """Poses of the columns of a file of any kind, and of what states the same of all grasps.
 
@@ -170,7 +170,8 @@ def poses_of(
         further: Names of the columns that have no meaning of their own.
         pose: The poses whose name has such a start, of `STAGES`, shape (k, 4, 4); None:
             there are none.
-        posture: The same of postures, shape (k, p), with the names of their joints.
+        posture: The same of postures, shape (k, p), with the names of their joints, which are
+            known from the second one on.
 
     Raises:
         ContactError: Values are missing or wrong.
@@ -179,13 +180,9 @@ def poses_of(
     for start in STAGES:
         if (placed := pose(start)) is not None:
             fields[f"{start}poses"] = placed
-        if (found := posture(start)) is not None:
-            own, values = found
-            names = fields.setdefault("joint_names", own)
-            if {*own} != {*names}:
-                raise ContactError(f"{start}posture must have the joints of the posture")
-            fields[f"{start}posture"] = values[:, [own.index(name) for name in names]]
-    for name in {"opening", "pregrasp_opening", "score"} & table.keys():
+        if (found := posture(start, fields.get("joint_names", ()))) is not None:
+            fields["joint_names"], fields[f"{start}posture"] = found
+    for name in filter(table.__contains__, ("opening", "pregrasp_opening", "score")):
         fields[name.replace("score", "scores")] = checks.numbers(table[name], (), name)
     named = enumerate(table.get("name", ()), 1)
     return GraspPoses(

@@ -29,9 +29,8 @@ GAP = "gap_"
 
 OWN_NAMES = frozenset({
     "name", "pose", "opening", "pregrasp_opening", "posture", "score", "outcome", "success",
-    "pregrasp_posture", "squeeze_posture", "pregrasp_pose", "squeeze_pose", "joint_names",
-    "unit", "object_pose", "frame", "gripper_frame", "grasp",
-    "px", "py", "pz", "qx", "qy", "qz", "qw",
+    "pregrasp_posture", "squeeze_posture", "pregrasp_pose", "squeeze_pose", "joint_names", "unit",
+    "object_pose", "frame", "gripper_frame", "grasp", "px", "py", "pz", "qx", "qy", "qz", "qw",
 })  # fmt: skip
 """Names that files use for the fields themselves, and that no further column may have."""
 
@@ -311,9 +310,7 @@ def _refuse(bad: npt.NDArray[np.bool_], values: Floats, what: str) -> None:
 
 def _unprintable(texts: Iterable[object]) -> list[int]:
     """Numbers of those that are no texts, or such as cannot be printed."""
-    return [
-        k for k, one in enumerate(texts, 1) if not isinstance(one, str) or not one.isprintable()
-    ]
+    return [k for k, t in enumerate(texts, 1) if not isinstance(t, str) or not t.isprintable()]
 
 
 def _names(names: Iterable[str], count: int) -> tuple[str, ...]:

@@ -74,7 +74,10 @@ def test_the_order_of_joints_in_a_file_does_not_matter(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"posture": {"index": 1.0}}, "grasp 2: posture must have the joints of grasp 1; 'thumb'"),
+        (
+            {"posture": {"index": 1.0}},
+            "grasp 2: posture must have the same joints in all, index thumb; 'thumb'",
+        ),
         ({"posture": {"index": 1.0, "thumb": "x"}}, "2: posture thumb must be a number; got 'x'"),
         ({"posture": {"index": 1.0, "thumb": None}}, "grasp 2: value 2 of its posture must be fin"),
         ({"posture": [1.0, 2.0]}, "grasp 2: posture must be an object of keys and values"),

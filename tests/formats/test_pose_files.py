@@ -562,7 +562,7 @@ def no_joints() -> ParallelGripper:
         ("one.csv", "isaac_grasp", {}, r"unsupported isaac_grasp format \.csv: .* \.yaml \.yml"),
         ("one.yaml", None, {"hand": None}, "need the lengths of the gripper: give it"),
         ("one.h5", None, {"hand": "franka"}, "need the lengths of the gripper: give it"),
-        ("one.npy", None, {"unit": None}, "in metres, but the unit of the poses is not known"),
+        ("one.npy", None, {"unit": None}, "the unit of the poses is not known: give it"),
         ("one.yaml", None, {"hand": no_joints()}, "'two_fingers' has no joint_names"),
         ("one.yaml", None, {"scores": 353.0}, "must be from 0 to 1; grasp 1 has 353"),
         ("one.json", "graspgen", {}, "each outcome; that of grasp 1 is missing"),

@@ -39,9 +39,7 @@ MOST = 1_000_000
 TRANSFORMS = "grasps/transforms"
 OUTCOME = "grasps/qualities/flex/object_in_gripper"
 
-OBJECT = {
-    "com": (3,), "density": (), "friction": (), "inertia": (3, 3), "mass": (), "volume": (),
-}  # fmt: skip
+OBJECT = {"com": (3,), "density": (), "friction": (), "inertia": (3, 3), "mass": (), "volume": ()}
 """Shape of what `object/` has beside file and scale."""
 
 
@@ -71,9 +69,8 @@ def write(path: Path, poses: GraspPoses) -> None:
 def read(path: Path, given: Given) -> GraspPoses:
     """Poses in the order of the file. Raises ContactError, OSError."""
     h5py = library("h5py", "h5py")
-    with path.open("rb") as stream:
-        if stream.read(8) != b"\x89HDF\r\n\x1a\n":
-            raise ContactError("is no HDF5 file")
+    if not h5py.is_hdf5(path):
+        raise ContactError("is no HDF5 file")
     try:
         with h5py.File(path, "r") as file:
             return _read(file, given)

@@ -120,13 +120,9 @@ def _postures(entries: checks.Entries) -> dict[str, Any]:
     """Postures by name; of before the grasp where all grasps state one."""
     names, posture = checks.joints_of(checks.each(entries, AT), AT)
     fields: dict[str, Any] = {"posture": posture, "joint_names": names}
-    stated = [k for k, entry in enumerate(entries) if entry.get(BEFORE)]
-    if stated:
-        own, values = checks.joints_of([entries[k][BEFORE] for k in stated], BEFORE)
-        if {*own} != {*names}:
-            raise ContactError(f"{BEFORE} must have the joints of {AT}")
-        fields["pregrasp_posture"] = np.full(posture.shape, np.nan)
-        fields["pregrasp_posture"][stated] = values[:, [own.index(name) for name in names]]
+    if any(entry.get(BEFORE) for entry in entries):
+        stated = [entry.get(BEFORE) or dict.fromkeys(names) for entry in entries]
+        _, fields["pregrasp_posture"] = checks.joints_of(stated, BEFORE, names)
     return fields
 
 

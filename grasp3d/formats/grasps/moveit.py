@@ -32,9 +32,6 @@ from grasp3d.formats.poses import GraspPoses
 DESIRED, LEAST = 0.10, 0.02
 """Desired and smallest length of approach and retreat [m]."""
 
-NO_FORCE_LIMIT = 0.0
-"""`max_contact_force` where the gripper states no greatest force: MoveIt then applies none."""
-
 TIME = {"sec": 0, "nanosec": 0}
 
 
@@ -81,7 +78,7 @@ def write(path: Path, poses: GraspPoses) -> None:
             "pre_grasp_approach": along(approaches[k]),
             "post_grasp_retreat": along(-approaches[k]),
             "post_place_retreat": along(-approaches[k]),
-            "max_contact_force": NO_FORCE_LIMIT if hand.max_force is None else hand.max_force,
+            "max_contact_force": hand.max_force or 0.0,  # 0: MoveIt applies no limit
             "allowed_touch_objects": [],
         })  # fmt: skip
     checks.write_text(path, ["[\n", ",\n".join(map(json.dumps, messages)), "\n]\n"])

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 
 from grasp3d.arrays import Floats, locked
-from grasp3d.errors import MeshError, OutputError
+from grasp3d.errors import MeshError
 from grasp3d.formats.surfaces import layouts
 from grasp3d.formats.surfaces.stored import (
     DAMAGE,
@@ -24,7 +24,7 @@ from grasp3d.hand.reach import Reach
 from grasp3d.mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.normals import CornerNormals
 from grasp3d.mesh.object_mesh import scale_of
-from grasp3d.mesh.reading.sources import Source, find_source
+from grasp3d.mesh.reading.sources import find_source
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.force_ranges import Certainty
@@ -37,16 +37,15 @@ from grasp3d.surface.load_result import LoadResult
 from grasp3d.surface.vertex_fields import unpacked_bits
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.documents import parse_json
+from grasp3d.system.files import check_suffix
 from grasp3d.system.limited_reading import read_file
-from grasp3d.system.names import printable, unsupported
+from grasp3d.system.names import printable
 
 WRITERS: dict[str, Callable[[Path, SurfaceLabels], None]] = {
     ".ply": layouts.write_ply, ".glb": layouts.write_glb, ".npz": layouts.write_npz,
     ".vtp": layouts.write_vtp, ".parquet": layouts.write_fields,
 }  # fmt: skip
-READERS: dict[str, Callable[[Source], Stored | None]] = {
-    ".ply": layouts.read_ply, ".npz": layouts.read_npz,
-}  # fmt: skip
+READERS = {".ply": layouts.read_ply, ".npz": layouts.read_npz}
 """By suffix."""
 
 
@@ -56,10 +55,8 @@ def writer_for(path: Path) -> Callable[[Path, SurfaceLabels], None]:
     Raises:
         OutputError: No writer has that suffix.
     """
-    writer = WRITERS.get(path.suffix.lower())
-    if writer is None:
-        raise OutputError(unsupported(path, WRITERS))
-    return writer
+    check_suffix(path, WRITERS, "")
+    return WRITERS[path.suffix.lower()]
 
 
 def read_labels(path: str | Path, *, unit: Unit | None = None) -> SurfaceLabels:
@@ -209,18 +206,12 @@ def _mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
     report["source"], report["warnings"] = str(report["source"]), tuple(report["warnings"])
     mesh = ObjectMesh(
         vertices=locked(vertices * scale_of(settings.options.unit)),
-        file_points=locked(vertices),
-        faces=locked(faces),
-        canonical=locked(canonical),
+        file_points=locked(vertices), faces=locked(faces), canonical=locked(canonical),
         file_vertices=settings.file_vertices,
         corner_normals=CornerNormals(locked(corners), locked(normals), locked(of_vertices)),
-        center=locked(center),
-        size=float(size),
-        center_mass=locked(center_mass),
-        volume=float(surface["volume"]),
-        options=settings.options,
-        report=MeshReport(**report),
-    )
+        center=locked(center), size=float(size), center_mass=locked(center_mass),
+        volume=float(surface["volume"]), options=settings.options, report=MeshReport(**report),
+    )  # fmt: skip
     if mesh.file_unit != settings.options.unit:
         raise ValueError(f"its unit is {mesh.file_unit} and {settings.options.unit}")
     return mesh
