@@ -184,11 +184,11 @@ def poses_of(
             fields["joint_names"], fields[f"{start}posture"] = found
     for name in filter(table.__contains__, ("opening", "pregrasp_opening", "score")):
         fields[name.replace("score", "scores")] = checks.numbers(table[name], (), name)
+    fields["columns"] = {name: table[name] for name in further}
     named = enumerate(table.get("name", ()), 1)
     return GraspPoses(
         outcome=outcomes_of(given.outcome, len(fields["poses"]), table, table.__getitem__),
         names=tuple(f"grasp_{k}" if name is None else str(name) for k, name in named),
-        columns={name: table[name] for name in further},
         **fields,
         **_fields_of(dict(header) | stated_in(table), given),
     )

@@ -212,7 +212,9 @@ class GraspPoses:
         Args:
             change: From poses to others, shape (k, 4, 4) each.
         """
-        changed = {name: change(poses) for name, poses in self.of_stages("poses").items()}
+        changed: dict[str, Any] = {
+            name: change(poses) for name, poses in self.of_stages("poses").items()
+        }
         return replace(self, **changed)
 
     def of_stages(self, name: str) -> dict[str, Any]:
