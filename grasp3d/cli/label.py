@@ -18,9 +18,9 @@ from grasp3d.cli.report import (
     quantiles_text,
 )
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.formats.contacts import SUFFIXES
 from grasp3d.formats.files import check_frame, check_hand, write_grasps
 from grasp3d.formats.format import format_called, format_of, suffixes
+from grasp3d.formats.own import SUFFIXES
 from grasp3d.formats.surfaces.files import writer_for
 from grasp3d.grasps.best import best_grasps, check_external
 from grasp3d.grasps.causes import causes_text
@@ -108,7 +108,7 @@ def _check_grasp_file(command: Label, path: Path) -> None:
     form = format_of(path, name)
     if form.outcomes:
         raise SettingError(
-            f"{form.called} files state which grasps held, which is not known of grasps that are "
+            f"{form.title} files state which grasps held, which is not known of grasps that are "
             "found; choose another grasps_format"
         )
     if hand is not None:

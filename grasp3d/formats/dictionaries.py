@@ -82,10 +82,8 @@ def _only(found: AbstractSet[Any], what: str) -> Any:
     """What all files state; None: nothing. Raises ContactError if it differs."""
     if len(found) > 1:
         listed = " and ".join(sorted(f"{one!s:.60}" for one in found)[:2])
-        raise ContactError(
-            f"has grasps of {len(found)} {what}, such as {listed}: put the files of each into a "
-            "folder of their own"
-        )
+        said = f"has grasps of {len(found)} {what}, such as {listed}"
+        raise ContactError(f"{said}: put the files of each into a folder of their own")
     return next(iter(found), None)
 
 
@@ -142,10 +140,9 @@ def grasps_in(
     for number, part in enumerate(parts, 1):
         for stage, values in part.items():
             if (found := values.shape[1]) != columns or columns <= POSE:
-                raise ContactError(
-                    f"dictionary {number}: {stage}_qpos must have {POSE} numbers of a pose and "
-                    f"those of the joints, as many in all; got {found}, in the first {columns}"
-                )
+                said = f"dictionary {number}: {stage}_qpos must have {POSE} numbers of a pose and"
+                got = f"got {found}, in the first {columns}"
+                raise ContactError(f"{said} those of the joints, as many in all; {got}")
     if sum(counts) > MOST_GRASPS:
         raise ContactError(f"it has more than {MOST_GRASPS:,} grasps")
     to_object, object_pose = _object_poses(content, counts)
@@ -218,10 +215,8 @@ def _of_one_scale(
         return poses
     listed = ", ".join(f"{one:g}" for one in known[:8])
     if wanted is None and len(known) > 1:
-        raise ContactError(
-            f"its grasps are of the object at {len(known)} scales, {listed}: choose one of them "
-            "(--object-scale, in Python object_scale=...)"
-        )
+        said = f"its grasps are of the object at {len(known)} scales, {listed}: choose one of them"
+        raise ContactError(f"{said} (--object-scale, in Python object_scale=...)")
     scale = float(known[0]) if wanted is None else wanted
     chosen = np.flatnonzero(np.abs(scales - scale) <= SAME * scale)
     if not len(chosen):

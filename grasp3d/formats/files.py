@@ -11,10 +11,9 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError, SettingError
 from grasp3d.formats import checks, frames
-from grasp3d.formats.contacts import SUFFIXES, read_contacts, write_contacts
 from grasp3d.formats.dictionaries import load_npy
 from grasp3d.formats.format import Format, Given, format_of, formats, suffixes
-from grasp3d.formats.own import OBJECT
+from grasp3d.formats.own import OBJECT, SUFFIXES, read_contacts, write_contacts
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import matched, refuse_joints
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
@@ -189,7 +188,7 @@ def _read(path: Path, given: Given, frame: GripperFrame | None) -> GraspPoses:
         raise ContactError(_unknown(known, content))
     in_metres = form.unit == "m"
     if in_metres and given.unit not in {None, "m"}:
-        raise ContactError(f"{form.called} files are in metres, not in {given.unit}: give no unit")
+        raise ContactError(f"{form.title} files are in metres, not in {given.unit}: give no unit")
     missing = frames.missing_of_hand(given.hand, form, joints=False)
     if missing and not (form.alone and given.hand is None):
         raise ContactError(missing)
@@ -208,7 +207,7 @@ def _unknown(known: list[Format], content: Any) -> str:
     grasps = content.get("grasps", content) if isinstance(content, dict) else content
     if hasattr(grasps, "__len__") and not len(grasps):
         return "there are no grasps in it"
-    listed = "; or ".join(f"{one.holds} ({one.called})" for one in known)
+    listed = "; or ".join(f"{one.holds} ({one.title})" for one in known)
     found = f"; got {content.dtype} of shape {content.shape}" if hasattr(content, "dtype") else ""
     return f"contains no poses: expected {listed}{found}"
 
@@ -291,8 +290,7 @@ def write_grasps(
         poses = replace(poses, object_pose=frames.read_object_pose(object_pose))
     if poses.object_pose is not None and form.moves:
         poses = poses.moved(poses.object_pose.matrix)
-    given = FRAMES[form.frame] if frame is None else frames.read_frame(frame)
-    poses = replace(poses, gripper_frame=given)
+    poses = replace(poses, gripper_frame=frames.read_frame(form.frame if frame is None else frame))
     try:
         form.write(path, frames.of_tcp(_of_format(poses, form), inverse=True))
     except (ContactError, OutputError) as error:
@@ -313,7 +311,7 @@ def _of_format(poses: GraspPoses, form: Format) -> GraspPoses:
         raise OutputError(missing)
     if form.outcomes and len(unknown := (poses.outcome != poses.outcome).nonzero()[0]):
         row = unknown[0] + 1
-        raise OutputError(f"{form.called} files need each outcome; that of grasp {row} is missing")
+        raise OutputError(f"{form.title} files need each outcome; that of grasp {row} is missing")
     if form.unit == "stated":
         return poses
     if isinstance(poses.hand, ArticulatedHand):

@@ -47,6 +47,8 @@ class Format:
     """
 
     name: str
+    title: str
+    """What people call it."""
     suffixes: tuple[str, ...]
     sniff: Callable[[Any], bool]
     """Whether content is in this format: of .json, .yaml and .npy files what they hold, of others
@@ -57,8 +59,6 @@ class Format:
     """Writes poses. Raises OutputError."""
     holds: str
     """What its content looks like, for error messages."""
-    title: str = ""
-    """What people call it; empty: its name."""
     frame: str = "tcp"
     """Frame of the gripper in which it has poses, in `FRAMES`."""
     states_frame: bool = False
@@ -81,11 +81,6 @@ class Format:
     about: str = ""
     """Its section of the page on formats, Markdown."""
 
-    @property
-    def called(self) -> str:
-        """What messages call it."""
-        return self.title or self.name
-
 
 _REGISTERED: dict[str, Format] = {}
 
@@ -105,8 +100,7 @@ def formats() -> Mapping[str, Format]:
     """All formats by name, those first in which files of their suffix are written."""
     for module in iter_modules(grasps.__path__):
         import_module(f"{grasps.__name__}.{module.name}")
-    ordered = sorted(_REGISTERED.values(), key=lambda one: (not one.main, one.name))
-    return {one.name: one for one in ordered}
+    return dict(sorted(_REGISTERED.items(), key=lambda item: (not item[1].main, item[0])))
 
 
 def format_called(name: str) -> Format:

@@ -42,17 +42,15 @@ def missing_of_hand(hand: Hand | str | None, form: Format, *, joints: bool) -> s
     """
     name = hand if isinstance(hand, str) or hand is None else hand.name
     if joints and form.joints and isinstance(hand, ParallelGripper) and not hand.joint_names:
-        return (
-            f"{form.called} files have joint values, but gripper {name!r} has no joint_names: "
-            "give it joint_names, joint_scale and joint_closed, or choose another format"
-        )
+        said = f"{form.title} files have joint values, but gripper {name!r} has no joint_names"
+        return f"{said}: give it joint_names, joint_scale and joint_closed, or take another format"
     if not form.hands or any(isinstance(hand, KINDS[kind]) for kind in form.hands):
         return ""
     needed = "the pose of the hand's base, so they need the lengths of the gripper: give it"
     if "gripper" not in form.hands:
         wrong = "" if name is None else f" {name!r} is none:"
         needed = f"postures of a hand with joints;{wrong} give its description"
-    return f"{form.called} files have {needed} (--hand, in Python hand=...)"
+    return f"{form.title} files have {needed} (--hand, in Python hand=...)"
 
 
 def of_tcp(poses: GraspPoses, *, inverse: bool = False) -> GraspPoses:
@@ -143,20 +141,16 @@ def openings_of_joints(hand: ParallelGripper, stated: Sequence[Any], what: str) 
     each = [(values[name] - closed) / scale
             for name, closed, scale in known if scale and name in values]  # fmt: skip
     if values and hand.joint_names and not each:
-        listed = ", ".join(name[:40] for name in [*values][:4])
-        raise ContactError(
-            f"its joints ({listed}) are not those of gripper {hand.name!r} "
-            f"({', '.join(hand.joint_names)}): give the gripper that the file was written for"
-        )
+        said = f"its joints ({', '.join(name[:40] for name in [*values][:4])}) are not those of"
+        own = f"gripper {hand.name!r} ({', '.join(hand.joint_names)})"
+        raise ContactError(f"{said} {own}: give the gripper that the file was written for")
     if not each:
         return np.full(len(rows), np.nan)
     counts, openings = (~np.isnan(each)).sum(axis=0), np.full(len(rows), np.nan)
     np.divide(np.nansum(each, axis=0), counts, out=openings, where=counts > 0)
     if len(bad := np.flatnonzero(openings < -0.1 * hand.max_opening)):
-        raise ContactError(
-            f"grasp {bad[0] + 1}: its joint values mean an opening of {openings[bad[0]]:.4g} m: "
-            f"are they those of gripper {hand.name!r}?"
-        )
+        said = f"its joint values mean an opening of {openings[bad[0]]:.4g} m"
+        raise ContactError(f"grasp {bad[0] + 1}: {said}: are they those of gripper {hand.name!r}?")
     return np.asarray(np.maximum(openings, 0.0))  # below 0 where fingers are pressed together
 
 

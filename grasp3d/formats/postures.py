@@ -103,10 +103,8 @@ def matched(poses: GraspPoses, hand: ArticulatedHand, *, wrist: Sequence[str] = 
         own = hand.joint_names
         joints = own if count == len(own) else [name for name in own if name not in wrist]
         if count != len(joints):
-            raise _refused(
-                f"the postures have {count} values without names, but {hand.name} has {len(own)} "
-                f"joints: {_listed(own)}"
-            )
+            said = f"the postures have {count} values without names"
+            raise _refused(f"{said}, but {hand.name} has {len(own)} joints: {_listed(own)}")
         found = {name: (k, 1.0) for k, name in enumerate(joints)}
         settings[ORDER] = f"not stated: that of {hand.name} is assumed"
     columns = [found.get(name, (-1, 0.0)) for name in hand.joint_names]
@@ -175,12 +173,11 @@ def _check_followers(poses: GraspPoses, found: Columns, hand: ArticulatedHand) -
         for name, posture in poses.of_stages("posture").items():
             follows = factor * sign * posture[:, at] + offset
             if len(wrong := np.flatnonzero(np.abs(posture[:, own] - follows) > LOOSE)):
-                first = wrong[0]
+                value, says = posture[wrong[0], own], follows[wrong[0]]
                 raise _refused(
-                    f"grasp {first + 1}: joint {joint.name} of its {name} is at "
-                    f"{posture[first, own]:.4g}, but it follows {source}, which says "
-                    f"{follows[first]:.4g}; so in {len(wrong)} of {poses.count} grasps: give "
-                    f"the hand that they are of, or leave {joint.name} out"
+                    f"grasp {wrong[0] + 1}: joint {joint.name} of its {name} is at {value:.4g}, but "
+                    f"it follows {source}, which says {says:.4g}; so in {len(wrong)} of "
+                    f"{poses.count} grasps: give their hand, or leave {joint.name} out"
                 )
 
 
@@ -189,10 +186,8 @@ def refuse_joints(poses: GraspPoses, hand: Hand | None) -> None:
     joints = poses.posture.shape[1]
     if joints and isinstance(hand, ParallelGripper):
         named = f" ({_listed(poses.joint_names)})" if poses.joint_names else ""
-        raise _refused(
-            f"the poses have values of {joints} joints{named}, but {hand.name} is a gripper "
-            "of two jaws, which has none: give the hand that they are of"
-        )
+        said = f"the poses have values of {joints} joints{named}, but {hand.name} is a gripper"
+        raise _refused(f"{said} of two jaws, which has none: give the hand that they are of")
 
 
 def _short(names: Sequence[str]) -> tuple[str, ...]:

@@ -90,7 +90,7 @@ def paths(content: dict[str, Any], head: str = "") -> Iterator[str]:
 def test_every_format_is_listed() -> None:
     for name, form in formats().items():
         assert f"| `{name}` | `{form.frame}`" in PAGE
-        assert f"\n## {form.called}\n" in PAGE
+        assert f"\n## {form.title}\n" in PAGE
 
 
 def test_json(tmp_path: Path) -> None:

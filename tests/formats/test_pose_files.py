@@ -18,7 +18,7 @@ from grasp3d import Label, load_mesh
 from grasp3d.errors import ContactError, FileUnreadError, GraspError, OutputError, SettingError
 from grasp3d.formats import holds_poses, read_poses, write_grasps
 from grasp3d.formats.checks import numbers
-from grasp3d.formats.contacts import read_contacts
+from grasp3d.formats.own import read_contacts
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.hand.parallel_gripper import ParallelGripper, preset

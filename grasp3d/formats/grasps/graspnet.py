@@ -53,7 +53,7 @@ def write(path: Path, poses: GraspPoses) -> None:
     rows[:, 0] = _scores(poses)
     has_pregrasp = np.isfinite(poses.pregrasp_opening)
     rows[:, 1] = np.where(has_pregrasp, poses.pregrasp_opening, poses.opening)
-    rows[:, 2], rows[:, 3] = HEIGHT, DEPTH
+    rows[:, 2:4] = HEIGHT, DEPTH
     rows[:, 4:13] = poses.poses[:, :3, :3].reshape(-1, 9)
     rows[:, 13:16] = poses.poses[:, :3, 3]
     rows[:, 16] = poses.columns.get("object_id", NO_OBJECT)

@@ -85,10 +85,13 @@ def read(content: Any, given: Given) -> GraspPoses:
     grasps = checks.mapping(checks.required(document, "grasps"), "grasps")
     entries = checks.entries_of(list(grasps.values()), "grasps")
     stated = {key: document.get(key, document.get(key.removesuffix("_link"))) for key in LINKS}
-    is_articulated = isinstance(given.hand, ArticulatedHand)
+    fields = _postures(entries) if isinstance(given.hand, ArticulatedHand) else {
+        field: frames.openings_of_joints(given.hand, [one.get(key) or {} for one in entries], key)
+        for field, key in (("opening", AT), ("pregrasp_opening", BEFORE))
+    }  # fmt: skip
     return GraspPoses(
         poses=_poses(entries),
-        **(_postures(entries) if is_articulated else _openings(entries, given)),
+        **fields,
         scores=checks.optional_numbers(entries, "confidence"),
         outcome=checks.outcomes_of_entries(given.outcome, entries),
         names=tuple(map(str, grasps)),
@@ -108,14 +111,6 @@ def _poses(entries: checks.Entries) -> Floats:
     return frames.from_quaternions(position, np.column_stack([xyz, w]))
 
 
-def _openings(entries: checks.Entries, given: Given) -> dict[str, Any]:
-    fields = {}
-    for field, key in (("opening", AT), ("pregrasp_opening", BEFORE)):
-        stated = [entry.get(key) or {} for entry in entries]
-        fields[field] = frames.openings_of_joints(given.hand, stated, key)
-    return fields
-
-
 def _postures(entries: checks.Entries) -> dict[str, Any]:
     """Postures by name; of before the grasp where all grasps state one."""
     names, posture = checks.joints_of(checks.each(entries, AT), AT)
@@ -127,7 +122,7 @@ def _postures(entries: checks.Entries) -> dict[str, Any]:
 
 
 register(Format(
-    name=NAME, suffixes=(".yaml", ".yml"), frame="hand", hands=("gripper", "articulated"),
-    joints=True, needs=("yaml", "PyYAML"), sniff=checks.has("format"), read=read, write=write,
+    name=NAME, title=NAME, suffixes=(".yaml", ".yml"), frame="hand",
+    hands=("gripper", "articulated"), joints=True, needs=("yaml", "PyYAML"), sniff=checks.has("format"), read=read, write=write,
     holds="the key format with isaac_grasp", about=__doc__ or "",
 ))  # fmt: skip

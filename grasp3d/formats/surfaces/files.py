@@ -195,10 +195,8 @@ def _mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
     of_vertices[corners] = faces
     if (of_vertices[corners] != faces).any():
         raise ValueError("corners of several vertices have one normal")
-    center, size, center_mass = (
-        _finite(surface[name], shape)
-        for name, shape in (("center", (3,)), ("size", ()), ("center_mass", (3,)))
-    )
+    center, center_mass = (_finite(surface[name], (3,)) for name in ("center", "center_mass"))
+    size = _finite(surface["size"], ())
     if not size > 0.0:
         raise ValueError(f"its size is {size}")
     report = dict(surface["report"])

@@ -54,10 +54,8 @@ class Stored(NamedTuple):
 def damaged(source: Source, error: Exception) -> MeshError:
     """The error for a labelled file that cannot be read."""
     what = f"there is no {error}" if isinstance(error, KeyError) else reason_of(error)
-    return MeshError(
-        f"{source.where}: has labels, but they are damaged: {what}; label the mesh again, or "
-        "export it without its labels"
-    )
+    advice = "label the mesh again, or export it without its labels"
+    return MeshError(f"{source.where}: has labels, but they are damaged: {what}; {advice}")
 
 
 @dataclass(frozen=True)
@@ -165,10 +163,8 @@ def check_stored(stored: Stored, settings: FileSettings) -> None:
         shape = tuple(sizes.get(size, size) for size in field.shape)
         expected = shape if field in SURFACE else (len(vertices), *shape)
         if array.shape != expected or array.dtype != np.dtype(field.kind):
-            raise ValueError(
-                f"its {name} is {array.dtype} of the shape {array.shape} instead of {field.kind} "
-                f"of {expected}"
-            )
+            found = f"{array.dtype} of the shape {array.shape}"
+            raise ValueError(f"its {name} is {found} instead of {field.kind} of {expected}")
         if not _may_have(field, array):
             raise ValueError(f"its {name} has values that it cannot have")
     check_finite(vertices, stored.source.where)
