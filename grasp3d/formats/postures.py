@@ -175,8 +175,8 @@ def _check_followers(poses: GraspPoses, found: Columns, hand: ArticulatedHand) -
             if len(wrong := np.flatnonzero(np.abs(posture[:, own] - follows) > LOOSE)):
                 value, says = posture[wrong[0], own], follows[wrong[0]]
                 raise _refused(
-                    f"grasp {wrong[0] + 1}: joint {joint.name} of its {name} is at {value:.4g}, but "
-                    f"it follows {source}, which says {says:.4g}; so in {len(wrong)} of "
+                    f"grasp {wrong[0] + 1}: joint {joint.name} of its {name} is at {value:.4g}, "
+                    f"but it follows {source}, which says {says:.4g}; so in {len(wrong)} of "
                     f"{poses.count} grasps: give their hand, or leave {joint.name} out"
                 )
 
