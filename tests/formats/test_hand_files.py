@@ -450,6 +450,7 @@ def test_the_scale_of_the_object_may_be_given_where_a_file_states_none(tmp_path:
         ({"grasp_qpos": np.zeros(23)}, "quaternion"),
         ({"squeeze_qpos": np.zeros(22)}, "squeeze_qpos must have .*; got 22, in the first 23"),
         ({"grasp_qpos": "none"}, "grasp_qpos must be numbers; got"),
+        ({"grasp_qpos": None}, "grasp_qpos must be numbers; got nothing"),
         ({"grasp_qpos": np.array(["1", "wide"])}, "numbers; got a list of 2 with 'wide'"),
         ({"grasp_qpos": np.array([])}, "grasp_qpos must be numbers; there are none"),
         (
