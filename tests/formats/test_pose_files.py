@@ -742,7 +742,7 @@ def test_a_damaged_file_that_hdf5_reads_for_ever_is_refused(
     ("changes", "message"),
     [
         ({"grasps/transforms": None}, "the data set grasps/transforms is missing"),
-        ({"grasps/transforms": np.zeros((3, 16))}, r"must have the shape .* got \(3, 16\)"),
+        ({"grasps/transforms": np.zeros((3, 16))}, r"must be \(k, 4, 4\), .* got \(3, 16\)"),
         ({"grasps/transforms": np.zeros((0, 4, 4))}, "there are no grasps"),
         ({"grasps/transforms": np.full((3, 4, 4), np.nan)}, "pose 1 has numbers that are not fin"),
         ({"grasps/transforms": np.full((3, 4, 4), b"a")}, "must be numbers of shape"),

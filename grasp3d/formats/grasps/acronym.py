@@ -125,7 +125,7 @@ def _values(file: Any, name: str, shape: tuple[int, ...], kinds: str = "fiub") -
         raise ContactError(f"{name} must be a data set of shape {shape}; got {data!r:.80}")
     if data.dtype.kind not in kinds:
         wanted = "text" if kinds == "O" else "numbers"
-        raise ContactError(f"{name} must be {wanted}; got {data.dtype}")
+        raise ContactError(f"{name} must be {wanted} of shape {shape}; got {data.dtype}")
     is_text = data.dtype.kind == "O"
     return data.asstr(errors="replace")[()] if is_text else np.asarray(data[()] * 1.0)
 
