@@ -14,11 +14,11 @@ HANDS = {"gripper": "gripper", "articulated": "hand with joints"}
 
 def rendered(page: str) -> str:
     """The text of the page with what its markers stand for."""
-    known = sorted(formats().values(), key=lambda one: one.called.lower())
+    known = sorted(formats().values(), key=lambda one: one.title.lower())
     head = ["format", "suffix", "`format=`", "frame of the poses", "unit", "needs"]
     rows = [head, ["---"] * len(head), *map(_row, known)]
     table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
-    sections = "\n\n".join(f"## {one.called}\n\n{inspect.cleandoc(one.about)}" for one in known)
+    sections = "\n\n".join(f"## {one.title}\n\n{inspect.cleandoc(one.about)}" for one in known)
     return page.replace(TABLE, table).replace(SECTIONS, sections)
 
 
@@ -27,7 +27,7 @@ def _row(form: Format) -> list[str]:
     hands = " or ".join(HANDS[kind] for kind in form.hands)
     main = "**" * form.main
     return [
-        f"[{form.called}](#{form.called.lower().replace(' ', '-').replace('/', '')})",
+        f"[{form.title}](#{form.title.lower().replace(' ', '-').replace('/', '')})",
         " ".join(f"{main}`{suffix}`{main}" for suffix in form.suffixes),
         f"`{form.name}`",
         f"`{form.frame}`{stated}",

@@ -20,8 +20,8 @@ from grasp3d.cli.report import (
 from grasp3d.describe.verdict import verdict_of
 from grasp3d.errors import SettingError
 from grasp3d.formats import holds_poses
-from grasp3d.formats.contacts import SUFFIXES, contacts_in
 from grasp3d.formats.files import read_grasps, write_grasps
+from grasp3d.formats.own import SUFFIXES, contacts_in
 from grasp3d.grasps.audit import READING, READINGS, explained
 from grasp3d.grasps.evaluation import (
     DISTANCE_ROUNDING,

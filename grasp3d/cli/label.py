@@ -19,9 +19,9 @@ from grasp3d.cli.report import (
 from grasp3d.describe.causes import causes_text
 from grasp3d.describe.verdict import verdict_of
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.formats.contacts import SUFFIXES
 from grasp3d.formats.files import check_frame, check_hand, write_grasps
 from grasp3d.formats.format import format_called, format_of, suffixes
+from grasp3d.formats.own import SUFFIXES
 from grasp3d.formats.surfaces.files import writer_for
 from grasp3d.grasps.best import best_grasps, check_external
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
@@ -100,13 +100,13 @@ def _files(command: Label) -> tuple[Path, Path]:
 def _check_grasp_file(command: Label, path: Path) -> None:
     """Check before the work that the best grasps can be written to a file of that name."""
     hand, name = command.posed_hand, command.grasps_format
-    form = format_called(name) if name else format_of(path)
-    if form is not None and name:
-        check_suffix(path, form.suffixes, name)
+    if name:
+        check_suffix(path, format_called(name).suffixes, name)
     check_suffix(path, suffixes() if hand else SUFFIXES, "table")
-    if form is not None and form.outcomes:
+    form = format_of(path, name)
+    if form.outcomes:
         raise SettingError(
-            f"{form.called} files state which grasps held, which is not known of grasps that are "
+            f"{form.title} files state which grasps held, which is not known of grasps that are "
             "found; choose another grasps_format"
         )
     if hand is not None:

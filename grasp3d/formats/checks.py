@@ -19,13 +19,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import HEADER_ERRORS, Floats
 from grasp3d.errors import ContactError, OutputError, SettingError
-from grasp3d.system.documents import (
-    described,
-    file_bytes,
-    is_folder,
-    number_of,
-    problem_of_file,
-)
+from grasp3d.system.documents import described, file_bytes, is_folder, number_of, problem_of_file
 from grasp3d.system.files import atomic_write
 from grasp3d.system.names import printable, reason_of
 from grasp3d.system.versions import package_version
@@ -68,22 +62,23 @@ def load_yaml(path: Path) -> Any:
     text = file_bytes(path)
     try:
         return yaml.load(text, loader)
-    except yaml.YAMLError as error:
-        raise ContactError(f"is no YAML: {' '.join(str(error).split())[:200]}") from error
-    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
-        # Dates such as 2026-13-45, numbers of thousands of digits, keys that are lists.
-        raise ContactError(f"is no YAML: {error}") from error
+    except (yaml.YAMLError, *HEADER_ERRORS, AttributeError) as error:
+        # Also of dates such as 2026-13-45, numbers of thousands of digits, keys that are lists.
+        raise ContactError(f"is no YAML: {reason_of(error)}") from error
+
+
+MOST_NUMBERS = 200_000_000
+"""Most numbers of an array that are read."""
 
 
 def load_array(path: Path) -> npt.NDArray[Any]:
     """Numbers of a .npy file, which are not in memory. Raises ContactError, OSError."""
-    with path.open("rb") as stream:
-        if stream.read(6) != b"\x93NUMPY":
-            raise ContactError("is no .npy file")
     try:
-        array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+        array: npt.NDArray[Any] = np.lib.format.open_memmap(path, mode="r")
     except HEADER_ERRORS as error:
         raise ContactError(f"is no .npy file of numbers ({reason_of(error)})") from error
+    if array.size > MOST_NUMBERS:
+        raise ContactError(f"has more than {MOST_NUMBERS:,} numbers")
     return array
 
 
@@ -130,17 +125,15 @@ def required(document: Mapping[str, Any], key: str, where: str = "") -> Any:
 
 def each(entries: Entries, *keys: str) -> list[Any]:
     """The value of nested keys in every entry. Raises ContactError if one is missing."""
-    values: list[Any] = []
-    for number, entry in enumerate(entries, 1):
-        value: Any = entry
-        for depth, key in enumerate(keys):
-            where = f"grasp {number}: "
-            value = required(mapping(value, where + (".".join(keys[:depth]) or "it")), key, where)
-        values.append(value)
+    values: list[Any] = list(entries)
+    for depth, key in enumerate(keys):
+        what = ".".join(keys[:depth]) or "it"
+        named = ((f"grasp {number}: ", one) for number, one in enumerate(values, 1))
+        values = [required(mapping(one, where + what), key, where) for where, one in named]
     return values
 
 
-def numbers(values: Sequence[Any], shape: tuple[int, ...], what: str) -> Floats:
+def numbers(values: Values, shape: tuple[int, ...], what: str) -> Floats:
     """Numbers of each grasp, shape (k, *shape); null is nan.
 
     Numbers as text are accepted: YAML reads 1e-05 as text.
@@ -148,8 +141,9 @@ def numbers(values: Sequence[Any], shape: tuple[int, ...], what: str) -> Floats:
     Raises:
         ContactError: Values that are no numbers, or lists of other lengths.
     """
-    found = _numbers(values, shape)
-    if found is not None:
+    if isinstance(values, np.ndarray) and values.dtype.kind in "fiub":
+        return values.astype(np.float64)
+    if (found := _numbers(values, shape)) is not None:
         return found
     row = next(k for k, value in enumerate(values) if _numbers([value], shape) is None)
     words = "a number" if not shape else " x ".join(map(str, shape)) + " numbers, in lists"
@@ -157,7 +151,7 @@ def numbers(values: Sequence[Any], shape: tuple[int, ...], what: str) -> Floats:
     raise ContactError(f"grasp {row + 1}: {what} must be {words}; got {described(values[row])}")
 
 
-def _numbers(values: Sequence[Any], shape: tuple[int, ...]) -> Floats | None:
+def _numbers(values: Values, shape: tuple[int, ...]) -> Floats | None:
     """The same; None: they are no such numbers."""
     flat = list(values)
     for size in shape:
@@ -177,26 +171,27 @@ def optional_numbers(entries: Entries, key: str) -> Floats:
     return numbers([entry.get(key) for entry in entries], (), key)
 
 
-def joints_of(values: Sequence[Any], what: str) -> tuple[tuple[str, ...], Floats]:
+def joints_of(
+    values: Sequence[Any], what: str, names: tuple[str, ...] = ()
+) -> tuple[tuple[str, ...], Floats]:
     """Values of the joints of each grasp: their names, and shape (k, p).
 
     Args:
         values: Of each grasp, an object of names and numbers.
         what: What they are, for messages.
+        names: Those that there must be, in this order; empty: those of the first grasp.
 
     Raises:
         ContactError: The joints of two grasps differ, or values are no numbers.
     """
     rows = [mapping(one, f"grasp {number}: {what}") for number, one in enumerate(values, 1)]
-    first = rows[0]
+    names = names or tuple(map(str, rows[0]))
     for number, row in enumerate(rows, 1):
-        if other := sorted(map(str, row.keys() ^ first.keys())):
-            raise ContactError(
-                f"grasp {number}: {what} must have the joints of grasp 1; {other[0]!r} is in one "
-                "of them only"
-            )
-    columns = [numbers([row[name] for row in rows], (), f"{what} {name}") for name in first]
-    return tuple(map(str, first)), np.reshape(columns, (len(first), len(rows))).T.copy()
+        if other := sorted(map(str, row.keys() ^ {*names})):
+            where = f"grasp {number}: {what} must have the same joints in all"
+            raise ContactError(f"{where}, {' '.join(names[:30])}; {other[0]!r} differs")
+    columns = [numbers([row[name] for row in rows], (), f"{what} {name}") for name in names]
+    return names, np.reshape(columns, (len(names), len(rows))).T.copy()
 
 
 def number_or_none(value: object, what: str) -> float | None:
@@ -251,9 +246,7 @@ def outcomes_of(
             listed = ", ".join(names[:30]) + ", ..." * (len(names) > 30) or "nothing"
             raise ContactError(f"no outcome is called {outcome!r}: its grasps have {listed}")
     if len(found) > 1:
-        raise ContactError(
-            f"it has both {' and '.join(found)}: give the one that is meant (--outcome)"
-        )
+        raise ContactError(f"it has both {' and '.join(found)}: give one of them (--outcome)")
     if not found:
         return np.full(count, math.nan)
     outcomes = []
@@ -283,6 +276,13 @@ def json_values(values: npt.NDArray[Any]) -> Any:
     return numbers_or_none.tolist()
 
 
+def nested(values: Mapping[str, npt.NDArray[Any]]) -> list[list[dict[str, Any]]]:
+    """An object for each contact of each grasp, of values (k, n, ...) by name, for JSON."""
+    grasps = zip(*map(json_values, values.values()), strict=True)
+    contacts = (zip(*one, strict=True) for one in grasps)
+    return [[dict(zip(values, one, strict=True)) for one in of_grasp] for of_grasp in contacts]
+
+
 def write_text(path: Path, parts: Iterable[str]) -> None:
     """Make or replace a file. Raises OutputError."""
     with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
@@ -299,32 +299,26 @@ def write_yaml(path: Path, document: Mapping[str, Any]) -> None:
     """Write a YAML file that says which program wrote it."""
     yaml = library("yaml", "PyYAML")
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-    text = yaml.dump(
-        document, Dumper=dumper, sort_keys=False, default_flow_style=None, allow_unicode=True
-    )
+    style: Any = {"sort_keys": False, "default_flow_style": None, "allow_unicode": True}
+    text = yaml.dump(document, Dumper=dumper, **style)
     write_text(path, [f"# written by grasp3d {package_version()}\n", text])
 
 
-def write_rows(
-    path: Path, header: Mapping[str, Any], columns: Mapping[str, Any], count: int
-) -> None:
+def write_rows(path: Path, header: Mapping[str, Any], columns: Mapping[str, Any]) -> None:
     """Write JSON: what applies to all grasps, then one line for each grasp.
 
     Args:
         path: File to make or replace.
         header: What applies to all.
         columns: By name, the values of all grasps, as JSON has them.
-        count: Number of grasps.
 
     Raises:
         OutputError: The file cannot be written, or a value is none that JSON has.
     """
+    rows = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
     try:
-        lines = [
-            json.dumps({name: values[row] for name, values in columns.items()}, allow_nan=False)
-            for row in range(count)
-        ]
+        lines = ",\n".join(json.dumps(row, allow_nan=False) for row in rows)
         start = f'{{"grasp3d": {json.dumps(header, allow_nan=False)},\n"grasps": [\n'
     except (TypeError, ValueError) as error:
         raise OutputError(f"{path}: its settings are no JSON: {error}") from error
-    write_text(path, [start, ",\n".join(lines), "\n]}\n"])
+    write_text(path, [start, lines, "\n]}\n"])

@@ -5,9 +5,10 @@ Nothing is executed; see `grasp3d.system.stored_arrays`.
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,10 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
-from grasp3d.formats.checks import entries_of, load_array, outcomes_of, write_array
+from grasp3d.formats.checks import entries_of, load_array, outcomes_of
 from grasp3d.formats.format import Given
 from grasp3d.formats.frames import from_quaternions, quaternions
-from grasp3d.formats.poses import STAGES, GraspPoses
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import matched, wrist_of
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.object_pose import ObjectPose
@@ -29,8 +30,10 @@ from grasp3d.system.stored_arrays import RefusedError, array_in, stored_objects
 Rows = dict[str, Any]
 """What a dictionary of a file states of its grasps."""
 
-ALL_STAGES = ("pregrasp", "grasp", "squeeze")
-"""In the order in which files have them."""
+Content = Sequence[Rows]
+
+ALL_STAGES = {"pregrasp": "pregrasp_", "grasp": "", "squeeze": "squeeze_"}
+"""In the order in which files have them, and how names of fields begin."""
 
 POSE = 7
 """Numbers of a pose: x, y, z [m] and the quaternion w, x, y, z."""
@@ -78,11 +81,9 @@ def load_npy(path: Path) -> Any:
 def _only(found: AbstractSet[Any], what: str) -> Any:
     """What all files state; None: nothing. Raises ContactError if it differs."""
     if len(found) > 1:
-        listed = " and ".join(sorted(map(str, found))[:2])
-        raise ContactError(
-            f"has grasps of {len(found)} {what}, such as {listed}: put the files of each into a "
-            "folder of their own"
-        )
+        listed = " and ".join(sorted(f"{one!s:.60}" for one in found)[:2])
+        said = f"has grasps of {len(found)} {what}, such as {listed}"
+        raise ContactError(f"{said}: put the files of each into a folder of their own")
     return next(iter(found), None)
 
 
@@ -93,20 +94,11 @@ def _of_file(path: Path, name: str) -> list[Rows]:
     return [{**one, "name": name} for one in rows]
 
 
-def have(*keys: str) -> Callable[[Any], bool]:
-    """Whether content is dictionaries of which the first has one of these keys."""
-    return lambda content: isinstance(content, list) and any(key in content[0] for key in keys)
-
-
-def numbers_in(rows: Rows, key: str, number: int) -> Floats:
-    """Numbers of a key of dictionary `number`, also in lists. Raises ContactError."""
-    return _numbers(rows[key], f"dictionary {number}: {key}", 0)
-
-
-def _numbers(value: Any, what: str, deep: int) -> Floats:
+def numbers_in(value: Any, what: str, deep: int = 0) -> Floats:
+    """Numbers of a value of a dictionary, also in lists. Raises ContactError."""
     is_nested = isinstance(value, list) and any(type(one) not in (int, float) for one in value)
     if is_nested and deep < DEEPEST:
-        parts = [_numbers(one, what, deep + 1) for one in value[:MOST_GRASPS]]
+        parts = [numbers_in(one, what, deep + 1) for one in value[:MOST_GRASPS]]
         if len({part.shape for part in parts}) == 1:
             return np.stack(parts)
     try:
@@ -133,7 +125,7 @@ def flat(values: Floats) -> Floats:
 
 
 def grasps_in(
-    content: Sequence[Rows], parts: Sequence[Mapping[str, Floats]], given: Given, root: str
+    content: Content, parts: Sequence[Mapping[str, Floats]], given: Given, root: str
 ) -> GraspPoses:
     """Grasps of all dictionaries, relative to their object. Raises ContactError.
 
@@ -147,18 +139,16 @@ def grasps_in(
     for number, part in enumerate(parts, 1):
         for stage, values in part.items():
             if (found := values.shape[1]) != columns or columns <= POSE:
-                raise ContactError(
-                    f"dictionary {number}: {stage}_qpos must have {POSE} numbers of a pose and "
-                    f"those of the joints, as many in all; got {found}, in the first {columns}"
-                )
+                said = f"dictionary {number}: {stage}_qpos must have {POSE} numbers of a pose and"
+                got = f"got {found}, in the first {columns}"
+                raise ContactError(f"{said} those of the joints, as many in all; {got}")
     if sum(counts) > MOST_GRASPS:
         raise ContactError(f"it has more than {MOST_GRASPS:,} grasps")
     to_object, object_pose = _object_poses(content, counts)
     fields: dict[str, Any] = {}
-    for stage in ALL_STAGES:
+    for stage, start in ALL_STAGES.items():
         if all(stage in part for part in parts):
             values = np.concatenate([part[stage] for part in parts])
-            start = "" if stage == "grasp" else f"{stage}_"
             fields[f"{start}poses"] = to_object @ _matrices(values[:, :POSE])
             fields[f"{start}posture"] = values[:, POSE:]
     joints, wrist = columns - POSE, wrist_of(given.hand)
@@ -166,35 +156,30 @@ def grasps_in(
     elsewhere = ["in its scene_cfg" for rows in content if "scene_cfg" in rows]
     elsewhere += [text for rows in content for text in texts_in(rows, "scene_path")]
     is_known = not elsewhere or any("obj_pose" in rows for rows in content)
+    is_whole = joints == len(given.hand.joint_names)
+    files = {file for rows in content for file in texts_in(rows, "obj_path")}
     held = ("succ_flag",) * any("succ_flag" in rows for rows in content)
     poses = GraspPoses(
         **fields,
         joint_names=names if len(names) == joints else (),
         outcome=outcomes_of(
-            given.outcome, sum(counts), held, lambda key: _of_each(content, key, counts),
-            default=held,
+            given.outcome, sum(counts), held, partial(_of_each, content, counts), default=held
         ),
         names=tuple(str(rows["name"]) for rows in content if rows["name"] and max(counts) == 1),
-        object_file=_only(
-            {text for rows in content for text in texts_in(rows, "obj_path")}, "objects"
-        ),
+        object_file=_only(files, "objects"),
         object_pose=object_pose,
-        gripper_frame=FRAMES["hand"]
-        if joints == len(given.hand.joint_names)
-        else GripperFrame(link=root),
+        gripper_frame=FRAMES["hand"] if is_whole else GripperFrame(link=root),
         settings={} if is_known else {"frame": f"of the scene {elsewhere[-1]}"},
     )  # fmt: skip
     poses = _of_one_scale(poses, content, counts, given.object_scale)
     return matched(poses, given.hand, wrist=wrist.joints)
 
 
-def _of_each(content: Sequence[Rows], key: str, counts: Sequence[int]) -> Floats:
+def _of_each(content: Content, counts: Sequence[int], key: str) -> Floats:
     """Numbers of a key for each grasp, nan where a dictionary has none, shape (k,)."""
-    numbered = zip(content, counts, range(1, len(content) + 1), strict=True)
-    return np.concatenate([
-        np.resize(np.nan if rows.get(key) is None else numbers_in(rows, key, number), count)
-        for rows, count, number in numbered
-    ])  # fmt: skip
+    values = ([np.nan] if rows.get(key) is None else rows[key] for rows in content)
+    of_each = zip(values, counts, strict=True)
+    return np.concatenate([np.resize(numbers_in(one, key), count) for one, count in of_each])
 
 
 def _matrices(values: Floats, where: str = "") -> Floats:
@@ -202,18 +187,14 @@ def _matrices(values: Floats, where: str = "") -> Floats:
     return from_quaternions(values[:, :3], np.roll(values[:, 3:], -1, axis=1), where)
 
 
-def _object_poses(
-    content: Sequence[Rows], counts: Sequence[int]
-) -> tuple[Floats, ObjectPose | None]:
+def _object_poses(content: Content, counts: Sequence[int]) -> tuple[Floats, ObjectPose | None]:
     """What takes poses of each grasp to those of the file, and the pose of the object there.
 
     Where objects have several poses, poses become those relative to the object.
     """
-    unmoved = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-    at = [
-        unmoved if rows.get("obj_pose") is None else flat(numbers_in(rows, "obj_pose", number))[0]
-        for number, rows in enumerate(content, 1)
-    ]
+    unmoved = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+    stated = (unmoved if rows.get("obj_pose") is None else rows["obj_pose"] for rows in content)
+    at = [flat(numbers_in(one, "obj_pose"))[0] for one in stated]
     if other := [len(one) for one in at if len(one) != POSE]:
         raise ContactError(f"obj_pose must have {POSE} numbers; got {other[0]}")
     poses = _matrices(np.stack(at), "obj_pose: ")
@@ -224,20 +205,17 @@ def _object_poses(
 
 
 def _of_one_scale(
-    poses: GraspPoses, content: Sequence[Rows], counts: Sequence[int], wanted: float | None
+    poses: GraspPoses, content: Content, counts: Sequence[int], wanted: float | None
 ) -> GraspPoses:
     """The grasps of the object at one scale, with this. Raises ContactError."""
-    of_each = [_scale(rows, number) for number, rows in enumerate(content, 1)]
-    scales = np.repeat(of_each, counts)
+    scales = np.repeat([_scale(rows) for rows in content], counts)
     known = np.unique(np.round(scales[np.isfinite(scales)], 9))
     if not len(known):
         return poses
     listed = ", ".join(f"{one:g}" for one in known[:8])
     if wanted is None and len(known) > 1:
-        raise ContactError(
-            f"its grasps are of the object at {len(known)} scales, {listed}: choose one of them "
-            "(--object-scale, in Python object_scale=...)"
-        )
+        said = f"its grasps are of the object at {len(known)} scales, {listed}: choose one of them"
+        raise ContactError(f"{said} (--object-scale, in Python object_scale=...)")
     scale = float(known[0]) if wanted is None else wanted
     chosen = np.flatnonzero(np.abs(scales - scale) <= SAME * scale)
     if not len(chosen):
@@ -246,12 +224,12 @@ def _of_one_scale(
     return replace(some, object_scale=scale)
 
 
-def _scale(rows: Rows, number: int) -> float:
+def _scale(rows: Rows) -> float:
     """The scale that a dictionary states; nan: none. Raises ContactError."""
-    key = next((key for key in ("obj_scale", "scale") if rows.get(key) is not None), None)
-    if key is None:
+    stated = [rows[key] for key in ("obj_scale", "scale") if rows.get(key) is not None]
+    if not stated:
         return np.nan
-    values = numbers_in(rows, key, number)
+    values = numbers_in(stated[0], "the scale of the object")
     size = np.abs(values).max()
     if not (0.0 < values.min() <= size < np.inf and np.ptp(values) <= SAME * size):
         raise ContactError(f"the scale of the object must be one number above 0; got {values}")
@@ -265,14 +243,8 @@ def qpos_of(poses: Floats, posture: Floats) -> Floats:
 
 def stages_of(poses: GraspPoses) -> dict[str, Floats]:
     """Rows of a pose and the joints of the stages that are known, in their order."""
-    found = {"pregrasp": None, "grasp": qpos_of(poses.poses, poses.posture)}
-    for stage in STAGES[1:]:
-        posture, moved = getattr(poses, f"{stage}posture"), getattr(poses, f"{stage}poses")
-        if posture.size:
-            found[stage[:-1]] = qpos_of(poses.poses if moved is None else moved, posture)
-    return {stage: values for stage, values in found.items() if values is not None}
-
-
-def write_objects(path: Path, content: Any) -> None:
-    """Write dictionaries, a pickle in an .npy file. Raises OutputError."""
-    write_array(path, np.array(content, dtype=object))
+    moved, found = poses.of_stages("poses"), {}
+    for stage, start in ALL_STAGES.items():
+        if (posture := poses.of_stages("posture").get(f"{start}posture")) is not None:
+            found[stage] = qpos_of(moved.get(f"{start}poses", poses.poses), posture)
+    return found

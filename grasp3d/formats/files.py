@@ -4,17 +4,16 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError, OutputError, SettingError
 from grasp3d.formats import checks, frames
-from grasp3d.formats.contacts import SUFFIXES, read_contacts, write_contacts
 from grasp3d.formats.dictionaries import load_npy
-from grasp3d.formats.format import Format, Given, format_called, format_of, formats, suffixes
-from grasp3d.formats.own import OBJECT
+from grasp3d.formats.format import Format, Given, format_of, formats, suffixes
+from grasp3d.formats.own import OBJECT, SUFFIXES, read_contacts, write_contacts
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import matched, refuse_joints
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
@@ -94,24 +93,12 @@ def read_grasps(
     }  # fmt: skip
     if holds_poses(path):
         return read_poses(path, hand=hand, unit=unit, **of_poses)
-    for name, given in of_poses.items():
-        if given is not None:
-            raise SettingError(
-                f"{path}: contains no poses; {name} applies to poses, not to contacts"
-            )
+    if given := [name for name, value in of_poses.items() if value is not None]:
+        raise SettingError(f"{path}: contains no poses; {given[0]} applies to poses")
     return read_contacts(path, unit=unit)
 
 
-def read_poses(
-    path: str | Path,
-    *,
-    hand: Hand | None = None,
-    unit: Unit | None = None,
-    object_pose: frames.GivenPose | None = None,
-    frame: frames.GivenFrame | None = None,
-    outcome: str | None = None,
-    object_scale: float | None = None,
-) -> GraspPoses:
+def read_poses(path: str | Path, **stated: Any) -> GraspPoses:
     """Read grasp poses, as `read_grasps`, of a file that contains poses.
 
     Example:
@@ -125,17 +112,16 @@ def read_poses(
     path = Path(path)
     if path.suffix.lower() not in suffixes() and not is_folder(path):
         raise ContactError(unsupported(path, suffixes(), "pose"))
-    pose = None if object_pose is None else frames.read_object_pose(object_pose)
-    chosen = None if frame is None else frames.read_frame(frame)
-    given = Given(hand=hand, unit=unit, outcome=outcome, object_scale=object_scale)
+    given = Given(**stated)
+    pose = None if given.object_pose is None else frames.read_object_pose(given.object_pose)
+    frame = None if given.frame is None else frames.read_frame(given.frame)
     with checks.reading(path):
-        poses = _relative(frames.of_tcp(read_file(_read, path, given, chosen)), pose)
-        stated, scale = poses.object_scale, object_scale
-        if scale is not None and stated and not math.isclose(stated, scale, rel_tol=1e-6):
-            raise ContactError(f"it states the object's scale {stated:g}, not {scale:g}: give none")
-        if scale is not None:
-            poses = replace(poses, object_scale=scale)
-        refuse_joints(poses, hand)
+        poses = _relative(frames.of_tcp(read_file(_read, path, given, frame)), pose)
+        own, scale = poses.object_scale, given.object_scale
+        if scale is not None and own and not math.isclose(own, scale, rel_tol=1e-6):
+            raise ContactError(f"it states the object's scale {own:g}, not {scale:g}: give none")
+        poses = replace(poses, object_scale=own if scale is None else scale)
+        refuse_joints(poses, given.hand)
         if isinstance(poses.hand, ArticulatedHand) and poses.posture.size:
             poses = matched(poses, poses.hand)
         return poses
@@ -152,10 +138,9 @@ def _relative(poses: GraspPoses, object_pose: ObjectPose | None) -> GraspPoses:
     if pose is not None:
         return replace(poses.moved(np.asarray(np.linalg.inv(pose.matrix))), object_pose=pose)
     if frame:
-        raise ContactError(
-            f"its poses are in the frame {frame!r}, not in that of the object ('object'): give the "
-            "pose of the object in it (--object-pose, in Python object_pose=...)"
-        )
+        where = f"its poses are in the frame {frame!r}, not in that of the object ('object')"
+        needed = "give the pose of the object in it (--object-pose, in Python object_pose=...)"
+        raise ContactError(f"{where}: {needed}")
     return poses
 
 
@@ -182,37 +167,28 @@ def _holds_poses(path: Path) -> bool:
     if suffix not in SUFFIXES:
         return suffix in suffixes()
     try:
-        return _format_in(path, _content(path)) is not None
+        known, content = _fitting(path)
+        return any(one.sniff(content) for one in known)
     except (OSError, ValueError, ContactError):
         return False
 
 
-def _suffix(path: Path) -> str:
-    return ".npy" if is_folder(path) else path.suffix.lower()
-
-
-def _content(path: Path) -> Any:
-    return _LOADERS.get(_suffix(path), Path)(path)
-
-
-def _format_in(path: Path, content: object) -> Format | None:
-    """The format of content; None: there are no poses in it."""
-    fitting = (one for one in formats().values() if _suffix(path) in one.suffixes)
-    return next((one for one in fitting if one.sniff(content)), None)
+def _fitting(path: Path) -> tuple[list[Format], Any]:
+    """The formats of files of such a name, and the content of this one."""
+    suffix = ".npy" if is_folder(path) else path.suffix.lower()
+    content = _LOADERS.get(suffix, Path)(path)
+    return [one for one in formats().values() if suffix in one.suffixes], content
 
 
 def _read(path: Path, given: Given, frame: GripperFrame | None) -> GraspPoses:
     """Poses as a file has them. Raises ContactError, ValueError, OSError, OutputError."""
-    content = _content(path)
-    form = _format_in(path, content)
+    known, content = _fitting(path)
+    form = next((one for one in known if one.sniff(content)), None)
     if form is None:
-        raise ContactError(_unknown(path, content))
+        raise ContactError(_unknown(known, content))
     in_metres = form.unit == "m"
     if in_metres and given.unit not in {None, "m"}:
-        raise ContactError(
-            f"{form.called} files are in metres, not in {given.unit}: read them without a unit, "
-            "and convert the poses with in_unit"
-        )
+        raise ContactError(f"{form.title} files are in metres, not in {given.unit}: give no unit")
     missing = frames.missing_of_hand(given.hand, form, joints=False)
     if missing and not (form.alone and given.hand is None):
         raise ContactError(missing)
@@ -227,17 +203,15 @@ def _read(path: Path, given: Given, frame: GripperFrame | None) -> GraspPoses:
     return replace(poses, gripper_frame=FRAMES[form.frame], assumes_frame=True)
 
 
-def _unknown(path: Path, content: Any) -> str:
+def _unknown(known: list[Format], content: Any) -> str:
     grasps = content.get("grasps", content) if isinstance(content, dict) else content
     if hasattr(grasps, "__len__") and not len(grasps):
         return "there are no grasps in it"
-    known = [one for one in formats().values() if _suffix(path) in one.suffixes]
-    listed = "; or ".join(f"{one.holds} ({one.called})" for one in known)
+    listed = "; or ".join(f"{one.holds} ({one.title})" for one in known)
     found = f"; got {content.dtype} of shape {content.shape}" if hasattr(content, "dtype") else ""
     return f"contains no poses: expected {listed}{found}"
 
 
-@runtime_checkable
 class Posed(Protocol):
     """Evaluated grasps that have poses."""
 
@@ -307,9 +281,7 @@ def write_grasps(
         write_contacts(path, grasps, metrics)
         return
     poses = grasps if isinstance(grasps, GraspPoses) else grasps.to_poses(metrics)
-    form = format_of(path) if format is None else format_called(format)
-    if form is None:
-        raise OutputError(unsupported(path, suffixes(), "pose"))
+    form = format_of(path, format)
     check_suffix(path, form.suffixes, form.name)
     if not poses.count:
         raise OutputError(f"{path}: there are no poses to write")
@@ -318,11 +290,10 @@ def write_grasps(
         poses = replace(poses, object_pose=frames.read_object_pose(object_pose))
     if poses.object_pose is not None and form.moves:
         poses = poses.moved(poses.object_pose.matrix)
-    given = FRAMES[form.frame] if frame is None else frames.read_frame(frame)
-    poses = replace(poses, gripper_frame=given)
+    poses = replace(poses, gripper_frame=frames.read_frame(form.frame if frame is None else frame))
     try:
         form.write(path, frames.of_tcp(_of_format(poses, form), inverse=True))
-    except OutputError as error:
+    except (ContactError, OutputError) as error:
         text = str(error)
         raise OutputError(text if text.startswith(str(path)) else f"{path}: {text}") from error
 
@@ -331,58 +302,44 @@ def _of_format(poses: GraspPoses, form: Format) -> GraspPoses:
     """Poses as a format has them, in metres with the scale of the object's file.
 
     Raises:
-        OutputError: There is no hand that the format has, values of its joints or outcomes are
-            missing, or the unit of the poses is not known.
+        ContactError: The postures are those of another hand, or the unit is not known.
+        OutputError: There is no hand that the format has, or values of its joints or outcomes are
+            missing.
     """
     is_open = bool(np.isfinite([poses.opening, poses.pregrasp_opening]).any())
     if missing := frames.missing_of_hand(poses.hand, form, joints=is_open):
         raise OutputError(missing)
     if form.outcomes and len(unknown := (poses.outcome != poses.outcome).nonzero()[0]):
-        raise OutputError(
-            f"{form.called} files state whether each grasp held; the outcome of grasp "
-            f"{unknown[0] + 1} is not known"
-        )
+        row = unknown[0] + 1
+        raise OutputError(f"{form.title} files need each outcome; that of grasp {row} is missing")
     if form.unit == "stated":
         return poses
     if isinstance(poses.hand, ArticulatedHand):
-        try:
-            poses = matched(poses, poses.hand)
-        except ContactError as error:
-            raise OutputError(str(error)) from error
-    if poses.unit is None:
-        raise OutputError(
-            f"{form.called} files are in metres, but the unit of the poses is not known: give the "
-            "mesh's unit (--unit, in Python unit=...)"
-        )
-    return replace(poses.in_unit("m"), object_scale=poses.object_scale or METRES[poses.unit])
+        poses = matched(poses, poses.hand)
+    scale = poses.object_scale or METRES[poses.unit or "m"]
+    return replace(poses.in_unit("m"), object_scale=scale)
 
 
-def check_hand(form: Format | None, hand: Hand) -> None:
+def check_hand(form: Format, hand: Hand) -> None:
     """Check that poses of a hand can be written in a format.
 
     Args:
-        form: The format; None: another file.
+        form: The format.
         hand: The hand of the poses.
 
     Raises:
         OutputError: A library that the format needs is not installed.
         SettingError: The hand lacks what the files state.
     """
-    if form is not None and form.needs:
+    if form.needs:
         checks.library(*form.needs)
-    if form is not None and (missing := frames.missing_of_hand(hand, form, joints=True)):
+    if missing := frames.missing_of_hand(hand, form, joints=True):
         raise SettingError(missing)
 
 
-def check_frame(form: Format | None) -> None:
-    """Check that poses in a format may be in the frame of a robot. Raises SettingError.
-
-    Args:
-        form: The format; None: another file.
-    """
-    if form is not None and not form.moves:
+def check_frame(form: Format) -> None:
+    """Check that poses in a format may be in the frame of a robot. Raises SettingError."""
+    if not form.moves:
         able = (name for name, one in formats().items() if one.moves)
-        raise SettingError(
-            f"{form.name} files have poses in the object's frame by definition; with object_pose "
-            f"choose one of {', '.join(sorted(able))}"
-        )
+        why = f"{form.name} files have poses in the object's frame by definition"
+        raise SettingError(f"{why}; with object_pose choose one of {', '.join(sorted(able))}")

@@ -11,9 +11,10 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import TYPE_CHECKING, Any, Literal
 
-from grasp3d.errors import SettingError
+from grasp3d.errors import OutputError, SettingError
 from grasp3d.formats import grasps
 from grasp3d.settings.units import Unit
+from grasp3d.system.names import unsupported
 
 if TYPE_CHECKING:
     from grasp3d.formats.poses import GraspPoses
@@ -31,6 +32,10 @@ class Given:
     """Name of the values that say whether a grasp held; None: those of the format."""
     object_scale: float | None = None
     """Scale of the object whose grasps are read, of files of several."""
+    object_pose: Any = None
+    """Pose of the object in the frame of the poses, see `read_object_pose`; None: not given."""
+    frame: Any = None
+    """Frame of the gripper in which the poses are, see `read_frame`; None: not given."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +47,8 @@ class Format:
     """
 
     name: str
+    title: str
+    """What people call it."""
     suffixes: tuple[str, ...]
     sniff: Callable[[Any], bool]
     """Whether content is in this format: of .json, .yaml and .npy files what they hold, of others
@@ -52,8 +59,6 @@ class Format:
     """Writes poses. Raises OutputError."""
     holds: str
     """What its content looks like, for error messages."""
-    title: str = ""
-    """What people call it; empty: its name."""
     frame: str = "tcp"
     """Frame of the gripper in which it has poses, in `FRAMES`."""
     states_frame: bool = False
@@ -76,11 +81,6 @@ class Format:
     about: str = ""
     """Its section of the page on formats, Markdown."""
 
-    @property
-    def called(self) -> str:
-        """What messages call it."""
-        return self.title or self.name
-
 
 _REGISTERED: dict[str, Format] = {}
 
@@ -100,8 +100,7 @@ def formats() -> Mapping[str, Format]:
     """All formats by name, those first in which files of their suffix are written."""
     for module in iter_modules(grasps.__path__):
         import_module(f"{grasps.__name__}.{module.name}")
-    ordered = sorted(_REGISTERED.values(), key=lambda one: (not one.main, one.name))
-    return {one.name: one for one in ordered}
+    return dict(sorted(_REGISTERED.items(), key=lambda item: (not item[1].main, item[0])))
 
 
 def format_called(name: str) -> Format:
@@ -111,10 +110,19 @@ def format_called(name: str) -> Format:
     return formats()[name]
 
 
-def format_of(path: Path) -> Format | None:
-    """The format in which a file of this name is written; None: of no format."""
-    fitting = (one for one in formats().values() if path.suffix.lower() in one.suffixes)
-    return next(fitting, None)
+def format_of(path: Path, name: str | None = None) -> Format:
+    """The format of a name; None: the main one of files of such a suffix.
+
+    Raises:
+        OutputError: No format has that suffix.
+        SettingError: No format is called so.
+    """
+    if name is not None:
+        return format_called(name)
+    for one in formats().values():
+        if path.suffix.lower() in one.suffixes:
+            return one
+    raise OutputError(unsupported(path, suffixes(), "pose"))
 
 
 def suffixes() -> tuple[str, ...]:

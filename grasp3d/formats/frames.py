@@ -1,6 +1,6 @@
 """Frames of files of poses: the gripper's and the object's, quaternions, what a hand must have."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -40,24 +40,17 @@ def missing_of_hand(hand: Hand | str | None, form: Format, *, joints: bool) -> s
         form: The format.
         joints: Whether values of joints are to be written.
     """
+    name = hand if isinstance(hand, str) or hand is None else hand.name
     if joints and form.joints and isinstance(hand, ParallelGripper) and not hand.joint_names:
-        return (
-            f"{form.called} files have joint values, but gripper {hand.name!r} has no joint_names: "
-            "give it joint_names, joint_scale and joint_closed, or choose another format"
-        )
+        said = f"{form.title} files have joint values, but gripper {name!r} has no joint_names"
+        return f"{said}: give it joint_names, joint_scale and joint_closed, or take another format"
     if not form.hands or any(isinstance(hand, KINDS[kind]) for kind in form.hands):
         return ""
-    if "gripper" in form.hands:
-        return (
-            f"{form.called} files have the pose of the hand's base, not of the fingertips, and so "
-            "need the lengths of the gripper: give it (--hand, in Python hand=...)"
-        )
-    name = hand if isinstance(hand, str) or hand is None else hand.name
-    wrong = "" if name is None else f" {name!r} is none:"
-    return (
-        f"{form.called} files have postures of a hand with joints;{wrong} give its description "
-        "(--hand, in Python hand=...)"
-    )
+    needed = "the pose of the hand's base, so they need the lengths of the gripper: give it"
+    if "gripper" not in form.hands:
+        wrong = "" if name is None else f" {name!r} is none:"
+        needed = f"postures of a hand with joints;{wrong} give its description"
+    return f"{form.title} files have {needed} (--hand, in Python hand=...)"
 
 
 def of_tcp(poses: GraspPoses, *, inverse: bool = False) -> GraspPoses:
@@ -128,41 +121,36 @@ def joint_values(hand: ParallelGripper, openings: Floats) -> Floats:
     return np.asarray(closed + scale * openings[:, None])
 
 
-def openings_of_joints(
-    hand: ParallelGripper, rows: Sequence[Mapping[str, Any]], what: str
-) -> Floats:
+def openings_of_joints(hand: ParallelGripper, stated: Sequence[Any], what: str) -> Floats:
     """Openings [m] from joint values of each grasp by name, the mean over the joints, (k,).
 
     Args:
         hand: The gripper.
-        rows: Values by name of each grasp; without any its opening is nan.
+        stated: Of each grasp an object of names and values; without any its opening is nan.
         what: What they are, for messages.
 
     Raises:
         ContactError: They are no numbers, or those of another gripper.
     """
-    names = list(dict.fromkeys(name for row in rows for name in row))
+    rows = [checks.mapping(one, f"grasp {k}: {what}") for k, one in enumerate(stated, 1)]
     values = {
         str(name): checks.numbers([row.get(name) for row in rows], (), f"{what} {name}")
-        for name in names
+        for name in dict.fromkeys(name for row in rows for name in row)
     }
     known = zip(hand.joint_names, hand.joint_closed, hand.joint_scale, strict=True)
     each = [(values[name] - closed) / scale
             for name, closed, scale in known if scale and name in values]  # fmt: skip
     if values and hand.joint_names and not each:
-        stated = ", ".join(name[:40] for name in [*values][:4])
-        raise ContactError(
-            f"its joints ({stated}) are not those of gripper {hand.name!r} "
-            f"({', '.join(hand.joint_names)}): give the gripper that the file was written for"
-        )
+        said = f"its joints ({', '.join(name[:40] for name in [*values][:4])}) are not those of"
+        own = f"gripper {hand.name!r} ({', '.join(hand.joint_names)})"
+        raise ContactError(f"{said} {own}: give the gripper that the file was written for")
     if not each:
         return np.full(len(rows), np.nan)
-    openings = np.nansum(each, axis=0) / np.isfinite(each).sum(axis=0)  # nan: of no joint
+    counts, openings = (~np.isnan(each)).sum(axis=0), np.full(len(rows), np.nan)
+    np.divide(np.nansum(each, axis=0), counts, out=openings, where=counts > 0)
     if len(bad := np.flatnonzero(openings < -0.1 * hand.max_opening)):
-        raise ContactError(
-            f"grasp {bad[0] + 1}: its joint values mean an opening of {openings[bad[0]]:.4g} m: "
-            f"are they those of gripper {hand.name!r}?"
-        )
+        said = f"its joint values mean an opening of {openings[bad[0]]:.4g} m"
+        raise ContactError(f"grasp {bad[0] + 1}: {said}: are they those of gripper {hand.name!r}?")
     return np.asarray(np.maximum(openings, 0.0))  # below 0 where fingers are pressed together
 
 

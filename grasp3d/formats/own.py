@@ -1,7 +1,9 @@
-"""What the project's own formats, JSON, CSV and Parquet, state of all grasps and of each."""
+"""The project's own formats, JSON, CSV and Parquet: contacts, and what they state of poses."""
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, get_args
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +19,14 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_of
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.robot_files import FORMAT as ARTICULATED
-from grasp3d.settings.units import Unit
-from grasp3d.system.documents import described
+from grasp3d.mesh.object_mesh import scale_of
+from grasp3d.settings import MAX_FINGERS
+from grasp3d.settings.units import METRES, Unit
+from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.system.documents import described, load_json
+from grasp3d.system.files import check_suffix
+from grasp3d.system.limited_reading import read_file
+from grasp3d.system.names import unsupported
 from grasp3d.system.versions import package_version
 
 OBJECT = (None, "", "object")
@@ -38,7 +46,8 @@ OF_ALL = ("unit", "object_pose", "frame", "gripper_frame")
 def header_of(poses: GraspPoses) -> dict[str, Any]:
     """Version, unit, frames, direction of the normals, gripper, object, settings."""
     hand, at = poses.hand, poses.object_pose
-    stated = {
+    return {
+        **poses.settings,
         "version": package_version(),
         "content": CONTENT,
         "unit": poses.unit or "unknown",
@@ -50,7 +59,6 @@ def header_of(poses: GraspPoses) -> dict[str, Any]:
         "object_scale": poses.object_scale,
         "object_pose": at and str(at),
     }
-    return {**poses.settings, **stated}
 
 
 STATED = frozenset({
@@ -89,12 +97,9 @@ def stated_unit(stated: object, default: Unit | None) -> Unit | None:
     """
     if stated in (None, "", "unknown"):
         return default
-    units: dict[object, Unit] = {unit: unit for unit in get_args(Unit)}
-    unit = units.get(stated) if isinstance(stated, str) else None
+    unit = next((unit for unit in METRES if unit == stated), None)
     if unit is None:
-        raise ContactError(
-            f"the unit must be one of {', '.join(units.values())}; got {described(stated)}"
-        )
+        raise ContactError(f"the unit must be one of {', '.join(METRES)}; got {described(stated)}")
     if default not in {None, unit}:
         raise ContactError(f"it states the unit {unit}, not {default}: read it without a unit")
     return unit
@@ -145,12 +150,8 @@ def table_of(poses: GraspPoses, **stated: npt.NDArray[Any]) -> dict[str, npt.NDA
         placed[f"{stage}posture"] = getattr(poses, f"{stage}posture")
         if (moved := getattr(poses, f"{stage}poses")) is not None:
             placed[f"{stage}pose"] = moved
-    numbers = {
-        "opening": poses.opening,
-        "pregrasp_opening": poses.pregrasp_opening,
-        "score": poses.scores,
-        "outcome": poses.outcome,
-    }
+    numbers = {"opening": poses.opening, "pregrasp_opening": poses.pregrasp_opening,
+               "score": poses.scores, "outcome": poses.outcome}  # fmt: skip
     further = {name: one for name, one in poses.columns.items() if name not in VECTOR_COLUMNS}
     vectors = {name: poses.columns[name] for name in VECTOR_COLUMNS if name in poses.columns}
     if "normals" in vectors:
@@ -166,7 +167,7 @@ def poses_of(
     *,
     further: Iterable[str],
     pose: Callable[[str], Floats | None],
-    posture: Callable[[str], tuple[tuple[str, ...], Floats] | None],
+    posture: Callable[[str, tuple[str, ...]], tuple[tuple[str, ...], Floats] | None],
 ) -> GraspPoses:
     """Poses of the columns of a file of any kind, and of what states the same of all grasps.
 
@@ -177,7 +178,8 @@ def poses_of(
         further: Names of the columns that have no meaning of their own.
         pose: The poses whose name has such a start, of `STAGES`, shape (k, 4, 4); None:
             there are none.
-        posture: The same of postures, shape (k, p), with the names of their joints.
+        posture: The same of postures, shape (k, p), with the names of their joints, which are
+            known from the second one on.
 
     Raises:
         ContactError: Values are missing or wrong.
@@ -186,21 +188,15 @@ def poses_of(
     for start in STAGES:
         if (placed := pose(start)) is not None:
             fields[f"{start}poses"] = placed
-        if (found := posture(start)) is not None:
-            own, values = found
-            names = fields.setdefault("joint_names", own)
-            if {*own} != {*names}:
-                raise ContactError(f"{start}posture must have the joints of the posture")
-            fields[f"{start}posture"] = values[:, [own.index(name) for name in names]]
-    known = {"opening": "opening", "pregrasp_opening": "pregrasp_opening", "scores": "score"}
-    for field, name in known.items():
-        if name in table:
-            fields[field] = numbers_of(table[name], name)
+        if (found := posture(start, fields.get("joint_names", ()))) is not None:
+            fields["joint_names"], fields[f"{start}posture"] = found
+    for name in filter(table.__contains__, ("opening", "pregrasp_opening", "score")):
+        fields[name.replace("score", "scores")] = checks.numbers(table[name], (), name)
+    fields["columns"] = {name: table[name] for name in further}
     named = enumerate(table.get("name", ()), 1)
     return GraspPoses(
         outcome=outcomes_of(given.outcome, len(fields["poses"]), table, table.__getitem__),
         names=tuple(f"grasp_{k}" if name is None else str(name) for k, name in named),
-        columns={name: _column(table[name], name) for name in further},
         **fields,
         **_fields_of(dict(header) | stated_in(table), given),
     )
@@ -220,26 +216,96 @@ def stacked(table: Mapping[str, Values], names: Sequence[str], words: str = "") 
     if missing := [name for name in names if name not in table]:
         found = " ".join([*table][:12]) + " ..." * (len(table) > 12)
         raise ContactError(f"column {missing[0]} is missing{words}; found {found}")
-    return np.stack([numbers_of(table[name], name) for name in names], axis=1)
+    return np.stack([checks.numbers(table[name], (), name) for name in names], axis=1)
 
 
-def numbers_of(values: Values, name: str) -> Floats:
-    """Numbers of a column, shape (k,). Raises ContactError."""
-    if isinstance(values, np.ndarray) and values.dtype.kind in "fiub":
-        return values.astype(np.float64)
-    return checks.numbers(list(values), (), name)
+SUFFIXES = (".csv", ".parquet", ".json")
+
+_COORDINATE = re.compile(r"[xyz][1-9]\d*")
 
 
-def _column(values: Values, name: str) -> npt.NDArray[Any]:
-    """Text if there is any text, otherwise numbers. Raises ContactError."""
-    if isinstance(values, np.ndarray) and values.dtype.kind in "fiub":
-        return values
-    if all(isinstance(value, int | float | None) for value in values):
-        return numbers_of(values, name)
-    if wrong := [value for value in values if isinstance(value, list | dict)]:
-        raise ContactError(
-            f"{name} must be numbers or text in all grasps; got {described(wrong[0])}"
-        )
-    column = np.array(["" if value is None else str(value) for value in values])
-    column.flags.writeable = False  # so that poses need no copy of it
-    return column
+def read_contacts(path: str | Path, *, unit: Unit | None = None) -> Floats:
+    """Read the contacts of grasps, see `read_grasps`; also from files that `write_grasps` wrote.
+
+    CSV and Parquet have columns x1 y1 z1 x2 y2 z2 ..., a row for each grasp; other columns are
+    ignored. JSON is a list of grasps, each a list of contacts [x, y, z].
+
+    Args:
+        path: File to read; .csv, .parquet or .json.
+        unit: Unit of the coordinates, if the file states none.
+
+    Returns:
+        Contacts in the order of the file, shape (b, n, 3) with n from 2 to 32; b at least 1. In
+        metres, or as in the file where no unit is known.
+
+    Raises:
+        ContactError: The file is missing, or contains no such contacts.
+    """
+    contacts, stated = contacts_in(Path(path))
+    with checks.reading(Path(path)):
+        return np.asarray(contacts * scale_of(stated_unit(stated, unit)))
+
+
+def contacts_in(path: Path) -> tuple[Floats, Unit | None]:
+    """The contacts in a file as it has them, and the unit that it states; see `read_contacts`."""
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise ContactError(unsupported(path, SUFFIXES, "contacts"))
+    with checks.reading(path):
+        points, stated = read_file(_from_json if suffix == ".json" else _from_table, path)
+        if (frame := stated.get("frame")) not in OBJECT:
+            raise ContactError(f"its contacts are in the frame {str(frame)!r}; known: 'object'")
+        if not len(points):
+            raise ContactError("there are no grasps in it, only column names")
+        if not 2 <= points.shape[1] <= MAX_FINGERS:
+            raise ContactError(f"a grasp has 2 to {MAX_FINGERS} contacts; got {points.shape[1]}")
+        if len(bad := np.argwhere(~np.isfinite(points))):
+            raise ContactError(f"grasp {bad[0, 0] + 1}: contact {bad[0, 1] + 1} is not finite")
+        return points, stated_unit(stated.get("unit"), None)
+
+
+def _from_table(path: Path) -> tuple[Floats, Mapping[str, Any]]:
+    """Contacts of a table, and what it states. Raises ContactError, ValueError, OSError."""
+    from grasp3d.system.tables import read_columns
+
+    table = read_columns(path)
+    numbers = [int(name[1:]) for name in table if _COORDINATE.fullmatch(name)]
+    count = min(max(numbers, default=2), MAX_FINGERS + 1)
+    required = [f"{axis}{number}" for number in range(1, count + 1) for axis in "xyz"]
+    points = stacked(table, required, " of x1 y1 z1 x2 y2 z2 ...").reshape(-1, count, 3)
+    stated: dict[str, Any] = {name: table[name] for name in ("unit", "frame") if name in table}
+    return points, stated_in(stated) if len(points) else {}
+
+
+def _from_json(path: Path) -> tuple[Floats, Mapping[str, Any]]:
+    """Contacts of a JSON file, and what it states. Raises ContactError, ValueError, OSError."""
+    content = load_json(path)
+    stated = content if isinstance(content, dict) else {}
+    listed = stated.get("grasps") if stated else content
+    rows = checks.grasp_list(listed, "its grasps, each a list of contacts [x, y, z],")
+
+    def plain(value: Any, key: str) -> Any:  # of a file that write_grasps wrote
+        return value.get(key, value) if isinstance(value, dict) else value
+
+    rows = [plain(row, "contacts") for row in rows]
+    grasps = [[plain(c, "point") for c in row] if isinstance(row, list) else row for row in rows]
+    count = len(grasps[0]) if isinstance(grasps[0], list) else 0
+    points = checks.numbers(grasps, (count, 3), "its contacts, as many as of grasp 1,")
+    header = stated.get("grasp3d")
+    return points, header if isinstance(header, dict) else stated
+
+
+def write_contacts(path: Path, grasps: GraspTable, metrics: Mapping[str, Floats] | None) -> None:
+    """Write grasps with contacts; see `write_grasps`. Raises OutputError."""
+    check_suffix(path, SUFFIXES, "table")
+    settings = grasps.settings()
+    if path.suffix.lower() != ".json":
+        from grasp3d.system.tables import write_columns
+
+        write_columns(path, grasps.table_columns(metrics), settings=settings)
+        return
+    columns = {name: checks.json_values(one) for name, one in grasps.columns(metrics).items()}
+    contacts = {field.name: values for field, values in grasps.contact_values()}
+    columns["contacts"] = checks.nested(contacts)
+    header = {name: checks.json_values(np.array(one)) for name, one in settings.items()}
+    checks.write_rows(path, header, columns)

@@ -18,13 +18,10 @@ from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings.units import METRES, Unit
 from grasp3d.surface.fields import AREA, HAND_GRASPS, LENGTH, given_poses
+from grasp3d.system.documents import described
 
 _POWERS = {LENGTH: 1, AREA: 2}
-POWERS = {
-    field.name: _POWERS[field.unit]
-    for field in (*given_poses(), *HAND_GRASPS)
-    if field.unit in _POWERS
-} | {"contacts": 1}
+POWERS = {field.name: _POWERS.get(field.unit, 0) for field in (*given_poses(), *HAND_GRASPS)}
 """Powers of a length by the name of a column, which is converted with the unit."""
 
 GAP = "gap_"
@@ -32,9 +29,8 @@ GAP = "gap_"
 
 OWN_NAMES = frozenset({
     "name", "pose", "opening", "pregrasp_opening", "posture", "score", "outcome", "success",
-    "pregrasp_posture", "squeeze_posture", "pregrasp_pose", "squeeze_pose", "joint_names",
-    "unit", "object_pose", "frame", "gripper_frame", "grasp",
-    "px", "py", "pz", "qx", "qy", "qz", "qw",
+    "pregrasp_posture", "squeeze_posture", "pregrasp_pose", "squeeze_pose", "joint_names", "unit",
+    "object_pose", "frame", "gripper_frame", "grasp", "px", "py", "pz", "qx", "qy", "qz", "qw",
 })  # fmt: skip
 """Names that files use for the fields themselves, and that no further column may have."""
 
@@ -50,11 +46,15 @@ VECTOR_COLUMNS = ("contacts", "normals")
 
 
 def _power(column: str) -> int:
-    return POWERS.get(column, int(column.startswith(GAP)))
+    return POWERS.get(column, int(column.startswith(GAP) or column == "contacts"))
 
 
 def _unknown() -> Floats:
     return np.array(np.nan)
+
+
+def _none() -> Floats:
+    return np.zeros((0, 0))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -80,14 +80,14 @@ class GraspPoses:
     """Distance of the contacts at the grasp [unit], shape (k,); nan: not known."""
     pregrasp_opening: Floats = field(default_factory=_unknown)
     """Opening with which the gripper approaches [unit], shape (k,); nan: not known."""
-    posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    posture: Floats = field(default_factory=_none)
     """Values of the hand's further joints [rad or m], shape (k, p); p is 0 for a parallel
     gripper."""
     joint_names: tuple[str, ...] = ()
     """Names of these joints; empty: not stated, they are in the order of the hand's."""
-    pregrasp_posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    pregrasp_posture: Floats = field(default_factory=_none)
     """Posture with which the hand approaches, shape (k, p), nan: not known; p is 0: of no pose."""
-    squeeze_posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    squeeze_posture: Floats = field(default_factory=_none)
     """Posture that is commanded to press, the same."""
     pregrasp_poses: Floats | None = None
     """Poses with which the hand approaches, as `poses`; None: those."""
@@ -125,7 +125,7 @@ class GraspPoses:
     def __post_init__(self) -> None:
         poses = checked_poses(self.poses)
         count, scale = len(poses), self.object_scale
-        if self.unit is not None and self.unit not in METRES:
+        if self.unit not in (None, *METRES):
             units = ", ".join(METRES)
             raise ContactError(f"the unit of poses must be one of {units}; got {self.unit!r}")
         if scale is not None and not (np.isfinite(scale) and scale > 0.0):
@@ -135,9 +135,7 @@ class GraspPoses:
             "names": _names(self.names, count),
             **self._checked_joints(count),
             **{name: _numbers(name, getattr(self, name), count) for name in NUMBERS},
-            "columns": {
-                name: _column(name, column, count) for name, column in self.columns.items()
-            },
+            "columns": {name: _column(name, one, count) for name, one in self.columns.items()},
             "settings": dict(self.settings),
         }
         for name in ("opening", "pregrasp_opening"):
@@ -186,10 +184,8 @@ class GraspPoses:
 
     def _metres_per_unit(self) -> float:
         if self.unit is None:
-            raise ContactError(
-                "the unit of the poses is not known: give it (--unit, in Python unit=..., in a "
-                "table of poses a column unit)"
-            )
+            where = "--unit, in Python unit=..., in a table of poses a column unit"
+            raise ContactError(f"the unit of the poses is not known: give it ({where})")
         return METRES[self.unit]
 
     def scaled(self, factor: float, unit: Unit | None) -> Self:
@@ -199,24 +195,16 @@ class GraspPoses:
             factor: Such as 1 / `object_scale`, from metres to the numbers of the mesh file.
             unit: Unit of the result; None: not known.
         """
-
-        def longer(poses: Floats) -> Floats:
-            poses = poses.copy()
-            poses[:, :3, 3] *= factor
-            return poses
-
-        columns = {
-            name: values * factor ** _power(name) if _power(name) else values
-            for name, values in self.columns.items()
-        }
+        lengths = np.ones((4, 4))
+        lengths[:3, 3] = factor
         return replace(
-            self,
-            **self._posed(longer),
+            self.changed(lambda poses: poses * lengths),
             opening=self.opening * factor,
             pregrasp_opening=self.pregrasp_opening * factor,
-            columns=columns,
+            columns={name: one * factor ** _power(name) if _power(name) else one
+                     for name, one in self.columns.items()},
             unit=unit,
-        )
+        )  # fmt: skip
 
     def changed(self, change: Callable[[Floats], Floats]) -> Self:
         """The same with other poses, also before and after the grasp.
@@ -224,11 +212,16 @@ class GraspPoses:
         Args:
             change: From poses to others, shape (k, 4, 4) each.
         """
-        return replace(self, **self._posed(change))
+        changed: dict[str, Any] = {
+            name: change(poses) for name, poses in self.of_stages("poses").items()
+        }
+        return replace(self, **changed)
 
-    def _posed(self, change: Callable[[Floats], Floats]) -> dict[str, Any]:
-        given = {f"{stage}poses": getattr(self, f"{stage}poses") for stage in STAGES}
-        return {name: change(poses) for name, poses in given.items() if poses is not None}
+    def of_stages(self, name: str) -> dict[str, Any]:
+        """The fields 'poses' or 'posture' that are known, also before and after the grasp."""
+        fields = (f"{stage}{name}" for stage in STAGES)
+        values = {field: getattr(self, field) for field in fields}
+        return {field: one for field, one in values.items() if one is not None and one.size}
 
     def moved(self, transform: Floats) -> Self:
         """The same poses and contacts in another frame.
@@ -242,18 +235,12 @@ class GraspPoses:
         """
         transform = transform.copy()
         transform[:3, 3] /= self._metres_per_unit()
-        turned = {
-            name: self.columns[name] @ transform[:3, :3].T
-            for name in VECTOR_COLUMNS
-            if name in self.columns
-        }
+        vectors = [name for name in VECTOR_COLUMNS if name in self.columns]
+        turned = {name: self.columns[name] @ transform[:3, :3].T for name in vectors}
         if "contacts" in turned:
             turned["contacts"] += transform[:3, 3]
-        return replace(
-            self,
-            **self._posed(lambda poses: transform @ poses),
-            columns={**self.columns, **turned},
-        )
+        moved = self.changed(lambda poses: transform @ poses)
+        return replace(moved, columns={**self.columns, **turned})
 
     def poses_in(self, object_pose: ObjectPose | str | ArrayLike) -> Floats:
         """The poses in the frame of a robot, shape (k, 4, 4), translations in metres.
@@ -272,11 +259,11 @@ class GraspPoses:
         index = np.asarray(indices)
         # An empty list has no type of its own.
         rows = np.arange(self.count)[index if index.size else index.astype(np.int64)]
-        postures = (f"{stage}posture" for stage in STAGES)
+        staged = {**self.of_stages("poses"), **self.of_stages("posture")}
         return replace(
             self,
-            **self._posed(lambda poses: poses[rows]),
-            **{name: getattr(self, name)[rows] for name in (*postures, *NUMBERS)},
+            **{name: one[rows] for name, one in staged.items()},
+            **{name: getattr(self, name)[rows] for name in NUMBERS},
             names=tuple(self.names[k] for k in rows),
             columns={name: values[rows] for name, values in self.columns.items()},
         )
@@ -298,9 +285,8 @@ class GraspPoses:
             if not posture.size and posture.shape[:1] != (count,):
                 posture = np.zeros((count, 0))
             if posture.ndim != 2 or len(posture) != count:
-                raise ContactError(
-                    f"the {name} must be numbers of shape ({count}, joints); got {posture.shape}"
-                )
+                shape = f"({count}, joints); got {posture.shape}"
+                raise ContactError(f"the {name} must be numbers of shape {shape}")
             _refuse(np.isinf(posture) if stage else ~np.isfinite(posture), posture,
                     f"its {name} must be finite")  # fmt: skip
             values[name] = locked(posture)
@@ -326,9 +312,7 @@ def _refuse(bad: npt.NDArray[np.bool_], values: Floats, what: str) -> None:
 
 def _unprintable(texts: Iterable[object]) -> list[int]:
     """Numbers of those that are no texts, or such as cannot be printed."""
-    return [
-        k for k, one in enumerate(texts, 1) if not isinstance(one, str) or not one.isprintable()
-    ]
+    return [k for k, t in enumerate(texts, 1) if not isinstance(t, str) or not t.isprintable()]
 
 
 def _names(names: Iterable[str], count: int) -> tuple[str, ...]:
@@ -337,10 +321,8 @@ def _names(names: Iterable[str], count: int) -> tuple[str, ...]:
     if len(names) != count:
         raise ContactError(f"{count} poses need {count} names; got {len(names)}")
     if wrong := _unprintable(names):
-        raise ContactError(
-            f"grasp {wrong[0]}: a name must be text that can be printed; got "
-            f"{names[wrong[0] - 1]!a:.40}"
-        )
+        name = f"{names[wrong[0] - 1]!a:.40}"
+        raise ContactError(f"grasp {wrong[0]}: a name must be text that can be printed; got {name}")
     return names
 
 
@@ -349,9 +331,8 @@ def _numbers(name: str, values: ArrayLike, count: int) -> Floats:
     try:
         return locked(np.broadcast_to(np.asarray(values, dtype=np.float64), (count,)))
     except (TypeError, ValueError, OverflowError) as error:
-        raise ContactError(
-            f"{name} must be numbers of shape ({count},); got shape {np.shape(values)}"
-        ) from error
+        shape = f"({count},); got shape {np.shape(values)}"
+        raise ContactError(f"{name} must be numbers of shape {shape}") from error
 
 
 def _column(name: str, values: ArrayLike, count: int) -> npt.NDArray[Any]:
@@ -360,15 +341,19 @@ def _column(name: str, values: ArrayLike, count: int) -> npt.NDArray[Any]:
         raise ContactError(f"no column of poses can be called {name!r}: files use this name")
     array = np.asarray(values)
     if array.dtype.kind == "O":
-        array = np.array(["" if value is None else str(value) for value in array.ravel().tolist()])
+        items = array.ravel().tolist()
+        if wrong := [one for one in items if isinstance(one, list | dict)]:
+            raise ContactError(f"{name} must be numbers or text; got {described(wrong[0])}")
+        if all(isinstance(one, int | float | None) for one in items):
+            array = np.array(items, dtype=np.float64)
+        else:
+            array = np.array(["" if one is None else str(one) for one in items])
     vectors = name in VECTOR_COLUMNS
     shape = (count, *array.shape[1:2], 3) if vectors else (count,)
     kind, size = ("numbers", ", contacts, 3") if vectors else ("numbers or text", ",")
     if array.shape != shape or array.dtype.kind not in ("fiub" if vectors else "fiubU"):
-        raise ContactError(
-            f"column {name!r} of poses must be {kind} of shape ({count}{size}); got "
-            f"{array.dtype} of {array.shape}"
-        )
+        found = f"({count}{size}); got {array.dtype} of {array.shape}"
+        raise ContactError(f"column {name!r} of poses must be {kind} of shape {found}")
     if array.dtype.kind == "U" and _unprintable(array):
         raise ContactError(f"column {name!r} of poses has text that cannot be printed")
     return locked(array)

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
-from grasp3d.formats.poses import STAGES, GraspPoses
+from grasp3d.formats.poses import GraspPoses
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
@@ -92,10 +91,8 @@ def matched(poses: GraspPoses, hand: ArticulatedHand, *, wrist: Sequence[str] = 
         meant = f"tables have them in columns called joint:{hand.joint_names[0]}"
         if plain:
             meant = f"rename the column '{plain[0]}' to 'joint:{plain[0]}'"
-        raise _refused(
-            f"{hand.name} is a hand with joints, but the poses have no values of them: {meant}, "
-            "and so on"
-        )
+        said = f"{hand.name} is a hand with joints, but the poses have no values of them"
+        raise _refused(f"{said}: {meant}, and so on")
     if names == hand.joint_names:
         return poses if poses.hand is hand else replace(poses, hand=hand)
     settings = dict(poses.settings)
@@ -103,23 +100,17 @@ def matched(poses: GraspPoses, hand: ArticulatedHand, *, wrist: Sequence[str] = 
         found = _named(names, hand, wrist)
         _check_followers(poses, found, hand)
     else:
-        joints = [*hand.joint_names]
+        own = hand.joint_names
+        joints = own if count == len(own) else [name for name in own if name not in wrist]
         if count != len(joints):
-            joints = [name for name in joints if name not in wrist]
-        if count != len(joints):
-            raise _refused(
-                f"the postures have {count} values without names, but {hand.name} has "
-                f"{len(hand.joint_names)} joints: {_listed(hand.joint_names)}"
-            )
+            said = f"the postures have {count} values without names"
+            raise _refused(f"{said}, but {hand.name} has {len(own)} joints: {_listed(own)}")
         found = {name: (k, 1.0) for k, name in enumerate(joints)}
         settings[ORDER] = f"not stated: that of {hand.name} is assumed"
     columns = [found.get(name, (-1, 0.0)) for name in hand.joint_names]
     at, signs = (np.array(values) for values in zip(*columns, strict=True))
-
-    def of_hand(posture: Floats) -> Floats:
-        return posture[:, at] * signs if posture.size else posture
-
-    postures: dict[str, Any] = {name: of_hand(getattr(poses, name)) for name in POSTURES}
+    staged = poses.of_stages("posture")
+    postures: dict[str, Any] = {name: one[:, at] * signs for name, one in staged.items()}
     known = hand.joint_names if names else ()
     return replace(poses, hand=hand, joint_names=known, settings=settings, **postures)
 
@@ -145,9 +136,6 @@ def as_in_model(poses: GraspPoses, hand: ArticulatedHand) -> tuple[tuple[str, ..
         poses=poses.poses @ palms, posture=poses.posture[:, columns] * signs, unit=poses.unit
     )
 
-
-POSTURES = tuple(f"{stage}posture" for stage in STAGES)
-"""Fields of poses that are values of joints."""
 
 Columns = Mapping[str, tuple[int, float]]
 """Column of each joint of a hand that is there, and the sign of its axis."""
@@ -182,19 +170,14 @@ def _check_followers(poses: GraspPoses, found: Columns, hand: ArticulatedHand) -
             continue
         source, factor, offset = hand.tree.source_of(joint)
         (own, _), (at, sign) = found[joint.name], found.get(source, (-1, 0.0))
-        for name in POSTURES:
-            posture = getattr(poses, name)
-            if not posture.size:
-                continue
+        for name, posture in poses.of_stages("posture").items():
             follows = factor * sign * posture[:, at] + offset
-            wrong = np.flatnonzero(np.abs(posture[:, own] - follows) > LOOSE)
-            if len(wrong):
-                first = wrong[0]
+            if len(wrong := np.flatnonzero(np.abs(posture[:, own] - follows) > LOOSE)):
+                value, says = posture[wrong[0], own], follows[wrong[0]]
                 raise _refused(
-                    f"grasp {first + 1}: joint {joint.name} of its {name} is at "
-                    f"{posture[first, own]:.4g}, but it follows {source}, which says "
-                    f"{follows[first]:.4g}; so in {len(wrong)} of {poses.count} grasps: give "
-                    f"the hand that they are of, or leave {joint.name} out"
+                    f"grasp {wrong[0] + 1}: joint {joint.name} of its {name} is at {value:.4g}, "
+                    f"but it follows {source}, which says {says:.4g}; so in {len(wrong)} of "
+                    f"{poses.count} grasps: give their hand, or leave {joint.name} out"
                 )
 
 
@@ -203,10 +186,8 @@ def refuse_joints(poses: GraspPoses, hand: Hand | None) -> None:
     joints = poses.posture.shape[1]
     if joints and isinstance(hand, ParallelGripper):
         named = f" ({_listed(poses.joint_names)})" if poses.joint_names else ""
-        raise _refused(
-            f"the poses have values of {joints} joints{named}, but {hand.name} is a gripper "
-            "of two jaws, which has none: give the hand that they are of"
-        )
+        said = f"the poses have values of {joints} joints{named}, but {hand.name} is a gripper"
+        raise _refused(f"{said} of two jaws, which has none: give the hand that they are of")
 
 
 def _short(names: Sequence[str]) -> tuple[str, ...]:

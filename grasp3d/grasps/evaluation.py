@@ -11,8 +11,8 @@ from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.formats import holds_poses, read_poses
-from grasp3d.formats.contacts import contacts_in
 from grasp3d.formats.frames import UnknownUnitError
+from grasp3d.formats.own import contacts_in
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.jaw_grasps import JawGrasps

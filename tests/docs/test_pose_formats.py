@@ -19,7 +19,6 @@ from grasp3d import GraspModel, Load, ParallelGripper, best_grasps, label_surfac
 from grasp3d.formats import write_grasps
 from grasp3d.formats.format import formats
 from grasp3d.formats.poses import STAGES, GraspPoses
-from grasp3d.formats.postures import POSTURES
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.hand.closing import Closing
@@ -91,7 +90,7 @@ def paths(content: dict[str, Any], head: str = "") -> Iterator[str]:
 def test_every_format_is_listed() -> None:
     for name, form in formats().items():
         assert f"| `{name}` | `{form.frame}`" in PAGE
-        assert f"\n## {form.called}\n" in PAGE
+        assert f"\n## {form.title}\n" in PAGE
 
 
 def test_json(tmp_path: Path) -> None:
@@ -184,7 +183,7 @@ def test_formats_of_hands(tmp_path: Path, form: str, title: str) -> None:
         joint_names=hand.joint_names,
         unit="m",
         hand=hand,
-        **{name: np.zeros((1, 16)) for name in POSTURES},  # type: ignore[arg-type]
+        **{f"{stage}posture": np.zeros((1, 16)) for stage in STAGES},  # type: ignore[arg-type]
     )
     write_grasps(tmp_path / "out.npy", poses, format=form)
     (content,) = stored_objects(tmp_path / "out.npy") or []

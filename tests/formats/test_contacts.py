@@ -13,7 +13,7 @@ import pytest
 from grasp3d import GraspModel, load_mesh
 from grasp3d.errors import ContactError
 from grasp3d.formats import write_grasps
-from grasp3d.formats.contacts import SUFFIXES, read_contacts
+from grasp3d.formats.own import SUFFIXES, read_contacts
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.surface.grasp_table import GraspTable
 from tests.helpers import shapes

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -61,13 +62,12 @@ def test_poses_return_from_every_format(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_content_is_in_one_format_only(tmp_path: Path, name: str) -> None:
-    from grasp3d.formats.files import _content
+    from grasp3d.formats.files import _fitting
 
     form = formats()[name]
     path = tmp_path / f"a{form.suffixes[0]}"
     write_grasps(path, poses_for(form), format=name)
-    content = _content(path)
-    same = [one for one in formats().values() if path.suffix in one.suffixes]
+    same, content = _fitting(path)
     assert [one.name for one in same if one.sniff(content)] == [name]
 
 
@@ -130,6 +130,19 @@ def in_millimetres(poses: np.ndarray) -> np.ndarray:
     poses = poses.copy()
     poses[:, :3, 3] *= 1000.0
     return poses
+
+
+@pytest.mark.parametrize("suffix", [".json", ".csv", ".parquet"])
+def test_further_columns_keep_whole_numbers_and_truth_values(tmp_path: Path, suffix: str) -> None:
+    columns: dict[str, Any] = {"rank": np.arange(4), "collides": np.arange(4) % 2 == 0}
+    grasp3d.write_grasps(
+        tmp_path / f"a{suffix}", replace(poses_for(formats()["json"]), columns=columns)
+    )
+    found = read_poses(tmp_path / f"a{suffix}").columns
+    assert {name: found[name].tolist() for name in columns} == {
+        name: one.tolist() for name, one in columns.items()
+    }
+    assert [found[name].dtype.kind for name in columns] == ["i", "b"]
 
 
 @pytest.mark.parametrize("names", ["x,y,z", "px,py,pz", " x, y, z", "px, py, pz"])

@@ -15,7 +15,7 @@ from grasp3d import load_mesh, read_hand
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.formats import holds_poses, read_poses, write_grasps
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.formats.postures import POSTURES, matched, wrist_of
+from grasp3d.formats.postures import matched, wrist_of
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.parallel_gripper import preset
@@ -74,7 +74,10 @@ def test_the_order_of_joints_in_a_file_does_not_matter(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"posture": {"index": 1.0}}, "grasp 2: posture must have the joints of grasp 1; 'thumb'"),
+        (
+            {"posture": {"index": 1.0}},
+            "grasp 2: posture must have the same joints in all, index thumb; 'thumb'",
+        ),
         ({"posture": {"index": 1.0, "thumb": "x"}}, "2: posture thumb must be a number; got 'x'"),
         ({"posture": {"index": 1.0, "thumb": None}}, "grasp 2: value 2 of its posture must be fin"),
         ({"posture": [1.0, 2.0]}, "grasp 2: posture must be an object of keys and values"),
@@ -269,7 +272,7 @@ def test_joints_that_follow_others_must_not_contradict_them(prefix: str, stage: 
 
     names = (*hand.joint_names, *(joint.name for joint in followers))
     last = np.arange(len(names)) == len(names) - 1
-    stages = {name: values(getattr(poses, name)) for name in POSTURES}
+    stages = {name: values(one) for name, one in poses.of_stages("posture").items()}
     full = replace(poses, joint_names=tuple(prefix + name for name in names), **stages)
     same_grasps(matched(full, hand), poses)
     stages[stage] = stages[stage] + 0.01 * last
@@ -447,6 +450,7 @@ def test_the_scale_of_the_object_may_be_given_where_a_file_states_none(tmp_path:
         ({"grasp_qpos": np.zeros(23)}, "quaternion"),
         ({"squeeze_qpos": np.zeros(22)}, "squeeze_qpos must have .*; got 22, in the first 23"),
         ({"grasp_qpos": "none"}, "grasp_qpos must be numbers; got"),
+        ({"grasp_qpos": None}, "grasp_qpos must be numbers; got nothing"),
         ({"grasp_qpos": np.array(["1", "wide"])}, "numbers; got a list of 2 with 'wide'"),
         ({"grasp_qpos": np.array([])}, "grasp_qpos must be numbers; there are none"),
         (

@@ -214,7 +214,7 @@ def test_a_stated_outcome_replaces_those_of_the_format(tmp_path: Path) -> None:
 def test_outcomes_are_for_poses(tmp_path: Path) -> None:
     path = tmp_path / "contacts.csv"
     path.write_text("x1,y1,z1,x2,y2,z2\n0,0,0,1,0,0\n")
-    with pytest.raises(SettingError, match="outcome applies to poses, not to contacts"):
+    with pytest.raises(SettingError, match="contains no poses; outcome applies to poses"):
         read_grasps(path, outcome="success")
 
 

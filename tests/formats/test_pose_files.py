@@ -18,7 +18,7 @@ from grasp3d import Label, load_mesh
 from grasp3d.errors import ContactError, FileUnreadError, GraspError, OutputError, SettingError
 from grasp3d.formats import holds_poses, read_poses, write_grasps
 from grasp3d.formats.checks import numbers
-from grasp3d.formats.contacts import read_contacts
+from grasp3d.formats.own import read_contacts
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.hand.parallel_gripper import ParallelGripper, preset
@@ -562,10 +562,10 @@ def no_joints() -> ParallelGripper:
         ("one.csv", "isaac_grasp", {}, r"unsupported isaac_grasp format \.csv: .* \.yaml \.yml"),
         ("one.yaml", None, {"hand": None}, "need the lengths of the gripper: give it"),
         ("one.h5", None, {"hand": "franka"}, "need the lengths of the gripper: give it"),
-        ("one.npy", None, {"unit": None}, "in metres, but the unit of the poses is not known"),
+        ("one.npy", None, {"unit": None}, "the unit of the poses is not known: give it"),
         ("one.yaml", None, {"hand": no_joints()}, "'two_fingers' has no joint_names"),
         ("one.yaml", None, {"scores": 353.0}, "must be from 0 to 1; grasp 1 has 353"),
-        ("one.json", "graspgen", {}, "outcome of grasp 1 is not known"),
+        ("one.json", "graspgen", {}, "each outcome; that of grasp 1 is missing"),
         ("one.json", "moveit", {"scores": math.inf}, "scores .* must be finite"),
         ("one.json", None, {"settings": {"a": object()}}, "its settings are no JSON"),
         ("folder/one.json", None, {}, "cannot be written"),
@@ -687,7 +687,7 @@ def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
 def test_poses_of_the_base_need_the_gripper(name: Any, tmp_path: Path) -> None:
     path = tmp_path / f"poses.{SUFFIX[name]}"
     write_grasps(path, one_pose(outcome=1.0), format=name)
-    with pytest.raises(ContactError, match=r"not of the fingertips, .*: give it \(--hand"):
+    with pytest.raises(ContactError, match=r"the pose of the hand's base, .*: give it \(--hand"):
         read_poses(path)
 
 
@@ -701,9 +701,9 @@ def dataset(shape: tuple[int, ...], **options: Any) -> Any:
     [
         (
             dataset((10**9, 4, 4), chunks=(1, 4, 4)),
-            r"must have the shape \(k, 4, 4\), k at most 1000000; got \(1000000000, 4, 4\)",
+            r"must be \(k, 4, 4\), k at most 1000000; got \(1000000000, 4, 4\)",
         ),
-        (lambda file: file.create_group("grasps/transforms"), r"must have the shape .*got \(\)"),
+        (lambda file: file.create_group("grasps/transforms"), r"must be \(k, 4, 4\), .*got \(\)"),
         (
             lambda file: file.__setitem__("grasps/transforms", h5py.SoftLink("/grasps/transforms")),
             "is damaged, or no such HDF5 file",
@@ -742,7 +742,7 @@ def test_a_damaged_file_that_hdf5_reads_for_ever_is_refused(
     ("changes", "message"),
     [
         ({"grasps/transforms": None}, "the data set grasps/transforms is missing"),
-        ({"grasps/transforms": np.zeros((3, 16))}, r"must have the shape .* got \(3, 16\)"),
+        ({"grasps/transforms": np.zeros((3, 16))}, r"must be \(k, 4, 4\), .* got \(3, 16\)"),
         ({"grasps/transforms": np.zeros((0, 4, 4))}, "there are no grasps"),
         ({"grasps/transforms": np.full((3, 4, 4), np.nan)}, "pose 1 has numbers that are not fin"),
         ({"grasps/transforms": np.full((3, 4, 4), b"a")}, "must be numbers of shape"),

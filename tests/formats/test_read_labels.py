@@ -306,8 +306,8 @@ def bad_values() -> dict[str, tuple[dict[str, Array | None], str]]:
             {"reason": np.full(count, 3, np.uint8)},
             r"reason of vertex \d+ does not match",
         ),
-        "missing": ({"epsilon": None}, "it has no epsilon"),
-        "mesh": ({"setting_surface": np.array("{}")}, "its mesh is damaged"),
+        "missing": ({"epsilon": None}, "there is no 'epsilon'"),
+        "mesh": ({"setting_surface": np.array("{}")}, "there is no 'center'"),
         "angle": (
             {"critical_angle": changed("critical_angle", 0, -1.0)},
             "has values that it cannot have",
@@ -317,6 +317,7 @@ def bad_values() -> dict[str, tuple[dict[str, Array | None], str]]:
             "its partner_faces",
         ),
         "shape": ({"epsilon": np.zeros(count - 1)}, "the shape"),
+        "text": ({"vertices": np.full((count, 3), "x")}, "its vertices is <U1 of the shape"),
         "object": ({"epsilon": np.full(count, None)}, "its arrays cannot be read"),
     }
 

@@ -39,9 +39,7 @@ MOST = 1_000_000
 TRANSFORMS = "grasps/transforms"
 OUTCOME = "grasps/qualities/flex/object_in_gripper"
 
-OBJECT = {
-    "com": (3,), "density": (), "friction": (), "inertia": (3, 3), "mass": (), "volume": (),
-}  # fmt: skip
+OBJECT = {"com": (3,), "density": (), "friction": (), "inertia": (3, 3), "mass": (), "volume": ()}
 """Shape of what `object/` has beside file and scale."""
 
 
@@ -60,8 +58,7 @@ def write(path: Path, poses: GraspPoses) -> None:
         values[OUTCOME] = poses.outcome.astype(np.int64) if known.all() else poses.outcome
     for name in OBJECT:
         stated = poses.settings.get(name)
-        # An interval of friction is a text.
-        if stated is not None and not isinstance(stated, str):
+        if not isinstance(stated, str | None):  # an interval of friction is a text
             values[f"object/{name}"] = np.asarray(stated, dtype=np.float64)
     with atomic_write(path) as part, h5py.File(part, "w") as file:
         file.attrs["grasp3d"] = package_version()
@@ -72,9 +69,8 @@ def write(path: Path, poses: GraspPoses) -> None:
 def read(path: Path, given: Given) -> GraspPoses:
     """Poses in the order of the file. Raises ContactError, OSError."""
     h5py = library("h5py", "h5py")
-    with path.open("rb") as stream:
-        if stream.read(8) != b"\x89HDF\r\n\x1a\n":
-            raise ContactError("is no HDF5 file")
+    if not h5py.is_hdf5(path):
+        raise ContactError("is no HDF5 file")
     try:
         with h5py.File(path, "r") as file:
             return _read(file, given)
@@ -87,45 +83,37 @@ def _read(file: Any, given: Given) -> GraspPoses:
         raise ContactError(f"the data set {TRANSFORMS} is missing")
     shape: tuple[int, ...] = getattr(file[TRANSFORMS], "shape", ())
     if len(shape) != 3 or shape[1:] != (4, 4) or shape[0] > MOST:
-        raise ContactError(
-            f"{TRANSFORMS} must have the shape (k, 4, 4), k at most {MOST}; got {shape}"
-        )
+        raise ContactError(f"{TRANSFORMS} must be (k, 4, 4), k at most {MOST}; got {shape}")
     if not (count := shape[0]):
         raise ContactError("there are no grasps in it")
-    stated = {name: _values(file, f"object/{name}", shape) for name, shape in OBJECT.items()}
+    of_object = {name: _values(file, f"object/{name}", size) for name, size in OBJECT.items()}
     frame = FRAMES["acronym"]
     if given.hand is None:
         ahead = _values(file, "gripper/base_to_tcp", ())
         ahead = BASE_TO_TCP if ahead is None else float(ahead)
         frame = replace(frame, origin="tcp", ahead=ahead, name="")
     scale = _values(file, "object/scale", ())
+    names = _of_each(file, count) if given.outcome else [OUTCOME] * (OUTCOME in file)
+
+    def of_each(name: str) -> Any:
+        return _values(file, name, (count,), "fiubO")
+
     return GraspPoses(
         poses=_values(file, TRANSFORMS, shape),
-        outcome=outcomes_of(
-            given.outcome,
-            count,
-            _of_each(file, count) if given.outcome else [OUTCOME] * (OUTCOME in file),
-            lambda name: _values(file, name, (count,), "fiubO"),
-            default=(OUTCOME,),
-        ),
+        outcome=outcomes_of(given.outcome, count, names, of_each, default=(OUTCOME,)),
         hand=_text(file, "gripper/type") or GRIPPER,
         object_file=_text(file, "object/file"),
         object_scale=None if scale is None else float(scale),
-        settings={name: one.tolist() for name, one in stated.items() if one is not None},
+        settings={name: one.tolist() for name, one in of_object.items() if one is not None},
         gripper_frame=frame,
     )
 
 
 def _of_each(file: Any, count: int) -> list[str]:
     """Paths of the data sets below grasps/ that have one value of each grasp."""
-    found: list[str] = []
-
-    def visit(name: str, node: Any) -> None:
-        if getattr(node, "shape", None) == (count,):
-            found.append(f"grasps/{name}")
-
-    file["grasps"].visititems(visit)
-    return found
+    found: dict[str, Any] = {}
+    file["grasps"].visititems(found.__setitem__)
+    return [f"grasps/{k}" for k, one in found.items() if getattr(one, "shape", 0) == (count,)]
 
 
 def _values(file: Any, name: str, shape: tuple[int, ...], kinds: str = "fiub") -> Any:
@@ -137,10 +125,9 @@ def _values(file: Any, name: str, shape: tuple[int, ...], kinds: str = "fiub") -
         raise ContactError(f"{name} must be a data set of shape {shape}; got {data!r:.80}")
     if data.dtype.kind not in kinds:
         wanted = "text" if kinds == "O" else "numbers"
-        raise ContactError(f"{name} must be {wanted}; got {data.dtype}")
-    return (
-        data.asstr(errors="replace")[()] if data.dtype.kind == "O" else np.asarray(data[()] * 1.0)
-    )
+        raise ContactError(f"{name} must be {wanted} of shape {shape}; got {data.dtype}")
+    is_text = data.dtype.kind == "O"
+    return data.asstr(errors="replace")[()] if is_text else np.asarray(data[()] * 1.0)
 
 
 def _text(file: Any, name: str) -> str | None:

@@ -99,7 +99,7 @@ def read(path: Path, given: Given) -> GraspPoses:
             raise ContactError("there are no grasps in it, only column names")
         return from_quaternions(values[:, :3], values[:, 3:])
 
-    def posture(stage: str) -> tuple[tuple[str, ...], Floats] | None:
+    def posture(stage: str, _: object) -> tuple[tuple[str, ...], Floats] | None:
         names = [f"{stage}{JOINT}{joint}" for joint in joints]
         if not any(name in columns for name in names):
             return None

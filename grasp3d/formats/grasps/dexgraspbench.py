@@ -20,7 +20,7 @@ import numpy as np
 
 from grasp3d.errors import ContactError
 from grasp3d.formats import dictionaries
-from grasp3d.formats.checks import required
+from grasp3d.formats.checks import has, required, write_array
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import wrist_of
@@ -33,12 +33,13 @@ def read(content: Any, given: Given) -> GraspPoses:
         where = f"dictionary {number}: "
         required(rows, "grasp_qpos", where)
         part = {
-            stage: dictionaries.flat(dictionaries.numbers_in(rows, f"{stage}_qpos", number))
+            stage: dictionaries.flat(dictionaries.numbers_in(rows.get(key), f"{where}{key}"))
             for stage in dictionaries.ALL_STAGES
-            if stage == "grasp" or rows.get(f"{stage}_qpos") is not None
+            if rows.get(key := f"{stage}_qpos") is not None or stage == "grasp"
         }
         if len({len(values) for values in part.values()}) > 1:
-            raise ContactError(f"{where}{' and '.join(part)}_qpos must have as many rows")
+            stages = ", ".join(f"{stage}_qpos" for stage in part)
+            raise ContactError(f"{where}{stages} must have as many rows")
         parts.append(part)
     return dictionaries.grasps_in(content, parts, given, wrist_of(given.hand).before)
 
@@ -52,11 +53,11 @@ def write(path: Path, poses: GraspPoses) -> None:
     }
     about = {"obj_pose": dictionaries.qpos_of(at[None], np.zeros((1, 0)))[0],
              "obj_scale": poses.object_scale, "obj_path": poses.object_file or ""}  # fmt: skip
-    dictionaries.write_objects(path, {**stages, **about})
+    write_array(path, np.array({**stages, **about}, dtype=object))
 
 
 register(Format(
     name="dexgraspbench", title="DexGraspBench", suffixes=(".npy",), frame="hand",
-    states_frame=True, hands=("articulated",), moves=True, sniff=dictionaries.have("grasp_qpos"),
+    states_frame=True, hands=("articulated",), moves=True, sniff=has("0.grasp_qpos"),
     read=read, write=write, holds="dictionaries with the key grasp_qpos", about=__doc__ or "",
 ))  # fmt: skip

@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from grasp3d.errors import ContactError
 from grasp3d.formats import dictionaries
-from grasp3d.formats.checks import mapping, numbers
+from grasp3d.formats.checks import has, joints_of, mapping, write_array
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import as_in_model, wrist_of
@@ -31,21 +30,11 @@ ROOT = ("WRJTx", "WRJTy", "WRJTz", "WRJRx", "WRJRy", "WRJRz")
 
 def read(content: Any, given: Given) -> GraspPoses:
     """Poses of the root of DexGraspNet's model, in the order of the file. Raises ContactError."""
-    rows = [mapping(one.get("qpos"), f"grasp {k}: qpos") for k, one in enumerate(content, 1)]
-    names = [name for name in rows[0] if name not in ROOT]
-    wanted = [*ROOT, *names]
-    for number, row in enumerate(rows, 1):
-        if other := row.keys() ^ {*wanted}:
-            raise ContactError(
-                f"grasp {number}: qpos must have {' '.join(ROOT)} and the joints of grasp 1; "
-                f"{min(map(str, other))!r} is in one of them only"
-            )
-    values = numbers([[row[name] for name in wanted] for row in rows], (len(wanted),), "qpos")
+    stated = [one.get("qpos") for one in content]
+    names = [name for name in mapping(stated[0], "grasp 1: qpos") if name not in ROOT]
+    _, values = joints_of(stated, "qpos", (*ROOT, *map(str, names)))
     turned = Rotation.from_euler("xyz", values[:, 3:6]).as_quat(scalar_first=True)
-    posed = np.hstack([values[:, :3], turned, values[:, 6:]])
-    parts = [
-        {"grasp": row[None]} for row in posed.reshape(len(rows), dictionaries.POSE + len(names))
-    ]
+    parts = [{"grasp": row[None]} for row in np.hstack([values[:, :3], turned, values[:, 6:]])]
     content = [{"joint_names": list(map(str, names)), **one} for one in content]
     return dictionaries.grasps_in(content, parts, given, wrist_of(given.hand).beyond)
 
@@ -58,11 +47,11 @@ def write(path: Path, poses: GraspPoses) -> None:
     values = np.hstack([moved.poses[:, :3, 3], angles, moved.posture]).tolist()
     keys, scale = (*ROOT, *names), poses.object_scale
     rows = [{"qpos": dict(zip(keys, row, strict=True)), "scale": scale} for row in values]
-    dictionaries.write_objects(path, rows)
+    write_array(path, np.array(rows, dtype=object))
 
 
 register(Format(
     name="dexgraspnet", title="DexGraspNet", suffixes=(".npy",), frame="hand", states_frame=True,
-    hands=("articulated",), sniff=dictionaries.have("qpos"), read=read, write=write,
+    hands=("articulated",), sniff=has("0.qpos"), read=read, write=write,
     holds="dictionaries with the key qpos", about=__doc__ or "",
 ))  # fmt: skip

@@ -28,9 +28,6 @@ from grasp3d.hand.frames import FRAMES
 LENGTH = 17
 """Numbers of a row: score, width, height, depth, rotation (9), translation (3), object."""
 
-MOST = 10_000_000
-"""Most rows that are read."""
-
 DEPTH = FRAMES["graspnetapi"].ahead
 """From the frame's origin to the ends of the fingers, in written files [m]."""
 
@@ -46,9 +43,8 @@ BEST_SCORE = 1.1
 
 def sniff(content: Any) -> bool:
     """Whether it is an array of such rows."""
-    return isinstance(content, np.ndarray) and content.shape[1:] == (LENGTH,) and (
-        0 < len(content) <= MOST and content.dtype.kind in "fiu"
-    )  # fmt: skip
+    is_array = isinstance(content, np.ndarray) and content.dtype.kind in "fiu"
+    return is_array and content.shape[1:] == (LENGTH,) and len(content) > 0
 
 
 def write(path: Path, poses: GraspPoses) -> None:
@@ -57,7 +53,7 @@ def write(path: Path, poses: GraspPoses) -> None:
     rows[:, 0] = _scores(poses)
     has_pregrasp = np.isfinite(poses.pregrasp_opening)
     rows[:, 1] = np.where(has_pregrasp, poses.pregrasp_opening, poses.opening)
-    rows[:, 2], rows[:, 3] = HEIGHT, DEPTH
+    rows[:, 2:4] = HEIGHT, DEPTH
     rows[:, 4:13] = poses.poses[:, :3, :3].reshape(-1, 9)
     rows[:, 13:16] = poses.poses[:, :3, 3]
     rows[:, 16] = poses.columns.get("object_id", NO_OBJECT)

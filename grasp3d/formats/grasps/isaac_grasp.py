@@ -46,14 +46,11 @@ def write(path: Path, poses: GraspPoses) -> None:
     if twice := [name for name, count in Counter(poses.names).items() if count > 1]:
         raise OutputError(f"two grasps are called {twice[0]!r}: give each a name of its own")
     if len(outside := np.flatnonzero((poses.scores < 0.0) | (poses.scores > 1.0))):
-        raise OutputError(
-            f"the confidence in {NAME} files must be from 0 to 1; grasp {outside[0] + 1} has "
-            f"{poses.scores[outside[0]]:g}"
-        )
+        one = f"grasp {outside[0] + 1} has {poses.scores[outside[0]]:g}"
+        raise OutputError(f"the confidence in {NAME} files must be from 0 to 1; {one}")
     hand: Any = poses.hand
-    if isinstance(hand, ArticulatedHand):
-        values = [poses.posture, poses.pregrasp_posture]
-    else:
+    values = [poses.posture, poses.pregrasp_posture]
+    if not isinstance(hand, ArticulatedHand):
         values = [frames.joint_values(hand, one) for one in (poses.opening, poses.pregrasp_opening)]
 
     def by_name(values: Floats, k: int) -> dict[str, float]:
@@ -72,14 +69,9 @@ def write(path: Path, poses: GraspPoses) -> None:
         for k, name in enumerate(poses.names)
     }
     links = zip(LINKS, ("object", hand.name), strict=True)
-    document = {
-        "format": NAME,
-        "format_version": VERSION,
-        **{key: str(poses.settings.get(key, name)) for key, name in links},
-        "object_scale": poses.object_scale,
-        "grasps": grasps,
-    }
-    checks.write_yaml(path, document)
+    about = {key: str(poses.settings.get(key, name)) for key, name in links}
+    head = {"format": NAME, "format_version": VERSION, **about, "object_scale": poses.object_scale}
+    checks.write_yaml(path, {**head, "grasps": grasps})
 
 
 def read(content: Any, given: Given) -> GraspPoses:
@@ -93,10 +85,13 @@ def read(content: Any, given: Given) -> GraspPoses:
     grasps = checks.mapping(checks.required(document, "grasps"), "grasps")
     entries = checks.entries_of(list(grasps.values()), "grasps")
     stated = {key: document.get(key, document.get(key.removesuffix("_link"))) for key in LINKS}
-    is_articulated = isinstance(given.hand, ArticulatedHand)
+    fields = _postures(entries) if isinstance(given.hand, ArticulatedHand) else {
+        field: frames.openings_of_joints(given.hand, [one.get(key) or {} for one in entries], key)
+        for field, key in (("opening", AT), ("pregrasp_opening", BEFORE))
+    }  # fmt: skip
     return GraspPoses(
         poses=_poses(entries),
-        **(_postures(entries) if is_articulated else _openings(entries, given)),
+        **fields,
         scores=checks.optional_numbers(entries, "confidence"),
         outcome=checks.outcomes_of_entries(given.outcome, entries),
         names=tuple(map(str, grasps)),
@@ -108,43 +103,26 @@ def read(content: Any, given: Given) -> GraspPoses:
 
 def _poses(entries: checks.Entries) -> Floats:
     """Poses that have a position, and an orientation of w and xyz, shape (k, 4, 4)."""
-    for number, entry in enumerate(entries, 1):
-        if isinstance(entry.get("orientation"), list):
-            raise ContactError(
-                f"grasp {number}: orientation must be w and xyz: a list of numbers does not state "
-                "whether w is the first or the last"
-            )
+    if any(isinstance(entry.get("orientation"), list) for entry in entries):
+        raise ContactError("orientation must be w and xyz: a list does not state where w is")
     position = checks.numbers(checks.each(entries, "position"), (3,), "position")
     w = checks.numbers(checks.each(entries, "orientation", "w"), (), "orientation.w")
     xyz = checks.numbers(checks.each(entries, "orientation", "xyz"), (3,), "orientation.xyz")
     return frames.from_quaternions(position, np.column_stack([xyz, w]))
 
 
-def _openings(entries: checks.Entries, given: Given) -> dict[str, Any]:
-    fields = {}
-    for field, key in (("opening", AT), ("pregrasp_opening", BEFORE)):
-        where = ((f"grasp {number}: {key}", entry) for number, entry in enumerate(entries, 1))
-        rows = [checks.mapping(entry.get(key) or {}, what) for what, entry in where]
-        fields[field] = frames.openings_of_joints(given.hand, rows, key)
-    return fields
-
-
 def _postures(entries: checks.Entries) -> dict[str, Any]:
     """Postures by name; of before the grasp where all grasps state one."""
     names, posture = checks.joints_of(checks.each(entries, AT), AT)
     fields: dict[str, Any] = {"posture": posture, "joint_names": names}
-    stated = [k for k, entry in enumerate(entries) if entry.get(BEFORE)]
-    if stated:
-        own, values = checks.joints_of([entries[k][BEFORE] for k in stated], BEFORE)
-        if {*own} != {*names}:
-            raise ContactError(f"{BEFORE} must have the joints of {AT}")
-        fields["pregrasp_posture"] = np.full(posture.shape, np.nan)
-        fields["pregrasp_posture"][stated] = values[:, [own.index(name) for name in names]]
+    if any(entry.get(BEFORE) for entry in entries):
+        stated = [entry.get(BEFORE) or dict.fromkeys(names) for entry in entries]
+        _, fields["pregrasp_posture"] = checks.joints_of(stated, BEFORE, names)
     return fields
 
 
 register(Format(
-    name=NAME, suffixes=(".yaml", ".yml"), frame="hand", hands=("gripper", "articulated"),
-    joints=True, needs=("yaml", "PyYAML"), sniff=checks.has("format"), read=read, write=write,
+    name=NAME, title=NAME, suffixes=(".yaml", ".yml"), frame="hand",
+    hands=("gripper", "articulated"), joints=True, needs=("yaml", "PyYAML"), sniff=checks.has("format"), read=read, write=write,
     holds="the key format with isaac_grasp", about=__doc__ or "",
 ))  # fmt: skip

@@ -39,17 +39,14 @@ from grasp3d.formats.poses import OWN_NAMES, STAGES, VECTOR_COLUMNS, GraspPoses
 def write(path: Path, poses: GraspPoses) -> None:
     """Write what applies to all grasps, then one line for each grasp."""
     names, table = own.joint_names(poses), own.table_of(poses)
-    vectors = {name: table.pop(name) for name in VECTOR_COLUMNS if name in table}
+    keys = {"contacts": "point", "normals": "normal"}
+    vectors = {key: table.pop(name) for name, key in keys.items() if name in table}
     columns = {name: checks.json_values(values) for name, values in table.items()}
     for name in {f"{stage}posture" for stage in STAGES} & columns.keys():
         columns[name] = [dict(zip(names, row, strict=True)) for row in columns[name]]
     if vectors:
-        keys = [name.removesuffix("s").replace("contact", "point") for name in vectors]
-        columns["contacts"] = [
-            [dict(zip(keys, one, strict=True)) for one in zip(*grasp, strict=True)]
-            for grasp in zip(*map(checks.json_values, vectors.values()), strict=True)
-        ]
-    checks.write_rows(path, own.header_of(poses), columns, poses.count)
+        columns["contacts"] = checks.nested(vectors)
+    checks.write_rows(path, own.header_of(poses), columns)
 
 
 def read(content: Any, given: Given) -> GraspPoses:
@@ -64,9 +61,9 @@ def read(content: Any, given: Given) -> GraspPoses:
             return None
         return checks.numbers(checks.each(entries, key), (4, 4), key)
 
-    def posture(start: str) -> tuple[tuple[str, ...], Floats] | None:
+    def posture(start: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], Floats] | None:
         key = f"{start}posture"
-        return checks.joints_of(checks.each(entries, key), key) if key in keys else None
+        return checks.joints_of(checks.each(entries, key), key, names) if key in keys else None
 
     return own.poses_of(
         {key: [entry.get(key) for entry in entries] for key in keys},

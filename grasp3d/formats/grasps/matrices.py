@@ -13,14 +13,11 @@ from grasp3d.formats.checks import write_array
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.poses import GraspPoses
 
-MOST = 1_000_000
-"""Most grasps of a file that are read."""
-
 
 def sniff(content: Any) -> bool:
     """Whether it is an array of such matrices."""
-    shape: tuple[int, ...] = content.shape if isinstance(content, np.ndarray) else ()
-    return shape[-2:] == (4, 4) and (len(shape) == 2 or (len(shape) == 3 and shape[0] <= MOST))
+    shape: tuple[int, ...] = getattr(content, "shape", ())
+    return len(shape) in {2, 3} and shape[-2:] == (4, 4)
 
 
 def read(content: Any, given: Given) -> GraspPoses:

@@ -32,9 +32,6 @@ from grasp3d.formats.poses import GraspPoses
 DESIRED, LEAST = 0.10, 0.02
 """Desired and smallest length of approach and retreat [m]."""
 
-NO_FORCE_LIMIT = 0.0
-"""`max_contact_force` where the gripper states no greatest force: MoveIt then applies none."""
-
 TIME = {"sec": 0, "nanosec": 0}
 
 
@@ -63,36 +60,27 @@ def write(path: Path, poses: GraspPoses) -> None:
         names = list(hand.joint_names)
         return [{"header": header, "joint_names": names if p else [], "points": p} for p in points]
 
-    def translation(direction: Floats) -> dict[str, Any]:
+    def along(direction: Floats) -> dict[str, Any]:
         """moveit_msgs/GripperTranslation."""
-        return {
-            "direction": {"header": header, "vector": letters(direction)},
-            "desired_distance": DESIRED,
-            "min_distance": LEAST,
-        }
+        stated = {"header": header, "vector": letters(direction)}
+        return {"direction": stated, "desired_distance": DESIRED, "min_distance": LEAST}
 
     before, closed = postures(poses.pregrasp_opening), postures(poses.opening)
-    messages: list[dict[str, Any]] = [
-        {
+    messages: list[dict[str, Any]] = []
+    for k, pose in enumerate(poses.poses):
+        at = {"position": letters(pose[:3, 3]), "orientation": letters(turned[k], "xyzw")}
+        messages.append({
             "id": poses.names[k],
             "pre_grasp_posture": before[k],
             "grasp_posture": closed[k],
-            "grasp_pose": {
-                "header": header,
-                "pose": {
-                    "position": letters(poses.poses[k, :3, 3]),
-                    "orientation": letters(turned[k], "xyzw"),
-                },
-            },
+            "grasp_pose": {"header": header, "pose": at},
             "grasp_quality": float(np.nan_to_num(poses.scores[k])),
-            "pre_grasp_approach": translation(approaches[k]),
-            "post_grasp_retreat": translation(-approaches[k]),
-            "post_place_retreat": translation(-approaches[k]),
-            "max_contact_force": NO_FORCE_LIMIT if hand.max_force is None else hand.max_force,
+            "pre_grasp_approach": along(approaches[k]),
+            "post_grasp_retreat": along(-approaches[k]),
+            "post_place_retreat": along(-approaches[k]),
+            "max_contact_force": hand.max_force or 0.0,  # 0: MoveIt applies no limit
             "allowed_touch_objects": [],
-        }
-        for k in range(poses.count)
-    ]
+        })  # fmt: skip
     checks.write_text(path, ["[\n", ",\n".join(map(json.dumps, messages)), "\n]\n"])
 
 

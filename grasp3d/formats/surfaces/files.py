@@ -4,21 +4,13 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import Any, get_args
 
 import numpy as np
 
 from grasp3d.arrays import Floats, locked
-from grasp3d.errors import MeshError, OutputError
-from grasp3d.formats.surfaces.layouts import (
-    read_npz,
-    read_ply,
-    write_fields,
-    write_glb,
-    write_npz,
-    write_ply,
-    write_vtp,
-)  # fmt: skip
+from grasp3d.errors import MeshError
+from grasp3d.formats.surfaces import layouts
 from grasp3d.formats.surfaces.stored import (
     DAMAGE,
     FIELDS,
@@ -27,12 +19,12 @@ from grasp3d.formats.surfaces.stored import (
     check_stored,
     damaged,
     settings_from,
-)
+)  # fmt: skip
 from grasp3d.hand.reach import Reach
 from grasp3d.mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.normals import CornerNormals
 from grasp3d.mesh.object_mesh import scale_of
-from grasp3d.mesh.reading.sources import Source, find_source
+from grasp3d.mesh.reading.sources import find_source
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.force_ranges import Certainty
@@ -45,17 +37,15 @@ from grasp3d.surface.load_result import LoadResult
 from grasp3d.surface.vertex_fields import unpacked_bits
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.documents import parse_json
+from grasp3d.system.files import check_suffix
 from grasp3d.system.limited_reading import read_file
-from grasp3d.system.names import printable, unsupported
+from grasp3d.system.names import printable
 
 WRITERS: dict[str, Callable[[Path, SurfaceLabels], None]] = {
-    ".ply": write_ply,
-    ".glb": write_glb,
-    ".npz": write_npz,
-    ".vtp": write_vtp,
-    ".parquet": write_fields,
-}
-READERS: dict[str, Callable[[Source], Stored | None]] = {".ply": read_ply, ".npz": read_npz}
+    ".ply": layouts.write_ply, ".glb": layouts.write_glb, ".npz": layouts.write_npz,
+    ".vtp": layouts.write_vtp, ".parquet": layouts.write_fields,
+}  # fmt: skip
+READERS = {".ply": layouts.read_ply, ".npz": layouts.read_npz}
 """By suffix."""
 
 
@@ -65,10 +55,8 @@ def writer_for(path: Path) -> Callable[[Path, SurfaceLabels], None]:
     Raises:
         OutputError: No writer has that suffix.
     """
-    writer = WRITERS.get(path.suffix.lower())
-    if writer is None:
-        raise OutputError(unsupported(path, WRITERS))
-    return writer
+    check_suffix(path, WRITERS, "")
+    return WRITERS[path.suffix.lower()]
 
 
 def read_labels(path: str | Path, *, unit: Unit | None = None) -> SurfaceLabels:
@@ -177,13 +165,11 @@ def _reach(values: Arrays, settings: FileSettings) -> Reach | None:
     )
 
 
-def _load_result(
-    values: Arrays, settings: FileSettings, mesh: ObjectMesh, bounds: str
-) -> LoadResult:
+def _load_result(values: Arrays, settings: FileSettings, mesh: ObjectMesh, how: Any) -> LoadResult:
     """Forces and payloads under the load. Raises one of `DAMAGE`."""
-    load, scene, how = settings.load, settings.scene, cast("Certainty", bounds)
+    load, scene = settings.load, settings.scene
     if load is None or how not in get_args(Certainty):
-        raise ValueError(f"its force_bounds are {bounds[:20]!r}")
+        raise ValueError(f"its force_bounds are {how[:20]!r}")
     case = LoadCase.of(load, mesh, settings.model, None if scene is None else scene.hand)
     has_payload = case.available is not None and case.task.mass is not None
     payload = values["payload"] if has_payload else np.full(len(values["label"]), math.nan)
@@ -209,10 +195,8 @@ def _mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
     of_vertices[corners] = faces
     if (of_vertices[corners] != faces).any():
         raise ValueError("corners of several vertices have one normal")
-    center, size, center_mass = (
-        _finite(surface[name], shape)
-        for name, shape in (("center", (3,)), ("size", ()), ("center_mass", (3,)))
-    )
+    center, center_mass = (_finite(surface[name], (3,)) for name in ("center", "center_mass"))
+    size = _finite(surface["size"], ())
     if not size > 0.0:
         raise ValueError(f"its size is {size}")
     report = dict(surface["report"])
@@ -220,18 +204,12 @@ def _mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
     report["source"], report["warnings"] = str(report["source"]), tuple(report["warnings"])
     mesh = ObjectMesh(
         vertices=locked(vertices * scale_of(settings.options.unit)),
-        file_points=locked(vertices),
-        faces=locked(faces),
-        canonical=locked(canonical),
+        file_points=locked(vertices), faces=locked(faces), canonical=locked(canonical),
         file_vertices=settings.file_vertices,
         corner_normals=CornerNormals(locked(corners), locked(normals), locked(of_vertices)),
-        center=locked(center),
-        size=float(size),
-        center_mass=locked(center_mass),
-        volume=float(surface["volume"]),
-        options=settings.options,
-        report=MeshReport(**report),
-    )
+        center=locked(center), size=float(size), center_mass=locked(center_mass),
+        volume=float(surface["volume"]), options=settings.options, report=MeshReport(**report),
+    )  # fmt: skip
     if mesh.file_unit != settings.options.unit:
         raise ValueError(f"its unit is {mesh.file_unit} and {settings.options.unit}")
     return mesh

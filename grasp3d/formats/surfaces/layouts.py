@@ -12,7 +12,7 @@ from grasp3d.arrays import ARCHIVE_ERRORS, text_of
 from grasp3d.formats.surfaces.stored import FIELDS, Stored, damaged, fingers_of
 from grasp3d.mesh.reading.polygon_files import open_ply, read_elements
 from grasp3d.mesh.reading.sources import Source
-from grasp3d.surface.fields import DECIDED, EPSILONS, FLOAT, XYZ, Arrays, Field, present
+from grasp3d.surface.fields import DECIDED, EPSILONS, FLOAT, XYZ, Field, present
 from grasp3d.surface.label_settings import SETTING
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_fields import SURFACE, VERTICES, label_colors
@@ -51,18 +51,6 @@ def _arrays(fields: Iterable[Field], labels: SurfaceLabels) -> dict[str, Any]:
     }
 
 
-def packed(fields: Iterable[Field], labels: SurfaceLabels) -> str:
-    """Fields of labels, and of their mesh, as an NPZ in base64, for a line of text."""
-    stream = io.BytesIO()
-    np.savez_compressed(stream, **_arrays(fields, labels))
-    return base64.b64encode(stream.getvalue()).decode("ascii")
-
-
-def unpacked(source: Source, text: str) -> Arrays:
-    """The arrays that `packed` has packed, by name. Raises MeshError, ValueError."""
-    return _read(source, io.BytesIO(base64.b64decode(text, validate=True))).values
-
-
 def read_npz(source: Source) -> Stored | None:
     """Read an NPZ of labels; None: it has none of grasp3d. Raises MeshError."""
     with source.path.open("rb") as stream:
@@ -74,8 +62,7 @@ def _read(source: Source, stream: IO[bytes]) -> Stored:
     """The arrays that are fields, and the settings; nothing is unpickled. Raises MeshError."""
     try:
         with np.load(stream, allow_pickle=False) as archive:
-            names = [name for name in archive.files if name in FIELDS]
-            values = {name: np.asarray(archive[name]) for name in names}
+            values = {name: np.asarray(archive[name]) for name in archive.files if name in FIELDS}
             settings = {
                 name.removeprefix(SETTING): text_of(archive[name])
                 for name in archive.files
@@ -119,16 +106,17 @@ def write_ply(path: str | Path, labels: SurfaceLabels) -> None:
         for field, values in present(fields, labels)
         for name, column in field.as_columns(values).items()
     }
-    settings = {**labels.complete_settings(), PACKED: packed((*HIDDEN, *SURFACE[1:]), labels)}
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **_arrays((*HIDDEN, *SURFACE[1:]), labels))
+    packed = base64.b64encode(stream.getvalue()).decode("ascii")
+    settings = {**labels.complete_settings(), PACKED: packed}
     write_ply_columns(Path(path), columns, labels.mesh.faces, settings)
 
 
 PACKED = "packed"
-"""Name of the comment with what is not shown of the grasps and the surface; see `npz.packed`."""
+"""Name of the comment with what is not shown of the grasps and the surface, an NPZ in base64."""
 
-HIDDEN = tuple(
-    one for one in VERTICES if one.array and not one.ply and one.name != "partner_normals"
-)
+HIDDEN = tuple(f for f in VERTICES if f.array and not f.ply and f.name != "partner_normals")
 """What a PLY has of the vertices in that comment; the normals there follow from the contacts."""
 
 
@@ -148,7 +136,8 @@ def read_ply(source: Source) -> Stored | None:
         fingers, read = fingers_of(settings), read_elements(file)
         columns = {name: np.array(one) for name, one in read["vertex"].items()}
         faces = np.array(read["face"]["vertex_indices"], np.int64).reshape(-1, 3)
-        values = unpacked(source, settings.pop(PACKED)) | {"faces": faces}
+        packed = io.BytesIO(base64.b64decode(settings.pop(PACKED), validate=True))
+        values = {**_read(source, packed).values, "faces": faces}
         for name in LABELLED:
             columns[name]
         if file.order != "<":
@@ -189,11 +178,10 @@ def write_glb(path: str | Path, labels: SurfaceLabels) -> None:
     )
     settings = {key: str(value) for key, value in labels.settings().items()}
 
-    def add_settings(tree: dict[str, Any]) -> None:
-        tree["asset"]["extras"] = {"grasp3d": settings}
-
     content = trimesh.exchange.gltf.export_glb(
-        mesh.scene(), include_normals=True, tree_postprocessor=add_settings
+        mesh.scene(),
+        include_normals=True,
+        tree_postprocessor=lambda tree: tree["asset"].update(extras={"grasp3d": settings}),
     )
     with atomic_write(Path(path)) as part:
         part.write_bytes(content)

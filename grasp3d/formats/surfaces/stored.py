@@ -6,11 +6,10 @@ Their settings are read as text, and as values again.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
-from grasp3d.arrays import short_repr
 from grasp3d.errors import GraspError, MeshError
 from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.hand.scene import Scene
@@ -42,8 +41,7 @@ DAMAGE = (
 """What is raised for settings and values that are not those that were written."""
 
 
-@dataclass(frozen=True, eq=False)
-class Stored:
+class Stored(NamedTuple):
     """The arrays and settings of a labelled file, not checked yet."""
 
     source: Source
@@ -52,16 +50,12 @@ class Stored:
     values: Arrays
     """By name of the field, as files hold them: normals point outward."""
 
-    __repr__ = short_repr
-
 
 def damaged(source: Source, error: Exception) -> MeshError:
     """The error for a labelled file that cannot be read."""
     what = f"there is no {error}" if isinstance(error, KeyError) else reason_of(error)
-    return MeshError(
-        f"{source.where}: has labels, but they are damaged: {what}; label the mesh again, or "
-        "export it without its labels"
-    )
+    advice = "label the mesh again, or export it without its labels"
+    return MeshError(f"{source.where}: has labels, but they are damaged: {what}; {advice}")
 
 
 @dataclass(frozen=True)
@@ -169,10 +163,8 @@ def check_stored(stored: Stored, settings: FileSettings) -> None:
         shape = tuple(sizes.get(size, size) for size in field.shape)
         expected = shape if field in SURFACE else (len(vertices), *shape)
         if array.shape != expected or array.dtype != np.dtype(field.kind):
-            raise ValueError(
-                f"its {name} is {array.dtype} of the shape {array.shape} instead of {field.kind} "
-                f"of {expected}"
-            )
+            found = f"{array.dtype} of the shape {array.shape}"
+            raise ValueError(f"its {name} is {found} instead of {field.kind} of {expected}")
         if not _may_have(field, array):
             raise ValueError(f"its {name} has values that it cannot have")
     check_finite(vertices, stored.source.where)
