@@ -56,11 +56,6 @@ BELOW = 0.82
 """Height of the text below the sliders."""
 FIRST = 10.0
 """Priority of observers that are called before VTK's."""
-KEYSYMS = {
-    "bracketleft": "[", "bracketright": "]", "plus": "+", "equal": "+",
-    "minus": "-", "KP_Add": "+", "KP_Subtract": "-",
-}  # fmt: skip
-"""VTK's names of keys, where they differ from those of `session.controls`."""
 MOUSE = ("drag: rotate; with shift: pan", "wheel: zoom", "click: why the vertex is S, M or U")
 """What the mouse does in a window."""
 
@@ -276,10 +271,11 @@ class Window:
             self._run(lambda: session.click(self._scene.pick(session, x, y), inspect=shift))
 
     def _on_key(self) -> bool:
+        code = self._interactor.GetKeyCode()
         if not (self._interactor.GetControlKey() or self._interactor.GetAltKey()):
-            name = str(self._interactor.GetKeySym())
-            key = KEYSYMS.get(name, name.removeprefix("KP_"))
-            self._handle_key(key.lower() if len(key) == 1 else key)
+            printed = code.isprintable() and code != " "
+            name = code.lower().replace("=", "+") if printed else self._interactor.GetKeySym()
+            self._handle_key(name)
         return True
 
     def _handle_key(self, key: str) -> None:

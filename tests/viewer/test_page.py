@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from urllib.error import HTTPError
@@ -25,15 +25,17 @@ from PIL import Image
 from plyfile import PlyData
 
 from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
-from grasp3d.errors import OutputError
+from grasp3d.errors import MeshError, OutputError
 from grasp3d.pictures.opengl import can_render
+from grasp3d.pictures.subject import Subject
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS, Label
-from grasp3d.viewer.session.collection import collection_of
+from grasp3d.viewer.session.collection import Item, collection_of
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web import page as served_page
 from grasp3d.viewer.web.page import free_port, open_page, serve_in_background
 from tests.helpers.shapes import LIBRARY
+from tests.helpers.windows import wait_for
 
 CI = os.environ.get("CI") == "true"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -59,7 +61,7 @@ from dataclasses import replace
 from math import radians
 from grasp3d import GraspModel, Sampling, label_surface, load_mesh
 from tests.helpers.solids import box_mesh
-from grasp3d.viewer.session.collection import collection_of
+from grasp3d.viewer.session.collection import Item, collection_of
 from grasp3d.viewer.web.page import serve
 from grasp3d.viewer.session.session import Session
 model = GraspModel(friction=0.3, sensor_resolution=radians(20.0))
@@ -393,6 +395,32 @@ def test_pages_in_the_background_are_apart(labels: SurfaceLabels) -> None:
             assert b"<html" in page.read()
     with pytest.raises(HTTPError):
         urlopen(first._replace(path=second.path).geturl())  # noqa: S310
+
+
+def test_a_file_that_cannot_be_saved_leaves_the_page_as_it_is(labels: SurfaceLabels) -> None:
+    def fail() -> Subject:
+        raise MeshError("it is no mesh")
+
+    session = Session(replace(collection_of(labels), items=(Item("broken", fail),)))
+    address = serve_in_background(session)
+    for name in ("labels.ply", "picture.png"):
+        with urlopen(address + name) as answer:  # noqa: S310
+            assert (answer.status, answer.read()) == (204, b"")
+        assert "nothing to save yet" in session.message
+
+
+def test_a_page_in_the_background_ends_that_nobody_uses(
+    labels: SurfaceLabels, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(served_page, "UNUSED", 1)
+    address = urlsplit(serve_in_background(Session(collection_of(labels))))
+
+    def refuses() -> bool:
+        with socket.socket() as link:
+            return link.connect_ex((str(address.hostname), int(address.port or 0))) != 0
+
+    assert not refuses()
+    wait_for(refuses, "the end of the page")
 
 
 def test_a_page_is_opened_with_the_choices_of_a_session(

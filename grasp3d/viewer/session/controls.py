@@ -189,7 +189,7 @@ CONTROLS: dict[str, Control] = {
     "paint": _of_state(
         "colours", "paint", str, options=offered_paints, shown=is_labelled,
         keys={str(number): lambda _, paint=paint: paint for number, paint in enumerate(PAINTS, 1)},
-        of_keys="colours, in the order of their list",
+        of_keys=f"colours: {', '.join(PAINTS).replace('_', ' ')}",
     ),
     "fingers": _of_state(
         "fingers", "fingers", int, options=lambda _: FINGERS, shown=is_labelled

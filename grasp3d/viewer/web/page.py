@@ -27,7 +27,6 @@ from trame.app.core import AVAILABLE_SERVERS
 from trame.ui.html import DivLayout
 from trame.widgets import html, rca
 from trame_client.module import vue3  # type: ignore[import-untyped]
-from trame_rca.rca import VtkRemoteControlledArea
 
 from grasp3d.errors import GraspError, OutputError, SettingError
 from grasp3d.pictures.opengl import check_rendering, new_plotter
@@ -175,6 +174,8 @@ class Page:
             session.settings.width, session.settings.height, off_screen=True
         )
         self._plotter.enable_trackball_style()  # type: ignore[call-arg]
+        for name in ("KeyPressEvent", "CharEvent"):  # the page handles keys
+            self._plotter.iren.interactor.RemoveObservers(name)  # type: ignore[union-attr]
         self._scene = Scene(self._plotter, legend=False)
         ClickDetector(self._plotter, self._click)
         self._path = f"/{secrets.token_hex(16)}/"
@@ -228,7 +229,7 @@ class Page:
                 view = rca.RemoteControlledArea(display="image", event_throttle_ms=20)
             html.Div((STATIC / "page.html").read_text(encoding="utf-8"), classes="beside")
         self._view = view.create_view_handler(
-            RemoteView(self._plotter.render_window), encoder="jpeg", target_fps=30.0,
+            self._plotter.render_window, encoder="jpeg", target_fps=30.0,
             interactive_quality=70, still_quality=95,
         )  # fmt: skip
         self._view.max_pixel_count = MAX_PIXELS
@@ -344,15 +345,6 @@ class Page:
                 self._scene.update(session)
                 self._view.update()
                 state.update(page_state(session))
-
-
-class RemoteView(VtkRemoteControlledArea):  # type: ignore[misc]
-    """A render window without VTK's key bindings; the page handles keys."""
-
-    def process_interaction_event(self, event: dict[str, Any]) -> None:
-        """Forward events of the mouse and of fingers, but no key events."""
-        if not event["type"].startswith("Key"):
-            super().process_interaction_event(event)
 
 
 async def _add_headers(_: web.Request, response: web.StreamResponse) -> None:
