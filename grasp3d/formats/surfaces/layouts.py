@@ -130,15 +130,16 @@ def read_ply(source: Source) -> Stored | None:
     with source.path.open("rb") as stream:
         header = ply_files.ply_header(stream)
         settings = ply_files.settings_of_header(header)
-        if {*LABELLED}.isdisjoint(ply_files.property_names(header)):
+        missing = [name for name in LABELLED if name not in ply_files.property_names(header)]
+        if len(missing) == len(LABELLED):
             return None
+        if missing:
+            raise damaged(source, ValueError(f"its vertices have no property {missing[0]!r}"))
         try:
             fingers = fingers_of(settings)
             columns, faces = ply_files.read_ply_columns(stream, header)
             packed = io.BytesIO(base64.b64decode(settings.pop(PACKED), validate=True))
             values = {**_read(source, packed).values, "faces": faces}
-            for name in LABELLED:
-                columns[name]
         except (OSError, MemoryError, ValueError, OverflowError, KeyError) as error:
             raise damaged(source, error) from error
     for field in VERTICES:
