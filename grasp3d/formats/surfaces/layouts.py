@@ -130,16 +130,18 @@ def read_ply(source: Source) -> Stored | None:
     """Read a labelled PLY; None: it has no labels. Raises MeshError."""
     file = open_ply(source)
     settings, elements = settings_of_header(file.header), file.elements
-    if "vertex" not in elements or {*LABELLED}.isdisjoint(elements["vertex"].properties):
+    names = elements["vertex"].properties if "vertex" in elements else {}
+    missing = [name for name in LABELLED if name not in names]
+    if len(missing) == len(LABELLED):
         return None
+    if missing:
+        raise damaged(source, ValueError(f"its vertices have no property {missing[0]!r}"))
     try:
         fingers, read = fingers_of(settings), read_elements(file)
         columns = {name: np.array(one) for name, one in read["vertex"].items()}
         faces = np.array(read["face"]["vertex_indices"], np.int64).reshape(-1, 3)
         packed = io.BytesIO(base64.b64decode(settings.pop(PACKED), validate=True))
         values = {**_read(source, packed).values, "faces": faces}
-        for name in LABELLED:
-            columns[name]
         if file.order != "<":
             raise ValueError("it is not binary")  # noqa: TRY301
     except (OSError, MemoryError, ValueError, OverflowError, LookupError) as error:
