@@ -195,7 +195,7 @@ class EvaluatedPoses(LabelledGrasps):
         `grasp` (its number from 1), `name`; of grippers `closing`, `label`, `score`,
         `critical_angle`, `max_resolution`, `margin` [rad], `epsilon`, `epsilon_min`, `epsilon_max`,
         `approach_margin` [rad], with a load `grip_force` [N] and `payload` [kg], `collides`,
-        `reachable`, `reason`, `area1`, `area2`, `touch1`, `touch2`, `apart`, `turn` [rad] and more;
+        `reachable`, `reason`, `area1`, `area2`, `turn` [rad] and more;
         `outcome`, `opening`, contacts `x1` `y1` `z1` ... and outward normals `nx1` `ny1` `nz1` ...
 
         Of hands with joints `label`, `score`, `critical_angle`, `max_resolution`, `margin` [rad],
