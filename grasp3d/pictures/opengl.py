@@ -122,21 +122,18 @@ def choose_window() -> None:
         os.environ.setdefault(WINDOW, "vtkEGLRenderWindow")
 
 
-def new_plotter(
-    width: int, height: int, *, off_screen: bool, panel: bool = False
-) -> "pyvista.Plotter":
-    """A plotter of one renderer, or of two beside each other, without lights.
+def new_plotter(width: int, height: int, *, panel: bool = False) -> "pyvista.Plotter":
+    """A plotter without lights: off screen, or of a window with a panel, a second renderer.
 
     Args:
-        width: Width of the window [pixels].
-        height: Its height.
-        off_screen: Whether there is no window.
-        panel: Whether there is a second renderer.
+        width: Width [pixels].
+        height: Height [pixels].
+        panel: Whether it has a window, with a panel.
     """
     import pyvista
 
     plotter = pyvista.Plotter(
-        shape=(1, 2 if panel else 1), off_screen=off_screen, window_size=[width, height],
+        shape=(1, 2 if panel else 1), off_screen=not panel, window_size=[width, height],
         border=False, lighting="none",
     )  # fmt: skip
     plotter.disable_anti_aliasing()
@@ -148,7 +145,7 @@ def off_screen(width: int, height: int) -> Iterator[tuple["pyvista.Plotter", int
     """A plotter for a picture, and its rendered pixels per pixel in each direction."""
     choose_window()
     factor = OVERSAMPLING if OVERSAMPLING * max(width, height) <= MAX_DRAWN else 1
-    plotter = new_plotter(factor * width, factor * height, off_screen=True)
+    plotter = new_plotter(factor * width, factor * height)
     try:
         plotter.renderers[0].GetRenderWindow().SetDPI(factor * DPI)
         yield plotter, factor

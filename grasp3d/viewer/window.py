@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from importlib import import_module
 from itertools import chain, count
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pyvista
 from PIL import Image
@@ -16,7 +16,7 @@ from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 
 from grasp3d.errors import GraspError, OutputError
 from grasp3d.pictures.captions import PLAIN
-from grasp3d.pictures.opengl import exits_cleanly
+from grasp3d.pictures.opengl import exits_cleanly, new_plotter
 from grasp3d.system.files import atomic_write
 from grasp3d.system.names import describe_unexpected
 from grasp3d.viewer.scene import ClickDetector, Scene
@@ -101,16 +101,6 @@ def show_window(
         session.close()
 
 
-def _new_plotter(session: Session) -> Any:
-    """A plotter with renderers for the scene and the panel."""
-    settings = session.settings
-    size = [settings.width, settings.height]
-    plotter = pyvista.Plotter(shape=(1, 2), window_size=size, border=False, lighting="none")
-    plotter.disable_anti_aliasing()
-    plotter.renderers[1].viewport = (SCENE, 0.0, 1.0, 1.0)
-    return plotter
-
-
 class Window:
     """Connects a session with a plotter's window: the scene, and a panel beside it."""
 
@@ -122,7 +112,9 @@ class Window:
             watch: Called after each rendering.
         """
         self._session, self._watch = session, watch
-        self.plotter = _new_plotter(session)
+        size = session.settings
+        self.plotter = cast("Any", new_plotter(size.width, size.height, panel=True))
+        self.plotter.renderers[1].viewport = (SCENE, 0.0, 1.0, 1.0)
         self.plotter.render_window.DetectDPI()
         self._scene = Scene(self.plotter, area=(0.0, 0.0, SCENE, 1.0))
         self._interactor = self.plotter.iren.interactor

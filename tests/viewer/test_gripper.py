@@ -271,7 +271,7 @@ def test_the_best_grasps_are_stepped_through(labels: Callable[[], SurfaceLabels]
 def drawn(**settings: Any) -> Iterator[tuple[Session, Scene]]:
     session = Session(collection_of(held_box()), ViewSettings(width=400, height=320, **settings))
     wait_until_idle(session)
-    plotter = new_plotter(400, 320, off_screen=True)
+    plotter = new_plotter(400, 320)
     try:
         scene = Scene(plotter, legend=False)
         scene.update(session)
@@ -334,7 +334,7 @@ def test_the_table_is_level_in_the_picture() -> None:
     table = replace(labels.scene.table, normal=np.array([1.0, 0.0, 0.0]))
     tilted = with_scene(labels, replace(labels.scene, table=table))
     session = ready_session(tilted)
-    plotter = new_plotter(400, 320, off_screen=True)
+    plotter = new_plotter(400, 320)
     try:
         scene = Scene(plotter)
         scene.update(session)

@@ -78,7 +78,7 @@ def viewed(
     how = {"azimuth": 0.0, "elevation": 0.0} | how
     session = Session(collection, ViewSettings(width=width, height=height, **how))
     ready(session)
-    plotter = new_plotter(width, height, off_screen=True)
+    plotter = new_plotter(width, height)
     try:
         scene = Scene(plotter, legend=legend)
         scene.update(session)

@@ -170,9 +170,7 @@ class Page:
         """
         check_rendering()
         self._session, self._proxied = session, proxied
-        self._plotter = new_plotter(
-            session.settings.width, session.settings.height, off_screen=True
-        )
+        self._plotter = new_plotter(session.settings.width, session.settings.height)
         self._plotter.enable_trackball_style()  # type: ignore[call-arg]
         for name in ("KeyPressEvent", "CharEvent"):  # the page handles keys
             self._plotter.iren.interactor.RemoveObservers(name)  # type: ignore[union-attr]
