@@ -134,7 +134,7 @@ def _labels(command: Label, report: Report) -> tuple[SurfaceLabels, list[int]]:
 
 def _print_at(labels: SurfaceLabels, text: str, vertex: int) -> None:
     """Print the label, the grasp and the reason at a vertex, as the viewer shows them."""
-    from grasp3d.describe.facts import position_text
+    from grasp3d.describe.grasp_facts import position_text
     from grasp3d.pictures.subject import subject_of
     from grasp3d.viewer.session.inspection import inspect
 

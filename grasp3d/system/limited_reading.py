@@ -158,6 +158,7 @@ def _serve(
 def pickled_error(error: Exception, dumps: Callable[[object], bytes] = pickle.dumps) -> bytes:
     """Pickle an exception, also one that cannot be; its traceback is a note unless a user erred."""
     trace = "".join(traceback.format_exception(error))
+    error.__cause__ = error.__context__ = None  # Dask's processes pickle them, which may fail
     try:
         if not isinstance(error, GraspError):
             error.add_note(trace)

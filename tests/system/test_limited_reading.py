@@ -13,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lxml import etree
+from tblib import pickling_support
 
 from grasp3d.errors import FileUnreadError, MeshError
 from grasp3d.system import limited_reading
@@ -96,6 +98,20 @@ def test_a_child_process_answers_or_raises(capfd: pytest.CaptureFixture[str]) ->
             read_file(fail, FILE)
     assert "in fail" in failed.value.__notes__[0]  # its traceback
     assert capfd.readouterr() == ("", "")
+
+
+def because_of_xml(path: Path) -> None:
+    try:
+        etree.fromstring("<a>")
+    except etree.XMLSyntaxError as error:  # it can be pickled, but not read again
+        raise MeshError(f"{path.name}: is damaged") from error
+
+
+def test_an_error_is_raised_whatever_its_cause() -> None:
+    """Dask, once it is imported, lets exceptions be pickled with their causes."""
+    pickling_support.install()
+    with limited(), pytest.raises(MeshError, match=r"cup\.3mf: is damaged"):
+        read_file(because_of_xml, Path("cup.3mf"))
 
 
 def test_a_thread_reads_as_the_main_thread_does() -> None:

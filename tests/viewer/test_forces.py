@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from grasp3d import GraspModel, Label, SurfaceLabels, label_surface, load_mesh, write_ply
-from grasp3d.describe.facts import load_sentence
+from grasp3d.describe.grasp_facts import load_sentence
 from grasp3d.errors import SettingError
 from grasp3d.pictures.colors import MOST, coloring_of, ramp_of
 from grasp3d.pictures.view_settings import ViewSettings

@@ -8,7 +8,7 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.describe.causes import cause_at
 from grasp3d.describe.explanations import PAIR, Case, explain
-from grasp3d.describe.facts import facts, load_sentence, position_text
+from grasp3d.describe.grasp_facts import facts, load_sentence, position_text
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.pictures.colors import label_codes
@@ -100,7 +100,7 @@ def _inspection(
     if math.isinf(case.best):
         numbers.append(("β*", "no grasp"))
     else:
-        numbers += facts(grasp, 0)
+        numbers += facts(grasp, 0).items()
         if case.off_line is not None:
             first, second = (math.degrees(angle) for angle in case.off_line)
             numbers.append(("normals off the line", f"{first:.1f}° and {second:.1f}°"))
@@ -138,7 +138,7 @@ def inspect_pose(grasps: EvaluatedPoses, model: GraspModel) -> Inspection:
     marked, name = MarkedContacts.of_pose(found, 0), str(found.given.names[0])
     return Inspection(
         marked.points, marked.normals, model, marked.held, vertex=None,
-        code=int(found.letter[0]), numbers=(("pose", name), *facts(found, 0)),
+        code=int(found.letter[0]), numbers=(("pose", name), *facts(found, 0).items()),
         reason=reason_of(found, 0),
     )  # fmt: skip
 

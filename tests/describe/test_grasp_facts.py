@@ -8,7 +8,7 @@ import trimesh
 
 from grasp3d import GraspModel, Load, best_grasps, label_surface, load_mesh
 from grasp3d.describe import facts
-from grasp3d.describe.facts import position_text
+from grasp3d.describe.grasp_facts import position_text
 from grasp3d.hand.parallel_gripper import preset
 from grasp3d.surface.fields import NONE, OF_ONE, Field
 
@@ -23,7 +23,7 @@ def test_each_declared_number_that_is_known_is_listed_with_its_unit() -> None:
     assert grasps.load_result is not None
     known = np.isfinite(grasps.reach.approach_margin + grasps.load_result.grip_force_largest)
     row = int(np.flatnonzero(known)[0])
-    found = dict(facts(grasps, row))
+    found = facts(grasps, row)
     assert found["opening"] == f"{1e3 * grasps.opening[row]:.3g} mm"
     assert found["force"] == f"{grasps.load_result.grip_force_largest[row]:.3g} N"
     assert found["payload"] == f"{grasps.load_result.payload[row]:.3g} kg"
@@ -35,12 +35,12 @@ def test_each_declared_number_that_is_known_is_listed_with_its_unit() -> None:
 def test_equal_angles_are_listed_once_and_those_of_poses_by_the_same_declarations() -> None:
     mesh = load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge="9cm")
     grasps = best_grasps(label_surface(mesh), 1)
-    assert "β* of the best normals" not in dict(facts(grasps, 0))
+    assert "β* of the best normals" not in facts(grasps, 0)
     held = best_grasps(label_surface(load_mesh(
         trimesh.creation.box([0.08, 0.05, 0.03]), unit="m"
     ), hand=preset("franka")), 1)  # fmt: skip
     names = {field.listed or field.heading for field in held.fields}  # type: ignore[union-attr]
-    assert set(dict(facts(held, 0))) <= names
+    assert set(facts(held, 0)) <= names
 
 
 def test_names_of_what_is_listed_are_distinct() -> None:

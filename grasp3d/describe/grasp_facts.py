@@ -16,7 +16,7 @@ ROUNDING = 1e-9
 """Coordinates that are rounding errors of 0, relative to the object's size."""
 
 
-def facts(grasps: GraspTable | EvaluatedPoses, row: int) -> list[tuple[str, str]]:
+def facts(grasps: GraspTable | EvaluatedPoses, row: int) -> dict[str, str]:
     """Names and values, with their units, of one grasp; those that are not known are left out.
 
     Args:
@@ -29,7 +29,7 @@ def facts(grasps: GraspTable | EvaluatedPoses, row: int) -> list[tuple[str, str]
         >>> from grasp3d.describe import facts
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.08, 0.05, 0.03]), unit="m")
         >>> grasps = grasp3d.best_grasps(grasp3d.label_surface(box), 1)
-        >>> dict(facts(grasps, 0))["opening"]
+        >>> facts(grasps, 0)["opening"]
         '80 mm'
     """
     metres, found = grasps.mesh.unit is not None, dict[str, str]()
@@ -44,7 +44,7 @@ def facts(grasps: GraspTable | EvaluatedPoses, row: int) -> list[tuple[str, str]
         same = field.name == CRITICAL_ANGLE_BEST.name and text in found.values()
         if text not in {NONE, ""} and not same:
             found[name] = f"{text} {unit}".strip()
-    return [*found.items()]
+    return found
 
 
 def position_text(point: Floats, mesh: ObjectMesh) -> str:
