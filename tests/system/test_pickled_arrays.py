@@ -55,6 +55,37 @@ def test_values_are_those_that_numpy_stored(tmp_path: Path, protocol: int) -> No
     assert second is None
 
 
+class Reduced:
+    """What is made by a function of NumPy, with arguments and a state that NumPy would believe."""
+
+    def __init__(self, *how: Any) -> None:
+        self.how = how
+
+    def __reduce__(self) -> Any:
+        return self.how
+
+
+ADDRESS = b"A" * 8
+"""Of no object."""
+OBJECTS = Reduced(np.dtype, ("O8", False, True), (3, "|", None, None, None, -1, -1, 0))
+SCALAR, RECONSTRUCT = np.float64(1.0).__reduce__()[0], np.eye(2).__reduce__()[0]
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        Reduced(SCALAR, (OBJECTS, ADDRESS)),
+        Reduced(RECONSTRUCT, (np.ndarray, (0,), b"b"), (1, (1,), OBJECTS, False, ADDRESS)),
+        Reduced(RECONSTRUCT, (np.ndarray, (0,), b"b"), (1, (3,), np.dtype("f8"), False, ADDRESS)),
+        Reduced(RECONSTRUCT, (np.ndarray, (0,), b"b"), (1, (-1,), np.dtype("f8"), False, b"")),
+        Reduced(SCALAR, (Reduced(np.dtype, ("V8", False, True)), ADDRESS)),
+    ],
+)
+def test_no_address_and_no_length_of_a_file_is_believed(tmp_path: Path, value: object) -> None:
+    with pytest.raises(RefusedError):
+        unpickled(tmp_path, [value])
+
+
 class Executes:
     """What calls a function when it is unpickled in the usual way."""
 

@@ -40,9 +40,6 @@ CLIMBS, STARTS = 24, 6
 CLOSE, SMALL = 1e-3, 1e-5
 """Rise of depth at which a climb ends, as a share of the depth and in metres."""
 
-LIKELY = 0.5
-"""How much above their lower bound signed distances are by the grid, at least, in its steps."""
-
 BISECTIONS = 14
 """Halvings of the share of a piece."""
 
@@ -195,8 +192,7 @@ def deepest(i, first, lows, shapes, surface, scratch):
         found[k] = scratch.pieces[0, k]
     start = shapes.first_sample[i]
     for j in range(start, shapes.first_sample[i + 1]):
-        low = lows[j - start] + LIKELY * surface.step
-        if j == first or low > -best or climbs == STARTS:
+        if j == first or lows[j - start] > -best or climbs == STARTS:
             continue
         p, row = moved(scratch.pose, shapes.samples[j]), scratch.pieces[0]
         depth = look(p, least_distance(p, surface)[1], row, surface, scratch)
