@@ -98,7 +98,7 @@ def numbers_in(value: Any, what: str, deep: int = 0) -> Floats:
     """Numbers of a value of a dictionary, also in lists. Raises ContactError."""
     is_nested = isinstance(value, list) and any(type(one) not in (int, float) for one in value)
     if is_nested and deep < DEEPEST:
-        parts = [numbers_in(one, what, deep + 1) for one in value[:MOST_GRASPS]]
+        parts = [numbers_in(one, what, deep + 1) for one in value[: MOST_GRASPS + 1]]
         if len({part.shape for part in parts}) == 1:
             return np.stack(parts)
     try:
@@ -177,9 +177,13 @@ def grasps_in(
 
 def _of_each(content: Content, counts: Sequence[int], key: str) -> Floats:
     """Numbers of a key for each grasp, nan where a dictionary has none, shape (k,)."""
-    values = ([np.nan] if rows.get(key) is None else rows[key] for rows in content)
-    of_each = zip(values, counts, strict=True)
-    return np.concatenate([np.resize(numbers_in(one, key), count) for one, count in of_each])
+    values = [np.zeros(0)]
+    for rows, count in zip(content, counts, strict=True):
+        one = numbers_in([np.nan] if rows.get(key) is None else rows[key], key).ravel()
+        if len(one) not in (1, count):
+            raise ContactError(f"{key} has {len(one)} values, but there are {count} grasps")
+        values.append(np.resize(one, count))
+    return np.concatenate(values)
 
 
 def _matrices(values: Floats, where: str = "") -> Floats:

@@ -205,7 +205,7 @@ def _read(path: Path, given: Given, frame: GripperFrame | None) -> GraspPoses:
 
 def _unknown(known: list[Format], content: Any) -> str:
     grasps = content.get("grasps", content) if isinstance(content, dict) else content
-    if hasattr(grasps, "__len__") and not len(grasps):
+    if getattr(grasps, "shape", None) != () and hasattr(grasps, "__len__") and not len(grasps):
         return "there are no grasps in it"
     listed = "; or ".join(f"{one.holds} ({one.title})" for one in known)
     found = f"; got {content.dtype} of shape {content.shape}" if hasattr(content, "dtype") else ""

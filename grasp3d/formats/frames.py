@@ -40,7 +40,7 @@ def missing_of_hand(hand: Hand | str | None, form: Format, *, joints: bool) -> s
         form: The format.
         joints: Whether values of joints are to be written.
     """
-    name = hand if isinstance(hand, str) or hand is None else hand.name
+    name = getattr(hand, "name", hand)
     if joints and form.joints and isinstance(hand, ParallelGripper) and not hand.joint_names:
         said = f"{form.title} files have joint values, but gripper {name!r} has no joint_names"
         return f"{said}: give it joint_names, joint_scale and joint_closed, or take another format"

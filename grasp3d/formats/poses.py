@@ -339,7 +339,10 @@ def _column(name: str, values: ArrayLike, count: int) -> npt.NDArray[Any]:
     """A further column as numbers or text, shape (k, ...)."""
     if name in OWN_NAMES:
         raise ContactError(f"no column of poses can be called {name!r}: files use this name")
-    array = np.asarray(values)
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise ContactError(f"{name} must have as many values in all grasps") from error
     if array.dtype.kind == "O":
         items = array.ravel().tolist()
         if wrong := [one for one in items if isinstance(one, list | dict)]:

@@ -137,7 +137,11 @@ def _mesh(collision: Element, of: str) -> Element | None:
     _check(collision, of)
     if shape.tag != "mesh":
         return None
-    scale = numbers_of(words := shape.get("scale", "1"), 1 if len(words.split()) == 1 else 3)
+    words = shape.get("scale", "1")
+    try:
+        scale = numbers_of(words, 1 if len(words.split()) == 1 else 3)
+    except ValueError as error:
+        raise ValueError(f"{of}: scale of mesh {error}") from error
     if not all(scale):
         raise ValueError(f"{of}: scale of mesh must not be 0")
     geometry.remove(shape)

@@ -16,6 +16,7 @@ from grasp3d.arrays import Floats
 from grasp3d.pictures.camera import FreeArea, pixel_ratio
 from grasp3d.pictures.colors import HEX_PALETTE, Ramp
 from grasp3d.settings.units import small_length
+from grasp3d.system.names import printable
 
 FONTS = Path(get_data_path(), "fonts", "ttf")
 PLAIN, BOLD = str(FONTS / "DejaVuSans.ttf"), str(FONTS / "DejaVuSans-Bold.ttf")
@@ -68,7 +69,9 @@ class Captions:
         """The part of a picture that texts of a size leave free [pixels]."""
         line = LINE * size
         top = 1.3 * line * bool(self.title) + line * bool(self.settings)
-        below = max(len(self.legend), 3 * (self.ramp is not None), 2)
+        below = max(len(self.legend), 2)
+        if self.ramp is not None:
+            below = max(below, 4 if self.ramp.grey else 3)
         return FreeArea(width, height, top + 0.5 * size, (below + 0.7) * line, 0.9 * size)
 
 
@@ -82,7 +85,7 @@ class Texts:
     def __init__(self, plotter: pyvista.Plotter) -> None:
         self._plotter, self._renderer = plotter, plotter.renderers[0]
         self._shown: dict[str, object] = {}
-        self._actors: list[pyvista.Text] = []
+        self._actors: list[Any] = []
         self._scale = vtkAxisActor2D()
         for coordinate in (self._scale.GetPoint1Coordinate(), self._scale.GetPoint2Coordinate()):
             coordinate.SetCoordinateSystemToNormalizedViewport()
@@ -158,11 +161,13 @@ class Texts:
         self, text: str, x: float, y: float, size: float, space: float, *,
         color: str = INK, font: str = PLAIN,
     ) -> None:  # fmt: skip
-        """A line at a position [pixels], shortened in its middle to a width."""
+        """A line at a position [pixels], shortened to a width: in its middle, or at its end."""
         most = int((space - x) / (NARROW * size))
         if len(text) > most > 1:
-            text = f"{text[: (most - 1) // 2]}…{text[len(text) - most // 2 :]}"
-        actor = pyvista.Text(text, position=(round(x), round(y)))
+            last = 0 if color == QUIET else most // 2
+            text = f"{text[: most - 1 - last]}…{text[len(text) - last :]}"
+        plain = printable(text).replace("$", r"\$")  # VTK would read formulas
+        actor = pyvista.Text(plain, position=(round(x), round(y)))
         _set_font(actor.prop, color, round(size / pixel_ratio(self._renderer)), font)
         self._plotter.add_actor(actor, reset_camera=False, render=False, pickable=False)
         self._actors.append(actor)
@@ -173,21 +178,22 @@ class Texts:
             return
         width, height = self._renderer.GetSize()
         line = LINE * size
-        self._text(ramp.text, 0.9 * size, 0.5 * size + 2.0 * line, size, (1.0 - BAR) * width)
-        ends = f"{ramp.start} to {ramp.end}"
-        self._text(ends, 0.9 * size, 0.5 * size, size, (1.0 - BAR) * width, color=QUIET)
+        left, y, space = 0.9 * size, 0.5 * size, (1.0 - BAR) * width
         if ramp.grey:
-            x = (1.5 + NARROW * (len(ends) + 3)) * size
-            self._text("■", x, 0.5 * size, size, width, color=HEX_PALETTE[-1])
-            self._text(ramp.grey, x + 1.3 * size, 0.5 * size, size, (1.0 - BAR) * width)
+            self._text("■", left, y, size, width, color=HEX_PALETTE[-1])
+            self._text(ramp.grey, left + 1.3 * size, y, size, space)
+            y += line
+        self._text(f"{ramp.start} to {ramp.end}", left, y, size, space, color=QUIET)
+        self._text(ramp.text, left, y + 2.0 * line, size, space)
         mapper = pyvista.DataSetMapper()
         mapper.lookup_table = pyvista.LookupTable(values=np.insert(ramp.colors, 3, 255, axis=1))
         mapper.scalar_range = ramp.minimum, ramp.maximum
-        self._plotter.add_scalar_bar(  # type: ignore[call-arg]
+        bar = self._plotter.add_scalar_bar(  # type: ignore[call-arg]
             title=" ", mapper=mapper, n_labels=0, vertical=False, render=False,
-            position_x=0.9 * size / width, position_y=(0.4 * size + line) / height,
+            position_x=left / width, position_y=(y + line - 0.1 * size) / height,
             width=min(16.0 * size / width, 0.5), height=1.2 * size / height,
         )  # fmt: skip
+        self._actors.append(bar)
 
     def _draw_scale(self, captions: Captions, per_pixel: float) -> None:
         """A bar of a round length at the lower right, with its length above it."""
@@ -203,6 +209,7 @@ class Texts:
         self._scale.GetPoint2Coordinate().SetValue(right - length / per_pixel / width, y)
         points = round(size / pixel_ratio(self._renderer))
         _set_font(self._scale.GetTitleTextProperty(), INK, points)
+        self._scale.GetProperty().SetLineWidth(pixel_ratio(self._renderer))
         self._scale.SetTitle(small_length(length, metres=bool(captions.metres)))
 
 

@@ -52,8 +52,9 @@ BELOW = 1e-7
 """Fraction of the range of M by which its colour begins below the limits, as rounding must not put
 an angle exactly at a limit below it."""
 
-NARROW = 1e-6
-"""Least width of the range of M [rad]: without a range of normals, creases may still be M."""
+NARROW = 2e-3
+"""Least width of the range of M [rad]: without a range of normals creases may still be M, and VTK
+has no textures of which a mesh has more than some hundred widths."""
 
 NEVER = 0.75 * math.pi
 """Angle between all of grasps and that of no grasp, where no grasp is surely unstable [rad]."""
@@ -253,7 +254,7 @@ def ramp_of(subject: Subject, paint: Paint, model: GraspModel) -> Ramp | None:
         meanings.append("no force suffices")
     return Ramp(
         title, most, unit, ", ".join(meanings), shown.note,
-        exceeded=shown.source == "forces" and bool((values[finite] > most).any()),
+        exceeded=bool((values[finite] > most * (1.0 + ROUNDING)).any()),
         minimum=-most if paint == "margin" else 0.0,
     )  # fmt: skip
 

@@ -69,7 +69,7 @@ def _lines(grasps: GraspTable | EvaluatedPoses, row: int) -> list[str]:
         lines = [", ".join(load)] if load and grasps.load is not None else lines
         turn = grasps.held_at(row).approach_margin
         lines += [f"approach ±{math.degrees(turn):.0f}°"] if math.isfinite(turn) else []
-        lines += wrap(str(grasps.reason[row]), REASON)[:2]
+        lines += wrap(str(grasps.reason[row]).replace("$", r"\$"), REASON)[:2]
     return lines
 
 
@@ -79,7 +79,7 @@ def _sheet(source: str, settings: str, count: int, below: int) -> tuple[Figure, 
     rows = math.ceil(count / columns)
     width = max(PAGE * columns / COLUMNS, LEAST_WIDTH)
     figure = new_figure(width, rows * (HEIGHT + below * LINE) + MARGINS)
-    figure.suptitle(f"{_short(source)}\n{settings}", fontsize=8.5)
+    figure.suptitle(f"{_short(source)}\n{settings}", fontsize=8.5, parse_math=False)
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in grid[count:]:
         axes.set_axis_off()
@@ -89,5 +89,4 @@ def _sheet(source: str, settings: str, count: int, below: int) -> tuple[Figure, 
 def _short(name: str) -> str:
     """A file's name as text; its end if it is too long for the headline."""
     text = as_text(name)
-    short = text if len(text) <= LONGEST else f"…{text[1 - LONGEST :]}"
-    return short.replace("$", r"\$")
+    return text if len(text) <= LONGEST else f"…{text[1 - LONGEST :]}"

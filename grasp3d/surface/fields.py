@@ -241,24 +241,27 @@ DEPTH = Field(
 )  # fmt: skip
 _of_load = partial(of_part, "load_result")
 GRIP_FORCE = Field(
-    "grip_force", NEWTONS, (), HELD, of=_of_load("grip_force"), when="load", ply=DOUBLE
-)
+    "grip_force", NEWTONS, (), HELD, of=_of_load("grip_force"), when="load", ply=DOUBLE,
+    listed="force at the nominal normals",
+)  # fmt: skip
 FORCE = "grip force that holds the load at the worst normals"
 PAYLOAD = "mass that the force at hand holds there"
 LOAD_NUMBERS = (
     GRIP_FORCE,
-    replace(GRIP_FORCE, name="grip_force_least", of=_of_load("grip_force_least")),
+    replace(GRIP_FORCE, name="grip_force_least", of=_of_load("grip_force_least"), listed=""),
     replace(
         GRIP_FORCE,
         name="grip_force_largest",
         of=_of_load("grip_force_largest"),
         heading="force",
         meaning=FORCE,
+        listed="force at the worst normals",
     ),
     replace(
         GRIP_FORCE,
         name="payload",
         of=_payload,
+        listed="",
         unit=KILOGRAMS,
         heading="payload",
         meaning=PAYLOAD,

@@ -193,7 +193,7 @@ def _values_of(column: pa.ChunkedArray) -> npt.NDArray[Any]:
         return np.asarray(column.to_numpy(zero_copy_only=False))
     codes = column.unify_dictionaries().combine_chunks()
     texts = np.array([*codes.dictionary.to_pylist(), None], dtype=object)
-    return np.asarray(texts[codes.indices.fill_null(-1).to_numpy()])
+    return np.asarray(texts[codes.indices.cast(pa.int64()).fill_null(-1).to_numpy()])
 
 
 def _read_parquet(path: Path) -> pa.Table:

@@ -25,7 +25,9 @@ def test_each_declared_number_that_is_known_is_listed_with_its_unit() -> None:
     row = int(np.flatnonzero(known)[0])
     found = facts(grasps, row)
     assert found["opening"] == f"{1e3 * grasps.opening[row]:.3g} mm"
-    assert found["force"] == f"{grasps.load_result.grip_force_largest[row]:.3g} N"
+    assert (
+        found["force at the worst normals"] == f"{grasps.load_result.grip_force_largest[row]:.3g} N"
+    )
     assert found["payload"] == f"{grasps.load_result.payload[row]:.3g} kg"
     assert found["margin"] == f"{math.degrees(grasps.margin[row]):.1f}°"
     assert {"β*", "α*", "ε", "ε_min", "ε_max", "approach margin", "score"} <= found.keys()

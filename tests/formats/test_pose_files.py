@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -887,3 +888,24 @@ def test_numbers_are_the_same_whether_all_are_plain_or_one_is_text() -> None:
         for row in ([[1.0, wrong], [1.0, 1.0]], [wrong, [1.0, 1.0]]):
             with pytest.raises(ContactError, match="grasp 2: pose must be 2 x 2 numbers, in lists"):
                 numbers([*rows[:1], row], (2, 2), "pose")
+
+
+def test_texts_of_any_storage_are_read(tmp_path: Path) -> None:
+    """As few bits of codes, as texts of a fixed length, and as dates, which CSV's reader makes."""
+    columns: dict[str, Any] = {name: [0.0] * 3 for name in ("px", "py", "pz", "qx", "qy", "qz")}
+    codes = pa.DictionaryArray.from_arrays(pa.array([0, 1, 0], pa.uint8()), ["a", "b"])
+    pq.write_table(pa.table({**columns, "qw": [1.0] * 3, "tag": codes}), tmp_path / "a.parquet")
+    assert read_poses(tmp_path / "a.parquet", unit="m").columns["tag"].tolist() == ["a", "b", "a"]
+    path = tmp_path / "a.csv"
+    path.write_text("px,py,pz,qx,qy,qz,qw,tag\n0,0,0,0,0,0,1,2020-01-01\n")
+    assert read_poses(path, unit="m").columns["tag"].tolist() == ["2020-01-01"]
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["grasps/transforms"] = np.tile(np.eye(4), (3, 1, 1))
+        file["object/file"], file["gripper/type"] = np.bytes_("mug.obj"), np.bytes_("panda")
+    assert read_poses(tmp_path / "a.h5").object_file == "mug.obj"
+
+
+def test_an_array_without_rows_is_no_poses(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", 1.0)
+    with pytest.raises(ContactError, match=r"a\.npy: contains no poses"):
+        read_poses(tmp_path / "a.npy")

@@ -252,3 +252,8 @@ def test_poses_that_are_all_far_are_refused_with_the_likely_unit(
 def test_no_poses_are_not_far() -> None:
     check_near(np.zeros((0, 4, 4)), ball())
     assert pose_warning(np.zeros((0, 4, 4)), ball()) is None
+
+
+def test_columns_of_unequal_lengths_are_refused_by_name() -> None:
+    with pytest.raises(ContactError, match="tags must have as many values in all grasps"):
+        GraspPoses(poses=np.tile(np.eye(4), (2, 1, 1)), columns={"tags": [[1, 2], [1]]})

@@ -351,6 +351,7 @@ def test_only_pages_of_the_server_may_connect(server: Served) -> None:
     own, link = f"http://127.0.0.1:{server.port}", f"{server.path}ws"
     assert response(server, link, **UPGRADE, Origin="http://evil.example")[0] == 403
     assert response(server, link, **UPGRADE)[0] == 403
+    assert response(server, link)[0] == 403  # no websocket at all
     assert response(server, link, **UPGRADE, Origin=own)[0] == 101
     for path in (server.path, f"{server.path}picture.png", link):
         status, text = response(server, path, Host="elsewhere.example:80")

@@ -401,3 +401,22 @@ def test_a_ray_outside_the_visible_side_of_a_section_hits_nothing() -> None:
     assert subject.mesh.vertices[first][0] > 0.9
     within = np.array([0.5, 0.01, 0.02])  # the plane is before the far side, which is cut away
     assert vertex_at(subject, within, np.array([-1.0, 0.0, 0.0]), section) is None
+
+
+@needs_opengl
+def test_nothing_is_left_of_what_was_drawn_before() -> None:
+    name = "a$b$\nc"
+    labels = scanned(subdivisions=1)
+    subject = subject_of(labels, name)
+    collection = Collection((Item(name, lambda: subject),), labels.model, Sampling())
+    with viewed(collection, legend=True) as (session, scene):
+        first, props = scene.screenshot(), scene.plotter.renderers[0].GetViewProps()
+        count = props.GetNumberOfItems()
+        for paint in ("critical_angle", "margin", "label") * 3:
+            drawn = after(
+                session, scene, paint=paint, friction=0.5 * session.model.nominal_friction
+            )
+            assert not np.array_equal(drawn, first)
+        last = after(session, scene, friction=1.0)
+        assert props.GetNumberOfItems() == count
+        assert np.array_equal(first, last)

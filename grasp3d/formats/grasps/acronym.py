@@ -66,6 +66,10 @@ def write(path: Path, poses: GraspPoses) -> None:
             file[name] = value
 
 
+TEXTS = "OS"
+"""Kinds of texts: of any length, and of a fixed one."""
+
+
 def read(path: Path, given: Given) -> GraspPoses:
     """Poses in the order of the file. Raises ContactError, OSError."""
     h5py = library("h5py", "h5py")
@@ -96,7 +100,7 @@ def _read(file: Any, given: Given) -> GraspPoses:
     names = _of_each(file, count) if given.outcome else [OUTCOME] * (OUTCOME in file)
 
     def of_each(name: str) -> Any:
-        return _values(file, name, (count,), "fiubO")
+        return _values(file, name, (count,), f"fiub{TEXTS}")
 
     return GraspPoses(
         poses=_values(file, TRANSFORMS, shape),
@@ -117,22 +121,22 @@ def _of_each(file: Any, count: int) -> list[str]:
 
 
 def _values(file: Any, name: str, shape: tuple[int, ...], kinds: str = "fiub") -> Any:
-    """Numbers of a data set, or texts if their kind O is allowed; None: it is missing."""
+    """Numbers of a data set, or texts if their kinds are allowed; None: it is missing."""
     if name not in file:
         return None
     data = file[name]
     if getattr(data, "shape", None) != shape:
         raise ContactError(f"{name} must be a data set of shape {shape}; got {data!r:.80}")
     if data.dtype.kind not in kinds:
-        wanted = "text" if kinds == "O" else "numbers"
+        wanted = "text" if kinds == TEXTS else "numbers"
         raise ContactError(f"{name} must be {wanted} of shape {shape}; got {data.dtype}")
-    is_text = data.dtype.kind == "O"
+    is_text = data.dtype.kind in TEXTS
     return data.asstr(errors="replace")[()] if is_text else np.asarray(data[()] * 1.0)
 
 
 def _text(file: Any, name: str) -> str | None:
     """A text; None: it is missing, or empty."""
-    return _values(file, name, (), "O") or None
+    return _values(file, name, (), TEXTS) or None
 
 
 register(Format(

@@ -118,6 +118,8 @@ def read(path: Path, given: Given) -> GraspPoses:
 
 def _stripped(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Texts without the spaces around them; numbers as they are."""
+    if values.dtype.kind == "M":  # of a column of dates
+        values = values.astype(str)
     if values.dtype.kind != "O":
         return values
     stripped = [value.strip() if isinstance(value, str) else value for value in values]

@@ -191,7 +191,9 @@ class _Proposal:
 
     def _palm(self, tips: Iterable[str]) -> str:
         chains = [self.tree.chain(tip)[1:] for tip in tips]
-        palm = next(link for link in chains[0] if all(link in chain for chain in chains))
+        common = (link for link in chains[0] if all(link in chain for chain in chains))
+        if (palm := next(common, None)) is None:
+            raise self.tree.error("no link carries all fingertips; name the palm (palm)")
         self.assumed.append(f"the palm is {palm}, the last link that carries all fingertips")
         return palm
 
@@ -336,6 +338,8 @@ class _Proposal:
         way = unit_rows(inverse[:3, :3] @ self._target + inverse[:3, 3] - box.mean(axis=0))
         turn = self.bare.link_poses(opened)[0, number, :3, :3]
         near = np.flatnonzero(np.abs(way) >= np.cos(np.radians(FARTHEST_APPROACH)))
+        if not len(near):
+            raise self.tree.error("it is not clear where it approaches from; state it (approach)")
         axis = near[np.ptp(box, axis=0)[near].argmin()]
         chosen = np.sign(way[axis]) * np.eye(3)[axis]
         sign = "-" if way[axis] < 0.0 else "+"

@@ -125,6 +125,11 @@ class Session:
         return None if job is None else (job.text, self._worker.fraction)
 
     @property
+    def saving(self) -> bool:
+        """Whether a file is being written, or will be."""
+        return self._saving is not None
+
+    @property
     def message(self) -> str:
         """The last message, or the reason why the current choices could not be computed."""
         return self._message or self.failure
@@ -349,6 +354,7 @@ class Session:
 
     def close(self) -> None:
         """Cancel the background job."""
+        self._saving = None
         self._worker.request(None)
 
     def check_current(self) -> None:

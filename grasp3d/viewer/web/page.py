@@ -30,6 +30,7 @@ from trame_client.module import vue3  # type: ignore[import-untyped]
 
 from grasp3d.errors import GraspError, OutputError, SettingError
 from grasp3d.pictures.opengl import check_rendering, new_plotter
+from grasp3d.system.names import describe_unexpected
 from grasp3d.viewer.scene import ClickDetector, Scene
 from grasp3d.viewer.screenshots import file_name, render_copy
 from grasp3d.viewer.session.controls import CONTROLS, handle_key
@@ -262,7 +263,8 @@ class Page:
             raise web.HTTPForbidden(text="Use the address 127.0.0.1 or localhost.")
         if not request.path.startswith(self._path):
             raise web.HTTPNotFound(text="There is no object here: use the whole address.")
-        if "Upgrade" in request.headers and not _is_same_origin(request):
+        is_socket = "Upgrade" in request.headers and _is_same_origin(request)
+        if request.path == f"{self._path}ws" and not is_socket:
             raise web.HTTPForbidden(text="Connections from other sites are not allowed.")
         return await handler(request)
 
@@ -282,7 +284,7 @@ class Page:
         with TemporaryDirectory() as folder:
             path, session = Path(folder) / name, self._session
             session.save(path)
-            while session.working is not None and not session.message:  # noqa: ASYNC110
+            while session.saving:  # noqa: ASYNC110
                 await asyncio.sleep(POLL_INTERVAL)
             if not path.exists():
                 raise SettingError(session.message or "nothing was saved")
@@ -330,8 +332,10 @@ class Page:
             self._wake.clear()
             try:
                 self._refresh()
-            except GraspError as error:
-                self._session.show_message(str(error))
+            except Exception as error:  # noqa: BLE001, the page goes on
+                text = str(error) if isinstance(error, GraspError) else describe_unexpected(error)
+                if text != self._session.message:
+                    self._session.show_message(text)
 
     def _refresh(self) -> None:
         session = self._session
@@ -340,9 +344,9 @@ class Page:
             state.update(progress_state(session))
             if session.revision != self._drawn:
                 self._drawn = session.revision
+                state.update(page_state(session))
                 self._scene.update(session)
                 self._view.update()
-                state.update(page_state(session))
 
 
 async def _add_headers(_: web.Request, response: web.StreamResponse) -> None:
