@@ -12,8 +12,11 @@ _SHORT_ARRAY = "~numpy.typing.NDArray["
 
 
 def shorten(annotation: str) -> str:
-    """An annotation with arrays in the form in which they are written."""
-    parts = annotation.split(_ARRAY)
+    """An annotation with arrays in the form in which they are written.
+
+    A default that is made anew each time is no text that Sphinx can parse: it is shown as dots.
+    """
+    parts = annotation.replace("<factory>", "...").split(_ARRAY)
     return _SHORT_ARRAY.join([parts[0], *(part.replace("]]", "]", 1) for part in parts[1:])])
 
 
