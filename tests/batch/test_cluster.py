@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import psutil
@@ -34,6 +35,13 @@ def rows_of(jobs: list[Work], running: DaskCluster, pause: float = 0.0) -> Itera
 
 def children(nanny: "subprocess.Popen[bytes]", word: str) -> list[psutil.Process]:
     return [process for process in descendants(nanny.pid) if runs(process, word)]
+
+
+def has_ended(process: psutil.Process) -> bool:
+    try:
+        return bool(process.status() == psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return True
 
 
 @pytest.mark.slow
@@ -91,7 +99,7 @@ def test_running_jobs_end_with_their_client(tmp_path: Path) -> None:
                 (child,) = children(nanny, "worker_main")
                 client.send_signal(signum)
                 begun = time.monotonic()
-                wait_for(lambda child=child: not child.is_running() or child.status() == "zombie")
+                wait_for(partial(has_ended, child))
                 assert time.monotonic() - begun < 3.0
         (row,) = rows_of([Work("well")], running)  # the worker itself still works
         assert row.memory == pytest.approx(0.9 * 2.0)

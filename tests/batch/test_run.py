@@ -14,6 +14,7 @@ import grasp3d
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.job_requests import USABLE_MEMORY, local_workers
 from grasp3d.batch.run import run
+from tests.helpers.dask_cluster import runs
 from tests.helpers.jobs import Done, Work, lost, needs_2_gb, process_id, work
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
@@ -101,8 +102,9 @@ def test_jobs_are_taken_as_they_are_needed() -> None:
     rows.close()  # type: ignore[attr-defined]
     assert len(set(some)) == 50
     assert len(begun) == next(taken) <= 50 + 4 + 1
-    left = [process.cmdline() for process in psutil.Process().children() if process.is_running()]
-    assert not any("grasp3d.batch.worker_main" in command for command in left)
+    assert not any(
+        runs(process, "grasp3d.batch.worker_main") for process in psutil.Process().children()
+    )
 
 
 def test_without_child_processes_jobs_run_in_this_process() -> None:
