@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+pytest_plugins = ["tests.helpers.browsers"]
+
 LIBRARIES = {"duckdb", "fcl", "h5py", "nbformat", "pandas", "plyfile", "polars", "sybil", "yaml"}
 """What files of tests import, of the extra `test`; without it they are passed over, not in CI."""
 

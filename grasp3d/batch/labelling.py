@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,6 @@ from grasp3d.batch.storage.files import local_copy
 from grasp3d.errors import FileUnreadError, GraspError, OutputError, WarningError
 from grasp3d.mesh.reading.scenes import side_names
 from grasp3d.settings.costs import labelling_cost
-from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles
 from grasp3d.stability.label import Label
 from grasp3d.system.context import running
 from grasp3d.system.versions import package_version
@@ -29,10 +28,6 @@ if TYPE_CHECKING:
     from grasp3d.grasps.jaw_grasps import JawGrasps
     from grasp3d.surface.grasp_table import GraspTable
     from grasp3d.surface.labels import SurfaceLabels
-
-QUARTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
-DECILES = (0.1, 0.5, 0.9)
-REQUIRED = (0.5, 0.8, 0.9)
 
 
 @dataclass(frozen=True)
@@ -58,7 +53,7 @@ def label_job(job: Job, settings: BatchSettings, *, force: bool = False) -> Row 
         NeedsMemory: The mesh is expected to need more memory than this process may take.
     """
     begun = time.perf_counter()
-    row = _unlabelled_row(job, settings)
+    row = _unlabelled_row(job)
     try:
         with running(threads=job.threads), local_copy(job.mesh.source) as path:
             content = content_hash(path)
@@ -88,7 +83,7 @@ def lost_row(job: Job, reason: str) -> Row:
     return Row.lost(job.mesh.name, job.mesh.source, job.mesh.size, reason)
 
 
-def _unlabelled_row(job: Job, settings: BatchSettings) -> Row:
+def _unlabelled_row(job: Job) -> Row:
     """Row of a mesh with the values that are known before it is read."""
     mesh = job.mesh
     return Row(
@@ -98,11 +93,6 @@ def _unlabelled_row(job: Job, settings: BatchSettings) -> Row:
         stamp=mesh.stamp,
         version=package_version(),
         method=METHOD,
-        friction_min=settings.model.friction_interval[0],
-        friction_max=settings.model.friction_interval[1],
-        sensor_resolution=settings.model.sensor_resolution,
-        fingers=settings.model.fingers,
-        gripper=None if settings.reach.hand is None else settings.reach.hand.name,
     )
 
 
@@ -125,22 +115,10 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
     _ = labels.epsilon_range, labels.load_result
     labelling = next(clock)
     best = _best_of(labels, settings.best)
-    _write(labels, job)
+    row = replace(row, grasps=_best_rows(best)).of(labels)
+    row = _write(row, labels, best, job)
     return replace(
-        row,
-        labels=job.labels,
-        fields=job.fields,
-        thumbnail=job.thumbnail,
-        **_surface_values(labels),
-        location_error=labels.model.location_error,
-        **_angle_values(labels),
-        **_verdict_values(labels),
-        **_load_values(labels),
-        grasps=_best_rows(best),
-        warnings="; ".join(labels.warnings),
-        seconds_reading=reading,
-        seconds_labelling=labelling,
-        seconds_writing=next(clock),
+        row, seconds_reading=reading, seconds_labelling=labelling, seconds_writing=next(clock)
     )
 
 
@@ -153,121 +131,22 @@ def _lap_times() -> Iterator[float]:
         last = now
 
 
-def _write(labels: "SurfaceLabels", job: Job) -> None:
-    """Write all results of a mesh except its row, each atomically."""
-    from grasp3d.batch.report import thumbnail
+def _write(
+    row: Row, labels: "SurfaceLabels", best: "GraspTable | JawGrasps | None", job: Job
+) -> Row:
+    """Write all results of a mesh except its row, each atomically; returns the row with them."""
     from grasp3d.formats import write_fields, write_ply
 
     output = job.output
     for name, write in {job.labels: write_ply, job.fields: write_fields}.items():
         with output.atomic_write(name) as path:
             write(path, labels)
-    output.write(job.thumbnail, thumbnail(labels))
+    row = replace(row, labels=job.labels, fields=job.fields)
+    if not job.has_page:
+        return row
+    from grasp3d.batch.report import write_object
 
-
-def _surface_values(labels: "SurfaceLabels") -> dict[str, Any]:
-    mesh, fractions = labels.mesh, labels.fractions()
-    x, y, z = mesh.center_mass.tolist()
-    return {
-        "vertices": len(mesh.vertices),
-        "faces": len(mesh.faces),
-        "size": mesh.size,
-        "unit": mesh.unit,
-        "closed": mesh.report.closed,
-        "area": mesh.area,
-        "volume": _finite_or_none(mesh.volume),
-        "center_mass": (x, y, z),
-        "torque_scale": mesh.torque_scale,
-        "stable": fractions["S"],
-        "ambiguous": fractions["M"],
-        "no_grasp_found": fractions["U"],
-        "repairs": "; ".join(map(str, mesh.report.repairs)),
-    }
-
-
-def _angle_values(labels: "SurfaceLabels") -> dict[str, Any]:
-    model, angles = labels.model, _angles_of(labels)
-    available = replace(model, sensor_resolution=0.0).sure_angle  # for a sensor
-    return {
-        **_quantiles(labels, "critical_angle", QUARTILES),
-        **_quantiles(labels, "epsilon", DECILES),
-        **_quantiles(labels, "epsilon_min", DECILES),
-        **{
-            f"required_resolution_{100.0 * fraction:.0f}": max(
-                0.0, 2.0 * (available - angles.worst_quantile(fraction))
-            )
-            for fraction in REQUIRED
-        },
-        **{  # the largest angles are the smallest margins
-            f"margin_p{100.0 * level:.0f}": model.sure_angle - angles.worst_quantile(1.0 - level)
-            for level in DECILES
-        },
-        "search_angle": labels.search.cone,
-    }
-
-
-def _verdict_values(labels: "SurfaceLabels") -> dict[str, Any]:
-    from grasp3d.describe.causes import causes_text
-    from grasp3d.describe.verdict import verdict_of
-
-    verdict, load = verdict_of(labels), {}
-    if (load_result := verdict.load_result) is not None:
-        load = {
-            "holds": load_result.holds,
-            "grip_force_needed": load_result.needed,
-            "payload_best": _finite_or_none(load_result.payload),
-        }
-    return {
-        "verdict": verdict.word,
-        "verdict_text": str(verdict),
-        "causes": causes_text(labels),
-        "stable_grasps": verdict.count,
-        "spare_resolution": _finite_or_none(verdict.spare_resolution),
-        **load,
-    }
-
-
-def _load_values(labels: "SurfaceLabels") -> dict[str, Any]:
-    """What the grasps hold; nothing without a load."""
-    from grasp3d.quality.loads import load_settings
-    from grasp3d.surface.area_statistics import label_fractions, vertex_weights
-
-    load_result = labels.load_result
-    if load_result is None:
-        return {}
-    codes, weights = load_result.label, vertex_weights(labels.mesh, "area")
-    return {
-        "task": load_settings(labels.load)["task"],
-        "mass": load_result.mass,
-        "grip_force_at_hand": load_result.available,
-        "held": None if codes is None else label_fractions(codes, weights)["S"],
-        **_quantiles(labels, "payload", DECILES),
-    }
-
-
-def _finite_or_none(number: float) -> float | None:
-    return number if math.isfinite(number) else None
-
-
-def _quantiles(labels: "SurfaceLabels", name: str, levels: Sequence[float]) -> dict[str, float]:
-    """Quantiles of a column, where the labels have it, by the names of their columns."""
-    values = labels.quantiles(name, levels)
-    if values is None:
-        return {}
-    return {
-        f"{name}_p{100.0 * level:.0f}": float(value)
-        for level, value in zip(levels, values, strict=True)
-    }
-
-
-def _angles_of(labels: "SurfaceLabels") -> AngleDistribution:
-    """Distribution of the critical angles, to be compared with the thresholds of a model."""
-    from grasp3d.surface.area_statistics import vertex_weights
-
-    weights = vertex_weights(labels.mesh, "area")
-    counted = weights > 0.0
-    worst, best = labels.critical_angle[counted], labels.critical_angle_best[counted]
-    return SampledAngles(worst, best, weights[counted], limit=labels.search.cone)
+    return write_object(row, labels, best, output, job.page)
 
 
 def _best_of(labels: "SurfaceLabels", count: int) -> "GraspTable | JawGrasps | None":
@@ -300,10 +179,14 @@ def _best_rows(best: "GraspTable | JawGrasps | None") -> tuple[BestGrasp, ...]:
             points=_triples(contacts.points[row]),
             normals=_triples(-contacts.normals[row]),
             pose=() if poses is None or np.isnan(poses[row]).any() else _flat(poses[row]),
-            **{name: _finite_or_none(float(one[row])) for name, one in further.items()},
+            **{name: _finite(float(one[row])) for name, one in further.items()},
         )
         for row in range(best.size)
     )
+
+
+def _finite(number: float) -> float | None:
+    return number if math.isfinite(number) else None
 
 
 def _flat(pose: Floats) -> tuple[float, ...]:

@@ -24,6 +24,9 @@ from grasp3d.system.context import is_strict
 SHARED_FOLDER_TIMEOUT = 10.0
 """Time until a shared folder shows a file that another machine has written [s]."""
 
+MOST_PAGES = 1000
+"""Meshes up to which each of them has pictures, and a page of its own in the report."""
+
 BYTES_PER_MESH = 100_000
 """Bytes added to the size of each file: the work for a mesh is estimated by the bytes of its
 file."""
@@ -127,7 +130,8 @@ def label_library(
     """Label every mesh of a library, largest files first; resumes an earlier call.
 
     Below `output`: `labels/NAME.ply`, `fields/NAME.parquet` (a row per vertex), `summary/` (a
-    Parquet data set, a row per mesh) and `report/index.html`. A mesh whose content, settings and
+    Parquet data set, a row per mesh) and `report/index.html`, with a page per mesh for up to 1,000
+    meshes. A mesh whose content, settings and
     version of the method equal those of its row is not labelled again. Meshes that fail have rows
     with the reason. If any process is interrupted, finished meshes stay finished.
 
@@ -141,7 +145,7 @@ def label_library(
             other settings.
         force: Accept lengths that cannot be meant for an object of a mesh's size; without it such
             a mesh fails.
-        report: Write the report.
+        report: Write the report, and the pictures for it.
         progress: Called with the progress whenever a mesh is started or finished.
 
     Raises:
@@ -179,6 +183,8 @@ def label_library(
     try:
         meshes = use_stored_names(files, store.rows)
         jobs, finished = _jobs_to_run(meshes, store, overwrite=overwrite, force=force)
+        pages = report and len(meshes) <= MOST_PAGES
+        jobs = [replace(job, has_page=pages) for job in jobs]
         if cluster.scheduler is None:
             jobs = use_all_processors(jobs, local_workers(cluster))
         stale = store.begin(job.mesh.name for job in jobs)

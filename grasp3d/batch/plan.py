@@ -14,7 +14,7 @@ from grasp3d.batch.storage.files import local_path
 from grasp3d.batch.storage.folder import Folder
 from grasp3d.system.names import name_key, safe_stem, short_hash
 
-_SUFFIXES = (".ply", ".parquet", ".webp")
+_SUFFIXES = (".ply", ".parquet", ".webp", ".html", ".glb")
 """Suffixes of the results of a mesh."""
 
 
@@ -34,6 +34,8 @@ class Job:
     """Hash of the content that the store has valid results of; empty: it has none."""
     threads: int = 1
     """Threads that label the mesh."""
+    has_page: bool = True
+    """Whether the mesh gets pictures, and a page of its own in the report."""
 
     @property
     def labels(self) -> str:
@@ -46,9 +48,9 @@ class Job:
         return f"fields/{self.stem}.parquet"
 
     @property
-    def thumbnail(self) -> str:
-        """Path of its thumbnail in the report."""
-        return f"report/thumbnails/{self.stem}.webp"
+    def page(self) -> str:
+        """Path of its page in the report, without the suffix."""
+        return f"report/objects/{self.stem}"
 
 
 def plan(

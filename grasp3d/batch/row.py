@@ -1,13 +1,31 @@
-"""Rows of the summary: the results of one mesh each, and their list."""
+"""Rows of the summary: the results of one mesh each, whose columns are declared here alone.
 
-from dataclasses import dataclass, replace
+A column is a field of `Row` with what it means, what gives its value for a labelled surface, and
+how people read it; files, the printed table, the report and the docs follow from that.
+"""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
-from typing import Any
+from functools import cached_property
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
 
 from grasp3d.batch.identity import METHOD
+from grasp3d.system.counts import short_number
 from grasp3d.system.names import as_unicode
 from grasp3d.system.tables import data_frame, table_of_records
 from grasp3d.system.versions import package_version
+
+if TYPE_CHECKING:
+    from grasp3d.arrays import Floats
+    from grasp3d.describe.verdict import Verdict
+    from grasp3d.surface.labels import SurfaceLabels
+
+
+PERCENTS = (10, 25, 50, 75, 90)
+"""Levels of the quantiles over a surface."""
 
 
 class Outcome(StrEnum):
@@ -18,6 +36,170 @@ class Outcome(StrEnum):
     """The mesh cannot be labelled, and is tried again only when it or the settings change."""
     LOST = "lost"
     """Its process died, or exceeded the time or memory limit; the next run tries it again."""
+
+
+class Labelled:
+    """A labelled surface, with what several columns are taken from."""
+
+    def __init__(self, labels: "SurfaceLabels") -> None:
+        self.labels = labels
+        self._quantiles: dict[str, Floats | None] = {}
+
+    @cached_property
+    def fractions(self) -> dict[str, float]:
+        """Area fractions S, M and U."""
+        return self.labels.fractions()
+
+    @cached_property
+    def verdict(self) -> "Verdict":
+        """Whether the object is surely held."""
+        from grasp3d.describe.verdict import verdict_of  # rows are read without it
+
+        return verdict_of(self.labels)
+
+    @cached_property
+    def causes(self) -> str:
+        """Why parts of the surface are U."""
+        from grasp3d.describe.causes import causes_text
+
+        return causes_text(self.labels)
+
+    def quantile(self, name: str, percent: int) -> float | None:
+        """A quantile of a column over the surface by area; None: the labels do not have it."""
+        if name not in self._quantiles:
+            levels = [one / 100.0 for one in PERCENTS]
+            self._quantiles[name] = self.labels.quantiles(name, levels)
+        values = self._quantiles[name]
+        return None if values is None else float(values[PERCENTS.index(percent)])
+
+    def required_resolution(self, fraction: float) -> float:
+        """Coarsest sensor resolution below which a fraction of the surface is S [rad]."""
+        labels = self.labels
+        available = replace(labels.model, sensor_resolution=0.0).sure_angle
+        return max(0.0, 2.0 * (available - labels.angle_distribution().worst_quantile(fraction)))
+
+    @property
+    def held(self) -> float | None:
+        """Area fraction of the grasps that hold the load."""
+        from grasp3d.surface.area_statistics import label_fractions, vertex_weights
+
+        found = self.labels.load_result
+        if found is None or found.label is None:
+            return None
+        return label_fractions(found.label, vertex_weights(self.labels.mesh, "area"))["S"]
+
+    @property
+    def task(self) -> str | None:
+        """What the grasps must resist."""
+        from grasp3d.quality.loads import load_settings
+
+        load = self.labels.load
+        return None if load is None else str(load_settings(load)["task"])
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a field of a row is, beside its name and its type."""
+
+    meaning: str
+    of: Callable[[Labelled], Any] | None = None
+    """Its value for a labelled surface; None: it is known without."""
+    heading: str = ""
+    """Of its column in the report and in the printed table; empty: it is not there."""
+    unit: str = ""
+    """Unit of the number that people read; 'unit': that of the mesh."""
+    otherwise: str = "none"
+    """What stands for a number that is not finite."""
+
+    def text(self, value: Any, row: "Row") -> str:
+        """A value as people read it; empty where it is not known."""
+        if value is None:
+            return ""
+        if not math.isfinite(value):
+            return self.otherwise
+        if self.unit == "rad":
+            return f"{math.degrees(value) + 0.0:.1f}°"  # never -0
+        if self.unit == "%":
+            return f"{100.0 * value:.0f} %"
+        if isinstance(value, int):
+            return f"{value:,}"
+        return (
+            f"{short_number(value)} {row.unit or '' if self.unit == 'unit' else self.unit}".strip()
+        )
+
+
+@dataclass(frozen=True)
+class _Resolution(Column):
+    """A sensor resolution that is required; 0: none is fine enough."""
+
+    def text(self, value: Any, row: "Row") -> str:
+        return super().text(value or math.nan if value is not None else None, row)
+
+
+def _column(
+    meaning: str, of: Callable[[Labelled], Any] | str | None = None, *,
+    default: Any = None, kind: type[Column] = Column, **shown: str,
+) -> Any:  # fmt: skip
+    """Declare a column; `of` may be the path of an attribute."""
+    column = kind(meaning, attrgetter(of) if isinstance(of, str) else of, **shown)
+    return field(default=default, metadata={"column": column})
+
+
+def _quantile(meaning: str, name: str, percent: int, **shown: str) -> Any:
+    def of(one: Labelled) -> float | None:
+        return one.quantile(name, percent)
+
+    text = f"{percent} % quantile over the surface, by area, of {meaning}"
+    return _column(text, of, default=None, kind=Column, **shown)
+
+
+def _required(percent: int, heading: str = "") -> Any:
+    def of(one: Labelled) -> float:
+        return one.required_resolution(percent / 100.0)
+
+    return _column(
+        f"coarsest sensor resolution below which {percent} % of the surface is S, with the "
+        "friction and the other uncertainties as they are; 0: none is fine enough",
+        of, kind=_Resolution, heading=heading, unit="rad",
+    )  # fmt: skip
+
+
+_ANGLE = (
+    "the critical friction angle of the best grasp found at a contact point: the grasp is "
+    "force-closed exactly when the friction angle β = atan μ exceeds β*; inf: no grasp found"
+)
+_MARGIN = (
+    "the margin, by how much the friction angle exceeds what β* and all uncertainties need: S is "
+    "where it is above 0; -inf: no grasp found"
+)
+_EPSILON = (
+    "ε, the smallest disturbance wrench that the grasp cannot resist (Ferrari & Canny), relative "
+    "to the fingers' force; 0: no grasp found"
+)
+_EPSILON_MIN = "the smallest ε over all normals that the sensor cannot tell apart"
+_PAYLOAD = (
+    "the largest mass that the grasp surely holds with the force at hand [kg]; 0: no grasp found"
+)
+
+
+def _of_load(name: str) -> Callable[[Labelled], Any]:
+    """An attribute of what the verdict says of the load; None: there is no load."""
+
+    def of(one: Labelled) -> Any:
+        found = one.verdict.load_result
+        return None if found is None else getattr(found, name)
+
+    return of
+
+
+def _known(of: Callable[[Labelled], Any]) -> Callable[[Labelled], float | None]:
+    """A number, or None where it is not finite."""
+
+    def value(one: Labelled) -> float | None:
+        number = of(one)
+        return number if number is not None and math.isfinite(number) else None
+
+    return value
 
 
 @dataclass(frozen=True)
@@ -55,125 +237,163 @@ class BestGrasp:
 class Row:
     """One row of the summary; values that are unknown, as for unlabelled meshes, are none."""
 
-    mesh: str
-    """Name of the mesh: its path below the input folder."""
-    source: str = ""
-    """Path or address of the file, as given."""
-    outcome: Outcome = Outcome.LABELLED
-    error: str = ""
-    """Why the mesh was not labelled."""
-    bytes: int | None = None
-    """Size of the file."""
-    stamp: str = ""
-    """State of the file according to the file system: the same stamp means the same content."""
-    content: str = ""
-    """SHA-256 of the file, and of the files that it refers to."""
-    key: str = ""
-    """SHA-256 of the content, the settings and the version of the method."""
-    friction_min: float | None = None
-    """Coulomb coefficient of the labels, the smallest where it is an interval."""
-    friction_max: float | None = None
-    """The same, the largest."""
-    sensor_resolution: float | None = None
-    """Resolution alpha of the labels [rad]."""
-    location_error: float | None = None
-    """Largest distance between true and perceived contact points [m]."""
-    fingers: int | None = None
-    gripper: str | None = None
-    """Name of the gripper that must reach the grasps."""
-    verdict: str | None = None
-    """surely, perhaps or not; see `grasps.Verdict`."""
-    verdict_text: str | None = None
-    """The verdict in one to three sentences."""
-    causes: str | None = None
-    """Why parts of the surface are U, with their area fractions."""
-    stable_grasps: int | None = None
-    """Distinct S grasps that are reached."""
-    spare_resolution: float | None = None
-    """Of the best grasp: alpha* - alpha [rad]; negative: a finer sensor is needed."""
-    task: str | None = None
-    """What the grasps must resist, as text; none: there is no load."""
-    mass: float | None = None
-    """Mass of the object [kg]; none: not given."""
-    grip_force_at_hand: float | None = None
-    """Force at hand of each finger [N]; none: not given."""
-    holds: bool | None = None
-    """Whether some grasp holds the load, at the worst normals, with the force at hand."""
-    held: float | None = None
-    """Area fraction of the grasps that hold the load, at the worst normals, with that force."""
-    grip_force_needed: float | None = None
-    """Smallest force of each finger that holds it at the worst normals [N], 1 kg without a mass;
-    inf: none does."""
-    payload_best: float | None = None
-    """Largest mass that a grasp holds, at the worst normals, with the force at hand [kg]."""
-    payload_p10: float | None = None
-    """Quantiles of the payload over the surface [kg]; 0: no grasp found."""
-    payload_p50: float | None = None
-    payload_p90: float | None = None
-    labels: str = ""
-    """Path of the labelled PLY below the output folder."""
-    fields: str = ""
-    """Path of the table of vertices below the output folder."""
-    thumbnail: str = ""
-    """Path of the thumbnail below the output folder."""
-    vertices: int | None = None
-    faces: int | None = None
-    size: float | None = None
-    """Diameter of the surface's bounding sphere [m]."""
-    unit: str | None = None
-    closed: bool | None = None
-    area: float | None = None
-    volume: float | None = None
-    """Enclosed volume; none where the surface is open."""
-    center_mass: tuple[float, float, float] | None = None
-    torque_scale: float | None = None
-    """Length by which torques are divided in epsilon [m]."""
-    stable: float | None = None
-    """Area fraction of S."""
-    ambiguous: float | None = None
-    """Area fraction of M."""
-    no_grasp_found: float | None = None
-    """Area fraction of U."""
-    critical_angle_p10: float | None = None
-    """Quantiles of the critical friction angle over the surface [rad]; inf: no grasp found."""
-    critical_angle_p25: float | None = None
-    critical_angle_p50: float | None = None
-    critical_angle_p75: float | None = None
-    critical_angle_p90: float | None = None
-    margin_p10: float | None = None
-    """Quantiles of the margin over the surface [rad]: by how much the friction angle exceeds what
-    the critical angle and all uncertainties need; -inf: no grasp found."""
-    margin_p50: float | None = None
-    margin_p90: float | None = None
-    epsilon_p10: float | None = None
-    """Quantiles of epsilon at the nominal normals over the surface; 0: no grasp found."""
-    epsilon_p50: float | None = None
-    epsilon_p90: float | None = None
-    epsilon_min_p10: float | None = None
-    """Quantiles of the smallest epsilon over all tilts."""
-    epsilon_min_p50: float | None = None
-    epsilon_min_p90: float | None = None
-    required_resolution_50: float | None = None
-    """Coarsest sensor resolution below which half of the surface is S at the model's friction
-    [rad]; 0: no resolution is fine enough."""
-    required_resolution_80: float | None = None
-    required_resolution_90: float | None = None
-    grasps: tuple[BestGrasp, ...] = ()
-    """Best distinct grasps, the best first."""
-    search_angle: float | None = None
-    """Half-angle of the searched cone [rad]."""
-    repairs: str = ""
-    warnings: str = ""
-    seconds_reading: float | None = None
-    seconds_labelling: float | None = None
-    """Search, labels and epsilon."""
-    seconds_writing: float | None = None
-    seconds: float = 0.0
-    """Total time [s]."""
-    version: str = ""
-    """Version of grasp3d."""
-    method: int | None = None
-    """Version of the method, which changes when labels of the same mesh change."""
+    mesh: str = _column("name: path below the input folder", default="")
+    source: str = _column("path or address of the file, as given", default="")
+    outcome: Outcome = _column(  # noqa: RUF009
+        "labelled; refused: the mesh cannot be labelled; lost: its process died, or exceeded the "
+        "limit of time or memory",
+        default=Outcome.LABELLED,
+    )
+    error: str = _column("why the mesh was not labelled", default="")
+    bytes: int | None = _column("size of the file")
+    stamp: str = _column("state of the file: the same one means the same content", default="")
+    content: str = _column("SHA-256 of the file, and of the files that it refers to", default="")
+    key: str = _column(
+        "SHA-256 of the content, the settings and the version of the method", default=""
+    )
+    friction_min: float | None = _column(
+        "friction of the labels, the smallest where it is an interval",
+        lambda one: one.labels.model.friction_interval[0],
+    )
+    friction_max: float | None = _column(
+        "the same, the largest", lambda one: one.labels.model.friction_interval[1]
+    )
+    sensor_resolution: float | None = _column(
+        "resolution α of the labels", "labels.model.sensor_resolution"
+    )
+    location_error: float | None = _column(
+        "largest distance between true and perceived contact points [m]",
+        "labels.model.location_error",
+    )
+    fingers: int | None = _column("number of fingers", "labels.model.fingers")
+    gripper: str | None = _column(
+        "name of the gripper or hand that must reach the grasps; null: ideal points",
+        lambda one: None if one.labels.scene is None else one.labels.scene.hand.name,
+    )
+    verdict: str | None = _column("surely, perhaps or not held", "verdict.word")
+    verdict_text: str | None = _column(
+        "the verdict in one to three sentences", lambda one: str(one.verdict)
+    )
+    causes: str | None = _column(
+        "why parts of the surface are U, with their area fractions", "causes"
+    )
+    stable_grasps: int | None = _column(
+        "distinct S grasps; with a gripper, that it reaches; counted up to 1,000", "verdict.count"
+    )
+    spare_resolution: float | None = _column(
+        "of the best grasp: α* − α; negative: a finer sensor is needed; null: none is fine enough",
+        _known(attrgetter("verdict.spare_resolution")),
+    )
+    task: str | None = _column(
+        "what the grasps must resist; null, as all else on the load: there is none", "task"
+    )
+    mass: float | None = _column(
+        "mass of the object [kg]; null: not given",
+        lambda one: None if one.labels.load_case is None else one.labels.load_case.mass,
+    )
+    grip_force_at_hand: float | None = _column(
+        "force at hand of each finger [N]; null: not given",
+        lambda one: None if one.labels.load_case is None else one.labels.load_case.available,
+    )
+    holds: bool | None = _column(
+        "whether some grasp holds the load, at the worst normals, with the force at hand; null: "
+        "mass or force not given",
+        _of_load("holds"),
+    )
+    labels: str = _column("path of the labelled PLY below the output folder", default="")
+    fields: str = _column("path of the table of vertices, there too", default="")
+    thumbnail: str = _column("path of the small picture; empty: none could be made", default="")
+    page: str = _column(
+        "path of the mesh's page in the report; empty: the library is too large", default=""
+    )
+    model: str = _column("path of the coloured surface as GLB, beside the page", default="")
+    stable: float | None = _column("area fraction of S", lambda one: one.fractions["S"])
+    ambiguous: float | None = _column("area fraction of M", lambda one: one.fractions["M"])
+    no_grasp_found: float | None = _column("area fraction of U", lambda one: one.fractions["U"])
+    critical_angle_p10: float | None = _quantile(_ANGLE, "critical_angle", 10)
+    critical_angle_p25: float | None = _quantile(_ANGLE, "critical_angle", 25)
+    critical_angle_p50: float | None = _quantile(
+        _ANGLE, "critical_angle", 50, heading="β* median", unit="rad", otherwise="no grasp"
+    )
+    critical_angle_p75: float | None = _quantile(_ANGLE, "critical_angle", 75)
+    critical_angle_p90: float | None = _quantile(_ANGLE, "critical_angle", 90)
+    margin_p10: float | None = _quantile(_MARGIN, "margin", 10)
+    margin_p50: float | None = _quantile(
+        _MARGIN, "margin", 50, heading="Margin median", unit="rad", otherwise="no grasp"
+    )
+    margin_p90: float | None = _quantile(_MARGIN, "margin", 90)
+    required_resolution_50: float | None = _required(50)
+    required_resolution_80: float | None = _required(80, heading="α for 80 %")
+    required_resolution_90: float | None = _required(90)
+    epsilon_p10: float | None = _quantile(_EPSILON, "epsilon", 10)
+    epsilon_p50: float | None = _quantile(_EPSILON, "epsilon", 50, heading="ε median")
+    epsilon_p90: float | None = _quantile(_EPSILON, "epsilon", 90)
+    epsilon_min_p10: float | None = _quantile(_EPSILON_MIN, "epsilon_min", 10)
+    epsilon_min_p50: float | None = _quantile(_EPSILON_MIN, "epsilon_min", 50)
+    epsilon_min_p90: float | None = _quantile(_EPSILON_MIN, "epsilon_min", 90)
+    payload_best: float | None = _column(
+        "largest mass that a grasp surely holds with the force at hand, whatever the true normals "
+        "are within the sensor resolution",
+        _known(_of_load("payload")), heading="Payload", unit="kg",
+    )  # fmt: skip
+    payload_p10: float | None = _quantile(_PAYLOAD, "payload", 10)
+    payload_p50: float | None = _quantile(_PAYLOAD, "payload", 50)
+    payload_p90: float | None = _quantile(_PAYLOAD, "payload", 90)
+    grip_force_needed: float | None = _column(
+        "smallest force of each finger that surely holds the load, or 1 kg where no mass is given; "
+        "inf: none does",
+        _of_load("needed"), heading="Grip force", unit="N",
+    )  # fmt: skip
+    held: float | None = _column(
+        "area fraction of the grasps that surely hold the load with the force at hand",
+        "held", heading="Held", unit="%",
+    )  # fmt: skip
+    size: float | None = _column(
+        "diameter of the surface's bounding sphere", "labels.mesh.size", heading="Size", unit="unit"
+    )
+    unit: str | None = _column(
+        "unit of lengths: m; null where that of the mesh is not known", "labels.mesh.unit"
+    )
+    vertices: int | None = _column(
+        "vertices of the refined surface", lambda one: len(one.labels.mesh.vertices),
+        heading="Vertices",
+    )  # fmt: skip
+    faces: int | None = _column("faces of that surface", lambda one: len(one.labels.mesh.faces))
+    closed: bool | None = _column(
+        "whether the surface encloses a volume", "labels.mesh.report.closed"
+    )
+    area: float | None = _column("area of the surface", "labels.mesh.area")
+    volume: float | None = _column(
+        "enclosed volume; null where the surface is open", _known(attrgetter("labels.mesh.volume"))
+    )
+    center_mass: tuple[float, float, float] | None = _column(
+        "centre of mass", lambda one: tuple(one.labels.mesh.center_mass.tolist())
+    )
+    torque_scale: float | None = _column(
+        "length by which torques are divided in ε", "labels.mesh.torque_scale"
+    )
+    grasps: tuple[BestGrasp, ...] = _column(
+        "best distinct grasps, the best first, see below", default=()
+    )
+    search_angle: float | None = _column(
+        "half-angle of the cone that was searched", "labels.search.cone"
+    )
+    repairs: str = _column(
+        "what was repaired", lambda one: "; ".join(map(str, one.labels.mesh.report.repairs)),
+        default="",
+    )  # fmt: skip
+    warnings: str = _column(
+        "warnings about the mesh and its lengths", lambda one: "; ".join(one.labels.warnings),
+        default="",
+    )  # fmt: skip
+    seconds_reading: float | None = _column("time for reading the mesh [s]")
+    seconds_labelling: float | None = _column("time for search, labels and ε [s]")
+    seconds_writing: float | None = _column("time for best grasps, files and pictures [s]")
+    seconds: float = _column("time for the mesh [s]", default=0.0, heading="Seconds")
+    version: str = _column("version of grasp3d", default="")
+    method: int | None = _column(
+        "number of the method, which changes when labels of the same mesh change"
+    )
 
     @classmethod
     def lost(cls, mesh: str, source: str, size: int | None, reason: str) -> "Row":
@@ -194,6 +414,36 @@ class Row:
             version=package_version(),
             method=METHOD,
         )
+
+    @property
+    def files(self) -> list[str]:
+        """Paths of its result files below the output folder."""
+        paths = (self.labels, self.fields, self.thumbnail, self.page, self.model)
+        return [path for path in paths if path]
+
+    def of(self, labels: "SurfaceLabels") -> "Row":
+        """This row, with the values of a labelled surface."""
+        one = Labelled(labels)
+        values = {name: column.of(one) for name, column in COLUMNS.items() if column.of}
+        return replace(self, **values)
+
+    def text(self, name: str) -> str:
+        """The value of a column as people read it; empty where there is none."""
+        return COLUMNS[name].text(getattr(self, name), self)
+
+
+COLUMNS: dict[str, Column] = {one.name: one.metadata["column"] for one in fields(Row)}
+"""All columns, by name."""
+
+
+def headed(rows: Iterable[Row]) -> dict[str, Column]:
+    """Columns that people read, without those of which no mesh has a value."""
+    labelled = [row for row in rows if row.outcome is Outcome.LABELLED]
+    return {
+        name: column
+        for name, column in COLUMNS.items()
+        if column.heading and any(row.text(name) for row in labelled)
+    }
 
 
 def in_unicode(row: Row) -> Row:

@@ -156,7 +156,7 @@ class Store:
         if stale:
             removed = [self._rows.pop(name) for name in stale]
             self._join()
-            self.output.remove_all(file for row in removed for file in _result_files(row))
+            self.output.remove_all(file for row in removed for file in row.files)
         return len(labelled & names)
 
     def add(self, row: Row) -> None:
@@ -170,7 +170,7 @@ class Store:
         self._rows[row.mesh] = self._new[row.mesh] = row
         if before is not None:
             self._tidy = False
-            self.output.remove_all(set(_result_files(before)) - set(_result_files(row)))
+            self.output.remove_all(set(before.files) - set(row.files))
         if time.monotonic() - self._written_at >= WRITE_SECONDS:
             self._write(self._new.values())
 
@@ -216,9 +216,7 @@ class Store:
         """
         if row.outcome is Outcome.LOST or not row.content or not self._is_current(row):
             return False
-        return not any(
-            self._file_stamps.get(name, "0-").startswith("0-") for name in _result_files(row)
-        )
+        return not any(self._file_stamps.get(name, "0-").startswith("0-") for name in row.files)
 
     def _is_current(self, row: Row) -> bool:
         """Whether a row was made with the current settings and version of the method."""
@@ -232,11 +230,6 @@ class Store:
             for folder in STORED
             for name, stamp in self.output.stamps(folder).items()
         }
-
-
-def _result_files(row: Row) -> list[str]:
-    """Names of the files in a row."""
-    return [name for name in (row.labels, row.fields, row.thumbnail) if name]
 
 
 def read_summary(results: str | Path) -> Summary:

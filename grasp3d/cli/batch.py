@@ -13,10 +13,11 @@ from rich.progress import Progress, TextColumn, TimeRemainingColumn
 
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.library import BatchProgress, LibraryLabels, label_library
-from grasp3d.batch.report.pages import COLUMNS, REPORT
-from grasp3d.batch.row import Outcome, Row
+from grasp3d.batch.report.index import REPORT
+from grasp3d.batch.row import Outcome, Row, headed
 from grasp3d.cli.commands import Batch
-from grasp3d.cli.report import FAILED, WARNING, Report, escaped, percent_text
+from grasp3d.cli.report import FAILED, NOTE, WARNING, Report, escaped, percent_text
+from grasp3d.pictures.opengl import NO_OPENGL
 from grasp3d.stability.label import MEANING
 from grasp3d.system.counts import counted
 from grasp3d.system.names import printable
@@ -142,22 +143,21 @@ def print_library(report: Report, library: LibraryLabels) -> None:
     before = f"; {library.finished} of them were finished before" if library.finished else ""
     failed = len(library.failed)
     report.line(f"{len(rows) - failed} labelled, {failed} failed{before}")
+    if any(row.page and not row.thumbnail for row in rows):
+        report.line(f"{NOTE} the report has no pictures: {NO_OPENGL}")
     report.written(library.output, f"{library.output}/{REPORT}")
 
 
 def _print_table(report: Report, rows: Sequence[Row]) -> None:
     """Print a line for each mesh, with the columns of the report."""
-    labelled = [row for row in rows if row.outcome == Outcome.LABELLED]
-    columns = [column for column in COLUMNS if any(map(column.text, labelled))]
-    lines = []
+    columns, lines = headed(rows), []
     for row in rows:
         texts = [""] * (len(columns) + 3)
         if row.outcome == Outcome.LABELLED:
             areas = (row.stable, row.ambiguous, row.no_grasp_found)
-            texts = [percent_text(one or 0.0) for one in areas]
-            texts += [column.text(row) for column in columns]
+            texts = [*(percent_text(one or 0.0) for one in areas), *map(row.text, columns)]
         lines.append([escaped(row.mesh), row.verdict or row.outcome, *texts])
-    headings = [column.title.replace(" ", "\n", 1) for column in columns]
+    headings = [column.heading.replace(" ", "\n", 1) for column in columns.values()]
     report.table(("mesh", "held", "S", "M", "U", *headings), lines, texts=(0, 1))
     letters = ", ".join(f"{code.name} {meaning}" for code, meaning in MEANING["label"].items())
     report.line(f"{letters}, of the area; the report says what the columns mean")

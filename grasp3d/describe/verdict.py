@@ -68,6 +68,7 @@ _WRONG = {
 }
 
 
+_NONE = "there is no grasp that may be stable"
 _NOWHERE = "no grasp holds at all poses that the pose error allows"
 
 
@@ -247,7 +248,7 @@ class Verdict:
         if load is not None and load.fails:
             return lost + self._load_unheld(load)
         if self.word == "not":
-            return f"{lost}there is no grasp that may be stable"
+            return f"{lost}{_NONE}"
         resolution = f"{_degrees(self.resolution):.4g}°"
         return f"{lost}no grasp is surely stable at a sensor resolution of {resolution}"
 
@@ -316,12 +317,13 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
         return replace(verdict, wrong=_NOWHERE, lost=False)
     if labels is None and not reachable.any():
         return replace(verdict, causes={Cause.COLLIDES: 1.0})
-    if labels is not None and code == Label.U and (not labels.label.any() or not tried.size):
+    if labels is not None and code == Label.U and not labels.label.any():
         causes = cause_fractions(labels)
         remedies = _other_remedies(labels, next(iter(causes), None))
         return replace(verdict, causes=causes, remedies=remedies)
     if code == Label.U:
-        return replace(verdict, remedies=_remedies(tried, load))
+        found = {"remedies": _remedies(tried, load)} if tried.size else {"wrong": _NONE}
+        return replace(verdict, **found)  # type: ignore[arg-type]
     first = int(ranked_rows(named)[0])
     needed = needed_force(named)
     verdict = replace(

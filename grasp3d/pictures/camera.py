@@ -48,6 +48,18 @@ class View:
         )
 
 
+def broad_view(points: Floats, up: Floats) -> View:
+    """The usual view, from the side of an object's longest level axis; about `up`, see `view_axes`.
+
+    Args:
+        points: Points of the object, shape (n, 3).
+        up: Direction that points up in the picture, shape (3,).
+    """
+    x, y = ((points - points.mean(axis=0)) @ turn_to(up)).T[:2]
+    longest = 0.5 * math.atan2(2.0 * float(x @ y), float(x @ x - y @ y))
+    return View(longest + View.azimuth)
+
+
 def view_axes(view: View, up: Floats) -> Floats:
     """Unit vectors to the right, up and toward the camera, shape (3, 3).
 

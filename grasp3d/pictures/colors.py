@@ -1,7 +1,7 @@
-"""Colours of a surface: numbers at its corners, and the table of colours that they index.
+"""Colours of a surface: the codes of its labels, or numbers and the table that they index.
 
-Numbers, not colours, are interpolated between the vertices of a face, so that the borders between
-S, M and U are as sharp as the labels.
+Colours are not mixed between vertices: a point of a face has the label of the nearest corner, or
+the colour of the interpolated number.
 """
 
 import math
@@ -47,17 +47,6 @@ PALE, PALE_FRACTION = (0xDD, 0xE0, 0xE4), 0.7
 
 ROUNDING = 1e-9
 """Tolerance of the comparison with the searched cone [rad]."""
-
-BELOW = 1e-7
-"""Fraction of the range of M by which its colour begins below the limits, as rounding must not put
-an angle exactly at a limit below it."""
-
-NARROW = 2e-3
-"""Least width of the range of M [rad]: without a range of normals creases may still be M, and VTK
-has no textures of which a mesh has more than some hundred widths."""
-
-NEVER = 0.75 * math.pi
-"""Angle between all of grasps and that of no grasp, where no grasp is surely unstable [rad]."""
 
 MOST = 0.95
 """Area fraction, of that with finite values, up to which the ramps of forces and payloads go: a few
@@ -128,61 +117,31 @@ class Ramp:
         return f"{'≥ ' if self.exceeded else ''}{short_number(self.maximum)}{self.unit}"
 
 
-@dataclass(frozen=True, eq=False)
-class Coloring:
-    """Numbers at the corners of a surface, and what colours they have."""
-
-    values: Floats
-    """Shape (C,); nan has the grey of the palette."""
-    colors: Bytes
-    """Colours of equal ranges of numbers, shape (n, 3)."""
-    low: float
-    """Lower end of the first range; what is below has the first colour."""
-    high: float
-    """Upper end of the last range; what is above has the last colour."""
-
-
-def coloring_of(subject: Subject, paint: Paint, model: GraspModel) -> Coloring:
-    """The colours of a surface.
+def corner_codes(subject: Subject, model: GraspModel) -> Bytes:
+    """Codes of the labels at the corners of a surface, shape (C,).
 
     Args:
         subject: The surface.
-        paint: The quantity that is shown: 'label', or one of `QUANTITIES`.
         model: Friction and resolution.
     """
-    vertices = subject.mesh.corner_normals.vertices
-    if subject.poses is not None:
-        return Coloring(np.zeros(len(vertices)), np.array([NEUTRAL], dtype=np.uint8), 0.0, 1.0)
-    ramp = ramp_of(subject, paint, model)
-    if ramp is not None:
-        values = _values(subject, paint, model)[vertices]
-        shown = np.where(np.isfinite(values), values, math.nan)
-        return Coloring(shown, ramp.colors, ramp.minimum, ramp.maximum)
-    labels = subject.labels
+    labels, vertices = subject.labels, subject.mesh.corner_normals.vertices
     worst, best = labels.critical_angle[vertices], labels.critical_angle_best[vertices]
     if labels.mode == "scan":  # a crease has no area: each face beside it has its own normal's
         rows, of_worst, of_best = subject.crease_angles
         worst[rows], best[rows] = of_worst, of_best
-    sure, unstable = model.sure_angle, min(model.unstable_from, NEVER)
-    covered = subject.covers(model)
-    between = not covered and sure > subject.cone + ROUNDING
-    codes = [Label.S, UNSEARCHED if between else Label.M, Label.U if covered else UNSEARCHED]
-    width = max(unstable - sure, NARROW)
-    start = sure - BELOW * width
-    values = _one_angle(worst, best, sure, unstable, width)
-    return Coloring(values, PALETTE[codes], start - width, start + 2.0 * width)
+    return label_codes(subject, worst, best, model)
 
 
-def _one_angle(worst: Floats, best: Floats, sure: float, unstable: float, width: float) -> Floats:
-    """One number for both angles, of which each follows that of the nearer limit.
+def corner_values(subject: Subject, paint: Paint, model: GraspModel) -> Floats:
+    """Values of a quantity at the corners of a surface, shape (C,); nan where it is not known.
 
-    S: below `sure`; M: up to a width above it; U: beyond. No grasp counts as 180 degrees.
+    Args:
+        subject: The surface.
+        paint: One of `QUANTITIES`.
+        model: Friction and resolution.
     """
-    above, below = np.minimum(worst, math.pi) - sure, np.minimum(best, math.pi) - unstable
-    of_m = np.where(
-        above <= -below, np.minimum(above, 0.5 * width), np.maximum(width + below, 0.5 * width)
-    )
-    return sure + np.where(above < 0.0, above, np.where(below >= 0.0, width + below, of_m))
+    values = _values(subject, paint, model)[subject.mesh.corner_normals.vertices]
+    return np.where(np.isfinite(values), values, math.nan)
 
 
 def labels_at(subject: Subject, model: GraspModel) -> Bytes:

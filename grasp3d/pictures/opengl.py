@@ -33,6 +33,11 @@ MAX_DRAWN = 8192
 DPI = 72
 """Resolution at which texts have their nominal size [pixels per inch]."""
 
+NO_OPENGL = (
+    "pictures need OpenGL, which is not available; install EGL (on Debian: libegl1 libgl1) or run "
+    "with a display"
+)
+
 
 @cache
 def can_render() -> bool:
@@ -82,10 +87,7 @@ def check_rendering() -> None:
         OutputError: OpenGL is not available.
     """
     if not can_render():
-        raise OutputError(
-            "pictures need OpenGL, which is not available; install EGL (on Debian: libegl1 libgl1) "
-            "or run with a display"
-        )
+        raise OutputError(NO_OPENGL)
 
 
 def draws_a_triangle() -> bool:

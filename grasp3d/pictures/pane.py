@@ -1,5 +1,6 @@
 """A surface in colours, with its grasp, hand and table, in one renderer."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,16 @@ from grasp3d.hand.hand import Hand
 from grasp3d.hand.table import Table
 from grasp3d.hand.triangles import COLORS, Part, Triangles, approach_triangles, table_triangles
 from grasp3d.mesh import ObjectMesh
-from grasp3d.pictures.colors import HEX_PALETTE, PALETTE, Coloring, coloring_of, faded
+from grasp3d.pictures.colors import (
+    HEX_PALETTE,
+    NEUTRAL,
+    PALETTE,
+    Ramp,
+    corner_codes,
+    corner_values,
+    faded,
+    ramp_of,
+)
 from grasp3d.pictures.layers import MARKS, SURFACES, Layers, show_colors
 from grasp3d.pictures.marks import (
     NO_CONTACTS,
@@ -76,13 +86,19 @@ class Pane:
             stale: Use pale colours, as the surface does not belong to the current choices.
         """
         self._draw(subject.mesh)
-        coloring = coloring_of(subject, paint, model)
-        self._paint(replace(coloring, colors=faded(coloring.colors)) if stale else coloring)
+        shade, ramp = faded if stale else np.asarray, ramp_of(subject, paint, model)
+        if ramp is not None:
+            self._paint_numbers(corner_values(subject, paint, model), ramp, shade)
+        elif subject.poses is not None:
+            self.show_colors(subject.mesh, np.array(NEUTRAL, dtype=np.uint8))
+        else:
+            self._paint_labels(corner_codes(subject, model), shade(PALETTE))
 
     def show_colors(self, mesh: ObjectMesh, colors: Bytes) -> None:
         """Draw a surface in colours of its vertices, shape (V, 3), or (3,) for all."""
         self._draw(mesh)
         actor = self._layers.actors["surface"]
+        actor.texture = None
         every = np.broadcast_to(colors, (len(mesh.vertices), 3))
         actor.mapper.dataset.point_data["rgb"] = every[mesh.corner_normals.vertices]
         show_colors(actor, "rgb", of_points=True)
@@ -162,15 +178,23 @@ class Pane:
             self._layers.show(name, data if name != "excluded" or not allowed.all() else None)
         self._layers.actors["excluded"].prop.color = HEX_PALETTE[-1]
 
-    def _paint(self, coloring: Coloring) -> None:
+    def _paint_labels(self, codes: Bytes, palette: Bytes) -> None:
+        """Colour each point of a face by the code of the nearest corner: by a texture of 2 x 2."""
+        actor = self._layers.actors["surface"]
+        actor.mapper.dataset.active_texture_coordinates = np.column_stack([codes % 2, codes // 2])
+        actor.texture = pyvista.Texture(palette.reshape(2, 2, 3)[::-1].copy())
+        actor.texture.interpolate = actor.texture.repeat = False
+        actor.mapper.SetScalarVisibility(False)  # noqa: FBT003
+
+    def _paint_numbers(self, values: Floats, ramp: Ramp, shade: Callable[[Bytes], Bytes]) -> None:
         """Colour the surface by numbers of its corners, which are interpolated before that."""
-        mapper = self._layers.actors["surface"].mapper
-        mapper.dataset.point_data["value"] = coloring.values
-        count = len(coloring.colors)
-        table = pyvista.LookupTable(n_values=count)
-        table.values = np.column_stack([coloring.colors, np.full(count, 255, dtype=np.uint8)])
-        table.nan_color = PALETTE[-1] / 255.0
-        table.scalar_range = coloring.low, coloring.high
+        actor = self._layers.actors["surface"]
+        actor.texture, mapper, colors = None, actor.mapper, shade(ramp.colors)
+        mapper.dataset.point_data["value"] = values
+        table = pyvista.LookupTable(n_values=len(colors))
+        table.values = np.column_stack([colors, np.full(len(colors), OPAQUE, dtype=np.uint8)])
+        table.nan_color = shade(PALETTE)[-1] / 255.0
+        table.scalar_range = ramp.minimum, ramp.maximum
         mapper.lookup_table = table
         mapper.SetScalarVisibility(True)  # noqa: FBT003
         mapper.SetScalarModeToUsePointFieldData()

@@ -15,6 +15,7 @@ from grasp3d.pictures.camera import (
     FreeArea,
     View,
     aim,
+    broad_view,
     frame_of,
     grasp_view,
     parallel_scale,
@@ -46,7 +47,8 @@ def draw_labels(
 
     Args:
         labels: The surface with its labels.
-        view: Direction of the camera; None: from above and the side.
+        view: Direction of the camera, about the table's normal if there is a table; None: from
+            above, and from the side of the longest level axis.
         size: Width and height [pixels].
         fixed: Contact points of fixed fingers to mark, shape (n, 3).
 
@@ -56,11 +58,13 @@ def draw_labels(
     Raises:
         OutputError: OpenGL is not available.
     """
+    up = UPRIGHT if labels.scene is None else labels.scene.up
     with _still(size) as (pane, picture):
         pane.show(subject_of(labels), "label", labels.model)
         pane.cut(None)
         pane.hold(None, None, None, fixed)
-        return _filling(pane, picture, view)
+        view = view or broad_view(pane.points, up)
+        return _filling(pane, picture, view_axes(view, up))
 
 
 def draw_colors(
@@ -94,7 +98,7 @@ def draw_colors(
         pane.show_colors(mesh, np.asarray(colors, dtype=np.uint8))
         pane.cut(None)
         pane.hold(grasp, hand, None)
-        return _filling(pane, picture, view)
+        return _filling(pane, picture, (view or View()).axes)
 
 
 def draw_grasps(
@@ -147,8 +151,7 @@ Render = Callable[[Floats, Frame, float], Bytes]
 """Renders from axes of a view what a frame has, at a scale."""
 
 
-def _filling(pane: Pane, picture: Render, view: View | None) -> Bytes:
-    axes = (view or View()).axes
+def _filling(pane: Pane, picture: Render, axes: Floats) -> Bytes:
     frame = frame_of(pane.points, pane.beside, axes)
     return picture(axes, frame, 0.0)
 

@@ -19,6 +19,8 @@ LONGEST_REASON = 200
 """Longest text of an error that another library has raised [characters]."""
 
 _FORBIDDEN = frozenset('<>:"/\\|?*')
+_JOINING = frozenset("\u00ad\u200c\u200d")
+"""Soft hyphen and the joiners, which Persian words and emoji are spelled with."""
 _RESERVED = re.compile(
     r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9¹²³]) *(\.|$)", re.IGNORECASE
 )
@@ -29,9 +31,10 @@ def safe_stem(name: str) -> str:
 
     Letters of all languages, spaces and symbols are kept, in composed form. Characters that some
     file system forbids or interprets become `_`: separators, characters that Windows forbids or
-    that are not shown, undecodable bytes. Names that Windows reserves start with `_`. Dots and
-    spaces at both ends are removed, and long names are shortened. A changed name ends in a hash of
-    the original, so that different names stay different; a safe name is returned unchanged.
+    that are not shown, undecodable bytes; joiners and soft hyphens stay. Names that Windows
+    reserves start with `_`. Dots and spaces at both ends are removed, and long names are shortened.
+    A changed name ends in a hash of the original, so that different names stay different; a safe
+    name is returned unchanged.
 
     Args:
         name: Name of the input, without folder and suffix.
@@ -79,14 +82,15 @@ def short_hash(text: str, digits: int = DIGITS) -> str:
 
 
 def name_key(name: str) -> str:
-    """Return a key that is equal for names that differ only in case and Unicode composition."""
-    folded = unicodedata.normalize("NFC", name).casefold()
+    """Return a key that is equal for names that differ in case, composition and joiners only."""
+    visible = "".join(c for c in name if c not in _JOINING)  # some file systems ignore joiners
+    folded = unicodedata.normalize("NFC", visible).casefold()
     return unicodedata.normalize("NFC", folded)
 
 
 def printable(text: str) -> str:
-    """Replace control characters by escape sequences, so that the text is one line."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    """Replace control characters, but not joiners, by escapes, so that the text is one line."""
+    return "".join(c if c.isprintable() or c in _JOINING else repr(c)[1:-1] for c in text)
 
 
 def as_unicode(text: str) -> str:
@@ -99,6 +103,7 @@ def as_unicode(text: str) -> str:
 def _safe(character: str) -> str:
     """Return the character, or `_` if a name may not contain it."""
     is_shown = character.isprintable() or unicodedata.category(character) == "Zs"
+    is_shown |= character in _JOINING
     return character if is_shown and character not in _FORBIDDEN else "_"
 
 

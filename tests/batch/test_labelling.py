@@ -64,7 +64,7 @@ def test_threads_change_neither_row_nor_files(tmp_path: Path) -> None:
     other = replace(job, threads=3, output=Folder(str(tmp_path / "three")))
     one, three = (asdict(row_of(each)) for each in (job, other))
     assert {name for name in one if one[name] != three[name]} <= TIMINGS
-    for name in (job.labels, job.fields, job.thumbnail):
+    for name in (job.labels, job.fields, f"{job.page}.glb", f"{job.page}.webp"):
         assert job.output.read(name) == other.output.read(name)
 
 
@@ -94,7 +94,7 @@ def test_the_files_contain_the_labels(tmp_path: Path) -> None:
     source = egg(tmp_path)
     row, labels = row_of(job_of(source, tmp_path / "out")), labels_of(source)
     made = {str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")}
-    assert made == {row.labels, row.fields, row.thumbnail}
+    assert made == set(row.files)
     written = trimesh.load_mesh(tmp_path / "out" / row.labels, process=False)
     raw = written.metadata["_ply_raw"]["vertex"]["data"]
     assert np.array_equal(raw["label"], labels.label)

@@ -71,7 +71,7 @@ def test_every_mesh_has_a_row_and_its_files(tmp_path: Path) -> None:
     sizes = [(tmp_path / "in" / name).stat().st_size for name in labelled]
     assert sizes == sorted(sizes, reverse=True)  # the largest first
     for row in done.rows.values():
-        for name in (row.labels, row.fields, row.thumbnail):
+        for name in (row.labels, row.fields, row.thumbnail, row.page, row.model):
             assert bool(name) == (row.outcome == Outcome.LABELLED)
             assert not name or (tmp_path / "out" / name).stat().st_size > 0
     assert values(read_summary(tmp_path / "out")) == values(done.rows.values())
@@ -244,8 +244,8 @@ def test_the_number_of_processes_does_not_change_the_results(tmp_path: Path) -> 
         rows[f"files {workers}"] = {  # type: ignore[index]
             str(path.relative_to(out)): path.read_bytes()
             for path in files
-            if path.is_file() and path.parts[-2] in {"labels", "fields", "thumbnails"}
+            if path.is_file() and path.suffix in {".ply", ".parquet", ".webp", ".glb"}
         }
     assert rows[0] == rows[2]
     assert rows["files 0"] == rows["files 2"]  # type: ignore[index]
-    assert len(rows["files 0"]) == 3 * 5  # type: ignore[index]
+    assert len(rows["files 0"]) == 4 * 6  # type: ignore[index]

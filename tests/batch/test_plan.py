@@ -41,7 +41,7 @@ def test_the_last_jobs_use_all_processors() -> None:
 def test_results_are_in_folders_by_kind() -> None:
     (job,) = plan(meshes_of("deep/mug.stl"), OUT)
     assert (job.labels, job.fields) == ("labels/deep/mug.ply", "fields/deep/mug.parquet")
-    assert job.thumbnail == "report/thumbnails/deep/mug.webp"
+    assert job.page == "report/objects/deep/mug"
 
 
 def test_colliding_names_are_extended_by_their_source() -> None:

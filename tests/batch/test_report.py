@@ -1,39 +1,37 @@
+"""The report: what its pages say, and what a real browser makes of them."""
+
+import base64
+import hashlib
 import io
+import json
 import math
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote, urljoin, urlsplit
 
 import numpy as np
 import pytest
+import trimesh
 from lxml.html import HtmlElement, document_fromstring
-from numpy.typing import NDArray
 from PIL import Image
 
-from grasp3d import (
-    GraspModel,
-    Label,
-    Load,
-    MeshOptions,
-    ObjectMesh,
-    Sampling,
-    SurfaceLabels,
-    label_surface,
-    load_mesh,
-)
+from grasp3d import GraspModel, Label, Load, MeshOptions, Sampling, SurfaceLabels, label_surface
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.report import thumbnail, write_report
-from grasp3d.batch.report.thumbnails import ELEVATIONS, HEIGHT, WIDTH
-from grasp3d.batch.row import Outcome, Row
+from grasp3d.batch.library import label_library
+from grasp3d.batch.report import write_object, write_report
+from grasp3d.batch.report.objects import SIZE, SMALLER
+from grasp3d.batch.row import COLUMNS, Outcome, Row
 from grasp3d.batch.storage.folder import Folder
+from grasp3d.describe import facts
+from grasp3d.grasps.best import best_grasps
 from grasp3d.hand.parallel_gripper import preset
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
-from tests.helpers.shapes import LIBRARY
-from tests.helpers.solids import box_mesh, sphere_mesh
-from tests.helpers.vertex_labels import with_critical_angles
+from tests.helpers.browsers import quiet_page
+from tests.helpers.solids import box_mesh
 
 EVIL = (
     "a/</script><script>alert(1)</script><img src=x onerror=alert(2)>"
@@ -41,12 +39,7 @@ EVIL = (
 )
 MODEL = GraspModel(friction=0.3, sensor_resolution=20.0 * DEGREE)
 COARSE = Sampling(rays=8, search_angle=60.0 * DEGREE)
-
-
-@pytest.fixture(scope="module")
-def spray() -> SurfaceLabels:
-    mesh = load_mesh(LIBRARY / "spray.glb")
-    return label_surface(mesh, MODEL, sampling=COARSE)
+JOINED = "fam\u200dily soft\u00adhyphen n\u200cim"
 
 
 @pytest.fixture(scope="module")
@@ -55,85 +48,13 @@ def box() -> SurfaceLabels:
     return label_surface(mesh, MODEL, sampling=COARSE)
 
 
-def painted(mesh: ObjectMesh, stable: NDArray[np.bool_]) -> SurfaceLabels:
-    """Labels with the given vertices S and the others U."""
-    labels = label_surface(mesh, MODEL, sampling=Sampling(rays=8))
-    angles = np.where(stable, 0.0, np.inf)
-    return with_critical_angles(labels, angles)
-
-
-def pixels(picture: bytes) -> dict[Label | None, NDArray[np.bool_]]:
-    """Pixels of each label's colour, by hue; None: all pixels of the surface."""
-    image = np.asarray(Image.open(io.BytesIO(picture)).convert("RGBA"), dtype=float)
-    shown = image[..., 3] > 128.0
-    hues = image[..., :3] / np.maximum(np.linalg.norm(image[..., :3], axis=2, keepdims=True), 1.0)
-    palette = np.array([COLORS[label] for label in sorted(Label)], dtype=float)
-    palette /= np.linalg.norm(palette, axis=1, keepdims=True)
-    nearest = np.linalg.norm(hues[:, :, None] - palette, axis=3).argmin(axis=2)
-    return {None: shown, **{label: shown & (nearest == label) for label in Label}}
-
-
-def test_thumbnail_is_a_small_picture_with_transparent_background(spray: SurfaceLabels) -> None:
-    picture = thumbnail(spray)
-    image = Image.open(io.BytesIO(picture))
-    assert (image.format, image.size) == ("WEBP", (WIDTH, HEIGHT))
-    assert len(picture) < 8000
-    shown = pixels(picture)
-    rows, columns = np.nonzero(shown[None])
-    assert rows.min() > 0
-    assert rows.max() < HEIGHT - 1
-    assert max(np.ptp(rows) / HEIGHT, np.ptp(columns) / WIDTH) > 0.9
-    for label in Label:
-        assert shown[label].sum() > 0.01 * shown[None].sum(), label.name
-
-
-def test_thumbnail_shows_the_visible_fraction_of_each_label() -> None:
-    """For a ball whose upper half is S, (1 + sin e) / 2 is S in the view of elevation e."""
-    ball = sphere_mesh(subdivisions=5)  # of larger faces pictures differ by processor
-    shown = pixels(thumbnail(painted(ball, ball.vertices[:, 2] > 0.0)))
-    fraction = shown[Label.S].sum() / shown[None].sum()
-    expected = [(1.0 + math.sin(elevation)) / 2.0 for elevation, _ in ELEVATIONS]
-    assert min(abs(fraction - one) for one in expected) < 0.025
-    assert shown[Label.M].sum() < 0.025 * shown[None].sum()  # where S and U are mixed
-    upper, lower = (np.nonzero(shown[label])[0].mean() for label in (Label.S, Label.U))
-    assert upper < lower  # rows are counted from above
-
-
-@pytest.mark.parametrize(
-    "extents", [(1.0, 0.001, 0.001), (0.001, 0.001, 1.0), (1.0, 1.0, 0.001), (1.0, 0.001, 1.0)]
-)
-def test_thumbnail_shows_needles_and_plates(extents: tuple[float, float, float]) -> None:
-    labels = painted(mesh := box_mesh(extents, max_edge=0.2), np.ones(len(mesh.vertices), bool))
-    shown = pixels(thumbnail(labels))[None]
-    rows, columns = np.nonzero(shown)
-    assert max(np.ptp(rows) / HEIGHT, np.ptp(columns) / WIDTH) > 0.85
-    assert shown.sum() > 150
-
-
-def test_thumbnail_shows_open_surfaces_from_behind() -> None:
-    square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
-    mesh = load_mesh((square, np.array([[0, 2, 1], [0, 3, 2]])), max_edge=0.3)
-    assert not mesh.report.closed
-    assert pixels(thumbnail(painted(mesh, np.ones(len(mesh.vertices), bool))))[None].sum() > 2000
-
-
 def row_of(labels: SurfaceLabels, name: str, stem: str) -> Row:
     """Row of a labelled mesh, with the files of its stem."""
-    return Row(
-        mesh=name,
-        labels=f"labels/{stem}.ply",
-        fields=f"fields/{stem}.parquet",
-        thumbnail=f"report/thumbnails/{stem}.webp",
-        vertices=len(labels.mesh.vertices),
-        size=labels.mesh.size,
-        unit="cm",
-        critical_angle_p50=0.2,
-        margin_p50=-0.1,
-        required_resolution_80=0.3,
-        epsilon_p50=0.123456,
-        seconds=1.25,
-        **dict(zip(("stable", "ambiguous", "no_grasp_found"), (0.25, 0.5, 0.25), strict=True)),
-    )
+    row = Row(
+        mesh=name, labels=f"labels/{stem}.ply", fields=f"fields/{stem}.parquet",
+        thumbnail=f"report/objects/{stem}.webp", page=f"report/objects/{stem}.html",
+    ).of(labels)  # fmt: skip
+    return replace(row, seconds=1.25, warnings="is open")
 
 
 def page_of(folder: Path, rows: list[Row], settings: BatchSettings | None = None) -> HtmlElement:
@@ -141,61 +62,59 @@ def page_of(folder: Path, rows: list[Row], settings: BatchSettings | None = None
     return document_fromstring((folder / "report" / "index.html").read_bytes())
 
 
-def settings_of(page: HtmlElement) -> dict[str, str]:
-    """The settings of the page, by name."""
-    (texts,) = page.xpath("//h2[text()='Settings']/following-sibling::dl[1]")
-    names, values = ([one.text_content() for one in texts.xpath(part)] for part in ("dt", "dd"))
-    return dict(zip(names, values, strict=True))
-
-
-def table_of(page: HtmlElement) -> list[dict[str, str]]:
-    """The text of each cell, by the title of its column."""
-    heads = [cell.text_content() for cell in page.xpath("//thead//th")]
-    rows = page.xpath("//tbody/tr")
-    texts = [[" ".join(cell.text_content().split()) for cell in row.xpath("td")] for row in rows]
-    return [dict(zip(heads, row, strict=True)) for row in texts]
+def data_of(page: HtmlElement) -> dict[str, Any]:
+    """What the table shows."""
+    (text,) = page.xpath("//script[@id='data']/text()")
+    return dict(json.loads(text))
 
 
 def test_the_table_has_the_values_of_the_rows(tmp_path: Path, box: SurfaceLabels) -> None:
-    row = replace(row_of(box, "tools/box.ply", "tools/bo%x"), warnings="is open")
+    row = replace(
+        row_of(box, "tools/box.ply", "tools/bo%x"), critical_angle_p50=0.2, margin_p50=-0.1,
+        required_resolution_80=0.3, epsilon_p50=0.123456, size=0.3742, unit="m",
+    )  # fmt: skip
     held = replace(
         row, critical_angle_p50=math.inf, margin_p50=-math.inf, required_resolution_80=0.0,
-        verdict="surely", verdict_text="surely held: 3 grasps.", payload_best=1.234, held=0.5,
+        verdict="surely", verdict_text="Surely held: 3 grasps.", payload_best=1.234, held=0.5,
         grip_force_needed=math.inf, causes="too wide",
     )  # fmt: skip
     lost = Row("lost.ply", outcome=Outcome.LOST, error="lost.ply: too slow", seconds=3.0)
     page = page_of(tmp_path, [row, lost, held])
-    first, second, third = table_of(page)
-    assert first == {
-        "": "", "Mesh": "tools/box.ply labels table", "Verdict": "",
-        "S / M / U": "25 % · 50 % · 25 %",
-        "β* median": "11.5°", "Margin median": "-5.7°", "α for 80 %": "17.2°", "ε median": "0.123",
-        "Payload": "", "Grip force": "", "Held": "", "Size": f"{box.mesh.size:.3f} cm",
-        "Vertices": f"{len(box.mesh.vertices)}", "Seconds": "1.25", "Warnings": "is open",
+    data, heads = data_of(page), [one.text_content() for one in page.xpath("//thead//th")]
+    assert heads[:4] == ["", "Mesh", "Verdict", "S / M / U"]
+    assert heads[-1] == "Warnings"
+    cells = dict(zip(heads[4:-1], data["cells"], strict=True))
+    assert cells == {
+        "β* median": ["11.5°", "", "no grasp"], "Margin median": ["-5.7°", "", "no grasp"],
+        "α for 80 %": ["17.2°", "", "none"], "ε median": ["0.123", "", "0.123"],
+        "Payload": ["", "", "1.23 kg"], "Grip force": ["", "", "none"], "Held": ["", "", "50 %"],
+        "Size": ["0.374 m", "", "0.374 m"], "Vertices": [str(row.vertices), "", str(row.vertices)],
+        "Seconds": ["1.25", "", "1.25"],
     }  # fmt: skip
-    assert second == dict.fromkeys(first, "") | {
-        "Mesh": "lost.ply lost", "Warnings": "lost.ply: too slow",
-    }  # fmt: skip
-    assert third["Verdict"] == "surely 3 grasps."
-    assert [third[name] for name in ("β* median", "Margin median", "α for 80 %")] == [
-        "no grasp", "no grasp", "none",
-    ]  # fmt: skip
-    assert (third["Payload"], third["Grip force"], third["Held"]) == ("1.23 kg", "none", "50 %")
+    assert data["mesh"] == ["tools/box.ply", "lost.ply", "tools/box.ply"]
+    assert data["verdict"] == [row.verdict, "lost", "surely"]
+    assert data["why"][1:] == ["", "3 grasps."]
+    assert data["note"] == ["is open", "lost.ply: too slow", "is open"]
+    assert data["parts"][0] == [row.stable, row.ambiguous, row.no_grasp_found]
+    assert data["causes"][2] == "too wide"
     assert page.xpath("//p[@class='counts']")[0].text_content() == "2 labelled0 refused1 lost"
-    assert page.xpath("//td[@title='too wide']")
+    for column in COLUMNS.values():
+        if column.heading:
+            assert page.xpath("//dd[text()=$meaning]", meaning=column.meaning)
 
 
 def test_the_page_links_the_files_of_each_mesh(tmp_path: Path, box: SurfaceLabels) -> None:
     page = page_of(tmp_path, [row_of(box, "box.ply", "kitchen 100%/#spray?")])
-    addresses = page.xpath("//tbody//a/@href | //tbody//img/@src")
+    (files,) = data_of(page)["files"]
     base = (tmp_path / "report" / "index.html").as_uri()
-    found = {unquote(urlsplit(urljoin(base, one)).path) for one in addresses}
+    found = {unquote(urlsplit(urljoin(base, one)).path) for one in files.values()}
     assert found == {
         str(tmp_path / name)
         for name in (
             "labels/kitchen 100%/#spray?.ply",
             "fields/kitchen 100%/#spray?.parquet",
-            "report/thumbnails/kitchen 100%/#spray?.webp",
+            "report/objects/kitchen 100%/#spray?.webp",
+            "report/objects/kitchen 100%/#spray?.html",
         )
     }
 
@@ -230,29 +149,183 @@ def test_the_page_lists_the_settings_as_files_hold_them(tmp_path: Path) -> None:
     assert not {"hand", "table", "task", "mass"} & set(others)
 
 
+def settings_of(page: HtmlElement) -> dict[str, str]:
+    """The settings of the page, by name."""
+    (texts,) = page.xpath("//h2[text()='Settings']/following-sibling::dl[1]")
+    names, values = ([one.text_content() for one in texts.xpath(part)] for part in ("dt", "dd"))
+    return dict(zip(names, values, strict=True))
+
+
 def test_names_and_errors_of_meshes_are_not_markup(tmp_path: Path, box: SurfaceLabels) -> None:
     rows = [
         replace(row_of(box, EVIL, "box"), verdict="not", verdict_text=EVIL, causes=EVIL),
         Row(EVIL, outcome=Outcome.REFUSED, error=EVIL),
         Row("a\udcff.ply", error="\x1b[0m"),
+        Row(JOINED),
     ]
     page = page_of(tmp_path, rows)
-    assert not page.xpath("//script | //*[@onerror]")
-    shown = EVIL.replace("\u202e", "\\u202e")
-    assert [row["Mesh"].removesuffix(" labels table") for row in table_of(page)] == [
-        shown, f"{shown} refused", "a\\udcff.ply",
-    ]  # fmt: skip
-    assert [row["Warnings"] for row in table_of(page)] == ["", shown, "\\x1b[0m"]
+    assert len(page.xpath("//script")) == 2
+    assert not page.xpath("//*[@onerror]")
+    data, shown = data_of(page), EVIL.replace("\u202e", "\\u202e")
+    assert data["mesh"] == [shown, shown, "a\\udcff.ply", JOINED]
+    assert data["note"][1:3] == [shown, "\\x1b[0m"]
 
 
-def test_the_page_loads_nothing_from_a_network(tmp_path: Path, box: SurfaceLabels) -> None:
+def test_only_the_script_of_the_page_may_run(tmp_path: Path, box: SurfaceLabels) -> None:
     page = page_of(tmp_path, [row_of(box, "box.ply", "box")])
     (policy,) = page.xpath("//meta[@http-equiv='Content-Security-Policy']/@content")
+    (script,) = page.xpath("//script[not(@type)]/text()")
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     assert policy.startswith("default-src 'none'")
-    assert not re.search("script|http", policy)
-    assert [path.name for path in (tmp_path / "report").iterdir()] == ["index.html"]
+    assert re.findall(r"script-src (.*?);", policy) == [f"'sha256-{digest}'"]
+    assert "http" not in policy
+    assert len(script.splitlines()) <= 130
 
 
 @pytest.mark.parametrize("rows", [[], [Row("a.ply", outcome=Outcome.LOST, error="missing")]])
 def test_a_report_without_labelled_meshes_is_written(tmp_path: Path, rows: list[Row]) -> None:
-    assert [row["Warnings"] for row in table_of(page_of(tmp_path, rows))] == ["missing"] * len(rows)
+    assert data_of(page_of(tmp_path, rows))["note"] == ["missing"] * len(rows)
+
+
+def embedded(address: str) -> Image.Image:
+    """The picture in an address."""
+    return Image.open(io.BytesIO(base64.b64decode(address.partition("base64,")[2])))
+
+
+@pytest.mark.slow
+def test_the_page_of_an_object_shows_it_and_its_best_grasps(
+    tmp_path: Path, box: SurfaceLabels
+) -> None:
+    output, best = Folder(str(tmp_path)), best_grasps(box, 6)
+    row = write_object(row_of(box, EVIL, "box"), box, best, output, "report/objects/a b/box")
+    page = document_fromstring((tmp_path / row.page).read_bytes())
+    assert not page.xpath("//script | //*[@onerror]")
+    whole, *grasps = page.xpath("//img/@src")
+    assert embedded(whole).size == SIZE
+    assert len(grasps) == 4
+    listed = page.xpath("//li")
+    assert len(listed) == best.size
+    for number, one in enumerate(listed):
+        numbers = dict(zip(*([each.text for each in one.xpath(f".//{name}")]
+                             for name in ("dt", "dd")), strict=True))  # fmt: skip
+        assert numbers == facts(best, number)
+    base = (tmp_path / row.page).as_uri()
+    linked = {unquote(urlsplit(urljoin(base, one)).path) for one in page.xpath("//a/@href")}
+    written = (row.labels, row.fields, row.model, "report/index.html")
+    assert linked == {str(tmp_path / name) for name in written}
+    with Image.open(tmp_path / row.thumbnail) as small:
+        assert small.size == (SIZE[0] // SMALLER, SIZE[1] // SMALLER)
+    shown = trimesh.load_mesh(tmp_path / row.model, process=False).visual.vertex_colors
+    assert len(np.unique(shown, axis=0)) == len(np.unique(box.label))
+
+
+@pytest.mark.slow
+def test_the_picture_shows_the_colours_of_the_labels(tmp_path: Path, box: SurfaceLabels) -> None:
+    row = write_object(row_of(box, "box", "box"), box, None, Folder(str(tmp_path)), "report/box")
+    (address,) = document_fromstring((tmp_path / row.page).read_bytes()).xpath("//img/@src")
+    pixels = np.asarray(embedded(address).convert("RGB"), dtype=float)
+    surface = pixels.min(axis=2) < 200.0
+    palette = np.array([COLORS[label] for label in sorted(Label)], dtype=float)
+    hues = [one / np.linalg.norm(one, axis=-1, keepdims=True) for one in (pixels, palette)]
+    nearest = np.linalg.norm(hues[0][surface][:, None] - hues[1], axis=-1).argmin(axis=1)
+    assert surface.any(axis=1).sum() > 0.8 * SIZE[1]  # it fills the picture
+    for label in Label:  # compression mixes the colours of S and U to that of M at their border
+        assert (np.mean(nearest == label) > 0.06) == (box.fractions()[label.name] > 0.0)
+
+
+def test_without_opengl_a_page_has_no_pictures(
+    tmp_path: Path, box: SurfaceLabels, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("grasp3d.batch.report.objects.can_render", lambda: False)
+    row = write_object(
+        row_of(box, "box", "box"), box, best_grasps(box, 1), Folder(str(tmp_path)), "b"
+    )
+    page = document_fromstring((tmp_path / row.page).read_bytes())
+    assert not page.xpath("//img")
+    assert len(page.xpath("//li")) == 1
+    assert row.thumbnail == row_of(box, "box", "box").thumbnail
+
+
+@pytest.mark.slow
+def test_the_table_in_a_browser(tmp_path: Path, box: SurfaceLabels, browser: Any) -> None:
+    """Few rows are in the page; they are sorted, sought, and never cut; no name is run."""
+    long = "Perhaps held by franka: " + "the sensor cannot tell whether 40 N can hold 0.5 kg. " * 6
+    one, random = row_of(box, "box", "box"), np.random.default_rng(1)
+    rows = [
+        replace(
+            one, mesh=f"{number:03} {EVIL if number % 4 == 0 else JOINED}", thumbnail="",
+            verdict=str(random.choice(["surely", "perhaps", "not"])), verdict_text=long,
+            size=float(random.random()), critical_angle_p50=float(random.choice([0.2, math.inf])),
+        )
+        for number in range(120)
+    ]  # fmt: skip
+    rows.append(Row("zzz", outcome=Outcome.LOST, error=EVIL))
+    page_of(tmp_path, rows)
+    errors: list[str] = []
+    page = quiet_page(browser, 1280, errors)
+    page.goto((tmp_path / "report" / "index.html").as_uri())
+
+    def column(number: int) -> list[str]:
+        return list(page.locator(f"tbody td:nth-child({number + 1})").all_inner_texts())
+
+    assert len(column(1)) == 50
+    assert page.locator("#position").inner_text() == "1–50 of 121"
+    page.locator("#after").click()
+    page.locator("#after").click()
+    assert len(column(1)) == 21
+    size = page.locator("th", has_text="Size")
+    index = int(size.evaluate("one => one.cellIndex"))
+    for state, sign in (("ascending", 1.0), ("descending", -1.0)):
+        size.locator("button").click()
+        assert size.get_attribute("aria-sort") == state
+        shown = [sign * float(text.split()[0]) for text in column(index)]
+        assert shown == sorted(shown)
+    page.locator("#verdict").select_option("surely")
+    sure = [row for row in rows if row.verdict == "surely"]
+    assert page.locator("#position").inner_text().endswith(f" of {len(sure)}")
+    page.locator("#words").fill("007")
+    assert len(column(1)) == (rows[7].verdict == "surely")
+    page.locator("#words").fill("no such mesh")
+    assert page.locator("#position").inner_text() == "none"
+    page.locator("#words").fill("")
+    page.locator("#verdict").select_option("")
+    for width in (1280, 390):
+        page.set_viewport_size({"width": width, "height": 900})
+        assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+        cut = page.evaluate(
+            "[...document.querySelectorAll('td')].filter(one => one.scrollWidth > one.clientWidth)"
+            ".map(one => one.innerText)"
+        )
+        assert cut == []
+    assert errors == []
+    page.close()
+
+
+@pytest.mark.slow
+def test_a_library_has_pages_up_to_a_number_of_meshes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, browser: Any
+) -> None:
+    (tmp_path / "in").mkdir()
+    for name in (JOINED, "b"):
+        trimesh.creation.box([0.08, 0.05, 0.03]).export(tmp_path / "in" / f"{name}.stl")
+    settings = BatchSettings(
+        MODEL, COARSE, MeshOptions(unit="m", max_edge=0.02), best=2,
+        reach=ReachSettings(hand=preset("franka")),
+    )  # fmt: skip
+    monkeypatch.setattr("grasp3d.batch.library.MOST_PAGES", 1)
+    label_library([tmp_path / "in"], tmp_path / "many", settings)
+    assert [path.name for path in (tmp_path / "many" / "report").iterdir()] == ["index.html"]
+    monkeypatch.setattr("grasp3d.batch.library.MOST_PAGES", 2)
+    label_library([tmp_path / "in"], tmp_path / "out", settings)
+    assert (tmp_path / "out" / "labels" / f"{JOINED}.ply").is_file()
+    errors: list[str] = []
+    page = quiet_page(browser, 390, errors)
+    page.goto((tmp_path / "out" / "report" / "index.html").as_uri())
+    page.locator("tbody a", has_text="fam").click()
+    page.locator("h1", has_text=JOINED).wait_for()
+    assert page.locator("li img").count() == 2
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+    page.locator("a", has_text="all meshes").click()
+    page.locator("tbody tr").first.wait_for()
+    assert errors == []
+    page.close()

@@ -401,3 +401,14 @@ def test_grasps_of_many_contacts_have_a_verdict() -> None:
     points = 0.01 * np.concatenate([np.eye(3), -np.eye(3)])[None]
     verdict = verdict_of(evaluate_grasps(ball, points, MODEL))
     assert str(verdict).startswith("Surely held by 6 fingers: 1 of 1 grasps")
+
+
+@pytest.mark.slow
+def test_where_no_pose_is_left_the_verdict_blames_neither_the_surface_nor_the_force() -> None:
+    """On a cone contacts are M, but no pose keeps them once the jaws close."""
+    mesh = load_mesh(shapes.LIBRARY / "cone.off", unit="m")
+    labels = label_surface(mesh, hand=ParallelGripper.preset("franka"), load=Load(mass=0.3))
+    assert labels.fractions()["M"] > 0.9
+    verdict = verdict_of(labels)
+    assert (verdict.word, verdict.causes) == ("not", {})
+    assert "once the jaws close, there is no grasp that may be stable" in str(verdict)

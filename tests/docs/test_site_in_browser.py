@@ -1,7 +1,5 @@
 """The site in a real browser, opened from its folder."""
 
-import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,44 +7,19 @@ from typing import Any
 import pytest
 from lxml import html
 
-CI = os.environ.get("CI") == "true"
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-BROWSER = next(filter(None, map(shutil.which, BROWSERS)), None)
+from tests.helpers.browsers import quiet_page
+
 WIDTHS = (1280, 390)
 """Of a screen, and of a telephone."""
 
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    if BROWSER is None:
-        (pytest.fail if CI else pytest.skip)("needs Chromium")
-    playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
-    with playwright.sync_playwright() as driver:
-        launched = driver.chromium.launch(
-            executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"]
-        )
-        yield launched
-        launched.close()
-
-
 @pytest.fixture
 def page(browser: Any) -> Iterator[Any]:
     """An empty page; what goes wrong in it fails the test."""
     errors: list[str] = []
-    opened = browser.new_page(viewport={"width": WIDTHS[0], "height": 900})
-    opened.on("console", lambda one: errors.append(one.text) if one.type == "error" else None)
-    opened.on("pageerror", lambda error: errors.append(str(error)))
-    opened.on("requestfailed", lambda request: errors.append(f"failed: {request.url}"))
-    opened.on(
-        "request",
-        lambda request: (
-            None
-            if request.url.startswith(("file:", "data:"))
-            else errors.append(f"outside: {request.url}")
-        ),
-    )
+    opened = quiet_page(browser, WIDTHS[0], errors)
     yield opened
     opened.close()
     assert not errors

@@ -14,7 +14,8 @@ from grasp3d.pictures.colors import (
     PALETTE,
     RAMP,
     UNSEARCHED,
-    coloring_of,
+    corner_codes,
+    corner_values,
     labels_at,
     ramp_of,
 )
@@ -65,69 +66,15 @@ def test_labels_are_unknown_where_the_search_may_have_missed_an_s() -> None:
 
 def _drawn(subject: Subject, paint: Paint, model: GraspModel) -> NDArray[np.uint8]:
     """Colour that VTK draws at each vertex: that of the range in which its number is."""
-    coloring = coloring_of(subject, paint, model)
+    vertices, ramp = subject.mesh.corner_normals.vertices, ramp_of(subject, paint, model)
     corners = np.zeros(len(subject.mesh.vertices), dtype=np.int64)
-    corners[subject.mesh.corner_normals.vertices] = np.arange(len(coloring.values))
-    values, count = coloring.values[corners], len(coloring.colors)
-    steps = (np.nan_to_num(values) - coloring.low) / (coloring.high - coloring.low) * count
-    colors = coloring.colors[np.clip(np.floor(steps), 0, count - 1).astype(int)]
+    corners[vertices] = np.arange(len(vertices))
+    if ramp is None:
+        return np.asarray(PALETTE[corner_codes(subject, model)][corners])
+    values, count = corner_values(subject, paint, model)[corners], len(ramp.colors)
+    steps = (np.nan_to_num(values) - ramp.minimum) / (ramp.maximum - ramp.minimum) * count
+    colors = ramp.colors[np.clip(np.floor(steps), 0, count - 1).astype(int)]
     return np.where(np.isnan(values)[:, None], PALETTE[UNSEARCHED], colors)
-
-
-@given(friction=FRICTIONS, resolution=RESOLUTIONS, fingers=st.sampled_from([2, 3]))
-@settings(max_examples=60, deadline=None)
-def test_the_colours_are_those_of_the_labels_apart_from_rounding(
-    friction: float, resolution: float, fingers: int
-) -> None:
-    subject = subject_of(viewing.labels() if fingers == 2 else viewing.three_fingers())
-    model = replace(subject.labels.model, friction=friction, sensor_resolution=resolution)
-    _check_colors(subject, model)
-
-
-@given(
-    friction=st.floats(0.2, 2.0),
-    resolution=RESOLUTIONS,
-    error=st.floats(0.0, 0.15),
-    location=st.sampled_from([0.0, 1e-4, 1e-3]),
-)
-@settings(max_examples=60, deadline=None)
-def test_the_colours_are_those_of_labels_with_errors(
-    friction: float, resolution: float, error: float, location: float
-) -> None:
-    subject = subject_of(viewing.located(location))
-    model = replace(
-        subject.labels.model, friction=(friction - error, friction + error),
-        sensor_resolution=resolution,
-    )  # fmt: skip
-    _check_colors(subject, model)
-
-
-def _check_colors(subject: Subject, model: GraspModel) -> None:
-    """Check that the vertices have the colours of the labels."""
-    worst, best = subject.labels.critical_angle, subject.labels.critical_angle_best
-    stable, reach = model.sure_angle, model.possible_angle
-    near = (np.abs(worst - stable) < 3e-6) | (np.abs(best - reach) < 3e-6)
-    wrong = (_drawn(subject, "label", model) != PALETTE[labels_at(subject, model)]).any(axis=1)
-    assert not (wrong & ~near).any()
-
-
-@pytest.mark.parametrize("beyond", [1e-5, -1e-5])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_the_colours_separate_angles_on_both_sides_of_a_close_limit(
-    beyond: float, sign: float
-) -> None:
-    subject = subject_of(viewing.labels())
-    angles = np.unique(subject.labels.critical_angle[np.isfinite(subject.labels.critical_angle)])
-    for angle in angles[angles > 0.15][::20]:
-        limit = float(angle) + beyond
-        model = replace(
-            subject.labels.model, friction=math.tan(limit + sign * 0.1), sensor_resolution=0.2
-        )
-        limits = (model.friction_angle - model.tilt, model.friction_angle + model.tilt)
-        both = np.stack([subject.labels.critical_angle, subject.labels.critical_angle_best])
-        near = (np.abs(both - np.array(limits)[:, None]) < 3e-6).any(axis=0)
-        wrong = (_drawn(subject, "label", model) != PALETTE[labels_at(subject, model)]).any(axis=1)
-        assert not (wrong & ~near).any()
 
 
 def test_a_vertex_without_a_grasp_is_u_even_where_no_grasp_is_surely_unstable() -> None:

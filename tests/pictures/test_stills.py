@@ -74,7 +74,7 @@ def test_every_pixel_of_a_labelled_sphere_agrees_with_the_closed_form(
     model = GraspModel(
         friction=1.0, sensor_resolution=math.radians(degrees), location_error=location
     )
-    scanned = scan_surface(sphere_mesh(subdivisions=5), model, fixed=(0.0, 0.0, -1.0))
+    scanned = scan_surface(sphere_mesh(subdivisions=6), model, fixed=(0.0, 0.0, -1.0))
     image = draw_labels(scanned, view=FRONT, size=(SIZE, SIZE)).astype(float)
     pixel = (np.arange(SIZE) + 0.5 - SIZE / 2.0) * (2.0 * MARGIN / SIZE)
     y, z = np.meshgrid(pixel, -pixel)

@@ -21,7 +21,7 @@ from grasp3d import (
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.pictures.colors import coloring_of
+from grasp3d.pictures.colors import corner_codes
 from grasp3d.pictures.subject import subject_of
 from grasp3d.stability.thresholds import label_angles, unstable_from
 from grasp3d.surface import Reason
@@ -185,9 +185,8 @@ def test_no_grasp_of_three_fingers_is_u_from_90_degrees_on(beta: float, alpha: f
     )
     assert fractions == pytest.approx(scan.fractions())
     assert fractions["U"] == pytest.approx(scan.fractions()["U"])
-    coloring = coloring_of(subject_of(scan), "label", scan.model)
-    of_u = coloring.low + (coloring.high - coloring.low) * 2.0 / 3.0
-    assert not (coloring.values >= of_u).any()  # none has the colour of U
+    drawn = corner_codes(subject_of(scan), scan.model)
+    assert (drawn[found[scan.mesh.corner_normals.vertices]] != U).all()
 
 
 def test_fractions_are_those_of_the_labels_at_any_setting() -> None:

@@ -21,7 +21,7 @@ from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene as HandScene
 from grasp3d.hand.scene import scene_settings
 from grasp3d.pictures.camera import MOST_BESIDE, View, extents, frame_of, middle_of, view_axes
-from grasp3d.pictures.colors import coloring_of, ramp_of
+from grasp3d.pictures.colors import corner_values, ramp_of
 from grasp3d.pictures.opengl import new_plotter
 from grasp3d.pictures.subject import subject_of
 from grasp3d.pictures.view_settings import ViewSettings
@@ -115,9 +115,9 @@ def test_colours_of_approach_margins(session: Session) -> None:
     assert ramp is not None
     assert ramp.maximum == pytest.approx(math.degrees(np.nanmax(margins)))
     assert (ramp.unit, ramp.grey) == ("°", "not reached")
-    coloring = coloring_of(subject, "approach_margin", session.model)
+    values = corner_values(subject, "approach_margin", session.model)
     expected = np.degrees(margins)[subject.mesh.corner_normals.vertices]
-    assert np.allclose(coloring.values, expected, equal_nan=True)
+    assert np.allclose(values, expected, equal_nan=True)
 
 
 # New searches

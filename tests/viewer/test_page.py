@@ -2,9 +2,7 @@
 
 import http.client
 import io
-import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -34,20 +32,10 @@ from grasp3d.viewer.session.collection import Item, collection_of
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web import page as served_page
 from grasp3d.viewer.web.page import free_port, open_page, serve_in_background
+from tests.helpers.browsers import BROWSER, CI
 from tests.helpers.shapes import LIBRARY
 from tests.helpers.windows import wait_for
 
-CI = os.environ.get("CI") == "true"
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-BROWSER = next(filter(None, map(shutil.which, BROWSERS)), None)
-OPTIONS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--no-first-run",
-]
 LONG = 20_000.0
 MODEL = GraspModel(friction=0.3, sensor_resolution=20.0 * DEGREE)
 SAMPLING = Sampling(rays=8, search_angle=80.0 * DEGREE)
@@ -135,15 +123,6 @@ def server() -> Iterator[Served]:
 @pytest.fixture(scope="module")
 def labels() -> SurfaceLabels:
     return label_surface(load_mesh(LIBRARY / NAME), MODEL, sampling=SAMPLING)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
-    with playwright.sync_playwright() as driver:
-        launched = driver.chromium.launch(executable_path=BROWSER, args=OPTIONS)
-        yield launched
-        launched.close()
 
 
 @dataclass

@@ -16,8 +16,9 @@ from PIL import Image
 from grasp3d import SurfaceLabels, label_surface
 from grasp3d.pictures.opengl import can_render
 from grasp3d.viewer import show
+from tests.helpers.browsers import BROWSER, CI, OPTIONS
 from tests.helpers.solids import box_mesh
-from tests.viewer.test_page import BROWSER, CI, OPTIONS, coloured
+from tests.viewer.test_page import coloured
 
 LABELS = """
 import grasp3d

@@ -1,6 +1,6 @@
-"""The report: a web page of a library of labelled meshes, readable without a network."""
+"""The report: web pages of a library of labelled meshes, readable without a network."""
 
-from grasp3d.batch.report.pages import write_report
-from grasp3d.batch.report.thumbnails import thumbnail
+from grasp3d.batch.report.index import write_report
+from grasp3d.batch.report.objects import write_object
 
-__all__ = ["thumbnail", "write_report"]
+__all__ = ["write_object", "write_report"]
