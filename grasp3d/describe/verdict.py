@@ -323,7 +323,7 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
         return replace(verdict, causes=causes, remedies=remedies)
     if code == Label.U:
         found = {"remedies": _remedies(tried, load)} if tried.size else {"wrong": _NONE}
-        return replace(verdict, **found)  # type: ignore[arg-type]
+        return replace(verdict, **found)
     first = int(ranked_rows(named)[0])
     needed = needed_force(named)
     verdict = replace(
