@@ -210,7 +210,8 @@ class Check(Searching, ManyMeshes):
 class View(Labelling):
     """View an object: rotate it, change friction and resolution, click for reasons.
 
-    Of a labelled file, options with their default are taken from the file.
+    Of a labelled file the settings are those of the file; only friction, resolution and fingers may
+    be given.
 
     Example:
         # Open a window

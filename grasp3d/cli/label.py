@@ -139,7 +139,7 @@ def _print_at(labels: SurfaceLabels, text: str, vertex: int) -> None:
     from grasp3d.viewer.session.inspection import inspect
 
     # Asked for, so it is printed also with --quiet.
-    report, shown = Report(), inspect(subject_of(labels), vertex, labels.model)
+    report, shown = Report(), inspect(subject_of(labels), vertex)
     report.heading(f"at {text}", escaped(shown.reason))
     points, approach = shown.points[1:], labels.approach
     others = [("opposing contact", position_text(point, labels.mesh)) for point in points]

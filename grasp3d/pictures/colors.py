@@ -6,7 +6,7 @@ the colour of the interpolated number.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib import colormaps
@@ -15,10 +15,12 @@ from grasp3d.arrays import Bytes, Floats
 from grasp3d.describe.explanations import UNSEARCHED
 from grasp3d.pictures.subject import Subject
 from grasp3d.pictures.view_settings import Paint
-from grasp3d.settings import GraspModel
+from grasp3d.settings import ANGLE_ROUNDING, GraspModel
 from grasp3d.settings.model_text import EPSILON_MIN, epsilon_min_text
 from grasp3d.stability.label import COLORS, GREY, Label
 from grasp3d.stability.thresholds import label_angles
+from grasp3d.surface.area_statistics import quantiles
+from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.counts import short_number
 
 PALETTE = np.array([*(COLORS[label] for label in sorted(Label)), GREY], dtype=np.uint8)
@@ -46,7 +48,7 @@ PALE, PALE_FRACTION = (0xDD, 0xE0, 0xE4), 0.7
 """Colour and fraction that are mixed into the colours of an outdated surface."""
 
 ROUNDING = 1e-9
-"""Tolerance of the comparison with the searched cone [rad]."""
+"""Relative rounding error of values."""
 
 MOST = 0.95
 """Area fraction, of that with finite values, up to which the ramps of forces and payloads go: a few
@@ -61,25 +63,29 @@ class Quantity:
 
     listed: str
     """Its name, as it is listed."""
-    title: Callable[[Subject, GraspModel], str]
+    title: Callable[[Subject], str]
     """Its name in a legend."""
-    values: Callable[[Subject, GraspModel], Floats]
+    values: Callable[[SurfaceLabels], Floats | None]
     """At each vertex, shape (V,), in the unit; not finite: there is none."""
-    most: Callable[[Subject, GraspModel, Floats], float]
+    most: Callable[[Subject, Floats], float]
     """The value of the last colour."""
     unit: str = "°"
     grey: str = ""
     """Meaning of grey; empty: that there is no grasp."""
     note: str = ""
     """Remark for the reader."""
-    source: str = ""
-    """The field of the subject that must be computed for it: epsilons, or forces."""
+    needs: str = ""
+    """The attribute of the labels that must be computed for it: epsilon_range, or load_result."""
     problem: Callable[[Subject], str] | None = None
     """Why a surface has none, empty: it has; None: every one has it."""
 
     def problem_of(self, subject: Subject) -> str:
         """Why a surface has none; empty: it has."""
         return self.problem(subject) if self.problem else ""
+
+    def missing(self, labels: SurfaceLabels) -> bool:
+        """Whether it has not been computed yet."""
+        return bool(self.needs) and labels.computed(self.needs) is None
 
 
 @dataclass(frozen=True)
@@ -117,44 +123,40 @@ class Ramp:
         return f"{'≥ ' if self.exceeded else ''}{short_number(self.maximum)}{self.unit}"
 
 
-def corner_codes(subject: Subject, model: GraspModel) -> Bytes:
-    """Codes of the labels at the corners of a surface, shape (C,).
-
-    Args:
-        subject: The surface.
-        model: Friction and resolution.
-    """
+def corner_codes(subject: Subject) -> Bytes:
+    """Codes of the labels at the corners of a surface, shape (C,)."""
     labels, vertices = subject.labels, subject.mesh.corner_normals.vertices
     worst, best = labels.critical_angle[vertices], labels.critical_angle_best[vertices]
-    if labels.mode == "scan":  # a crease has no area: each face beside it has its own normal's
-        rows, of_worst, of_best = subject.crease_angles
-        worst[rows], best[rows] = of_worst, of_best
-    return label_codes(subject, worst, best, model)
+    # A crease of a scan has no area: each face beside it has its own normal's. Where locations are
+    # uncertain it has those of the whole crease.
+    rows, angles = subject.creases
+    if labels.model.location_error == 0.0:
+        worst[rows] = best[rows] = np.clip(angles, best[rows], worst[rows])
+    return label_codes(subject, worst, best)
 
 
-def corner_values(subject: Subject, paint: Paint, model: GraspModel) -> Floats:
+def corner_values(subject: Subject, paint: Paint) -> Floats:
     """Values of a quantity at the corners of a surface, shape (C,); nan where it is not known.
 
     Args:
         subject: The surface.
         paint: One of `QUANTITIES`.
-        model: Friction and resolution.
     """
-    values = _values(subject, paint, model)[subject.mesh.corner_normals.vertices]
+    values = _values(subject, paint)[subject.mesh.corner_normals.vertices]
     return np.where(np.isfinite(values), values, math.nan)
 
 
-def labels_at(subject: Subject, model: GraspModel) -> Bytes:
+def labels_at(subject: Subject) -> Bytes:
     """Label every vertex; `UNSEARCHED` where `relabel` would raise an error.
 
     Returns:
         Codes, shape (V,).
     """
     labels = subject.labels
-    return label_codes(subject, labels.critical_angle, labels.critical_angle_best, model)
+    return label_codes(subject, labels.critical_angle, labels.critical_angle_best)
 
 
-def label_codes(subject: Subject, worst: Floats, best: Floats, model: GraspModel) -> Bytes:
+def label_codes(subject: Subject, worst: Floats, best: Floats) -> Bytes:
     """Label given critical angles of a subject, their bounds if contact locations are uncertain.
 
     Beyond the searched cone the search may have missed a better grasp: U is then unknown, and so
@@ -164,11 +166,11 @@ def label_codes(subject: Subject, worst: Floats, best: Floats, model: GraspModel
         subject: The surface, with the cone that was searched.
         worst: Critical angles over the worst normals [rad], any shape.
         best: Critical angles over the best normals [rad], same shape.
-        model: Friction and resolution.
     """
+    model = subject.model
     codes = label_angles(worst, best, model)
     if not subject.covers(model):
-        stable, searched = model.sure_angle, subject.cone + ROUNDING
+        stable, searched = model.sure_angle, subject.cone + ANGLE_ROUNDING
         hidden = (codes == Label.M) & (worst > searched) & (stable > searched)
         codes[(codes == Label.U) | hidden] = UNSEARCHED
     return codes
@@ -186,30 +188,24 @@ def faded(colors: Bytes) -> Bytes:
     return np.asarray(np.rint(mixed), dtype=np.uint8)
 
 
-def ramp_of(subject: Subject, paint: Paint, model: GraspModel) -> Ramp | None:
+def ramp_of(subject: Subject, paint: Paint) -> Ramp | None:
     """Legend of the quantity that is shown; None: labels."""
     if subject.poses is not None or paint == "label":
         return None
-    shown = QUANTITIES[paint]
-    title, unit = shown.title(subject, model), shown.unit
+    shown, labels = QUANTITIES[paint], subject.labels
+    title, unit = shown.title(subject), shown.unit
     if problem := shown.problem_of(subject):
         return Ramp(f"{shown.listed}: {problem.partition(';')[0]}", 1.0, unit, "not known")
-    if shown.source:
-        known = getattr(subject, shown.source)
-        if known is None:
-            text = f"{title}; being computed"
-            return Ramp(text, 1.0, unit, "not computed yet", shown.note)
-        if not same_settings(known.model, model):
-            degrees = math.degrees(known.model.sensor_resolution)
-            title += f", for μ {known.model.friction:.3g}, α {degrees:.1f}°; being computed"
-    values, weighed = _values(subject, paint, model), subject.weights > 0.0
+    if shown.missing(labels):
+        return Ramp(f"{title}; being computed", 1.0, unit, "not computed yet", shown.note)
+    values, weighed = _values(subject, paint), subject.weights > 0.0
     finite = np.isfinite(values) & weighed
-    most = shown.most(subject, model, values) or 1.0
-    none = shown.grey or ("no grasp found" if subject.labels.mode == "label" else "no grasp")
-    meanings = [none] * bool((weighed & ~np.isfinite(subject.labels.critical_angle)).any())
+    most = shown.most(subject, values) or 1.0
+    none = shown.grey or ("no grasp found" if labels.mode == "label" else "no grasp")
+    meanings = [none] * bool((weighed & ~np.isfinite(labels.critical_angle)).any())
     if shown.grey:
         meanings = [none] * bool((weighed & ~finite).any())
-    elif shown.source == "forces" and np.isinf(values[weighed]).any():
+    elif shown.needs == LOAD and np.isinf(values[weighed]).any():
         meanings.append("no force suffices")
     return Ramp(
         title, most, unit, ", ".join(meanings), shown.note,
@@ -218,14 +214,11 @@ def ramp_of(subject: Subject, paint: Paint, model: GraspModel) -> Ramp | None:
     )  # fmt: skip
 
 
-def _values(subject: Subject, paint: Paint, model: GraspModel) -> Floats:
+def _values(subject: Subject, paint: Paint) -> Floats:
     """Values of a quantity at each vertex, shape (V,); nan where it is not known."""
-    return QUANTITIES[paint].values(subject, model)
-
-
-def same_settings(computed: GraspModel, model: GraspModel) -> bool:
-    """Whether epsilon computed for one model is valid for another; fingers are ignored."""
-    return replace(computed, fingers=model.fingers) == model
+    labels, shown = subject.labels, QUANTITIES[paint]
+    values = None if shown.missing(labels) else shown.values(labels)
+    return np.full(labels.size, math.nan) if values is None else values
 
 
 def _sharp(model: GraspModel) -> float:
@@ -233,25 +226,23 @@ def _sharp(model: GraspModel) -> float:
     return model.sure_angle + model.sensor_resolution / 2.0
 
 
-def _resolution_range(_: Subject, model: GraspModel, __: Floats) -> float:
+def _resolution_range(subject: Subject, _: Floats) -> float:
     # Without friction to spare none is S; then the scale is that of exact friction and normals.
-    most = _sharp(model) if _sharp(model) > 0.0 else model.friction_angle
-    return 2.0 * math.degrees(most)
+    sharp = _sharp(subject.model)
+    return 2.0 * math.degrees(sharp if sharp > 0.0 else subject.model.friction_angle)
 
 
-def _largest(_: Subject, __: GraspModel, values: Floats) -> float:
+def _largest(_: Subject, values: Floats) -> float:
     return float(np.nanmax(values, initial=0.0))
 
 
-def _most_of_area(subject: Subject, _: GraspModel, values: Floats) -> float:
+def _most_of_area(subject: Subject, values: Floats) -> float:
     """Value up to which most of the area goes."""
     vertices = np.flatnonzero(np.isfinite(values) & (subject.weights > 0.0))
     if not len(vertices):
         return 1.0
-    order = vertices[np.argsort(values[vertices])]
-    areas = np.cumsum(subject.weights[order])
-    top = float(values[order[np.searchsorted(areas, MOST * areas[-1])]])
-    return top or float(values[vertices].max())
+    [top] = quantiles(values[vertices], [MOST], subject.weights[vertices])
+    return float(top) or float(values[vertices].max())
 
 
 def _gripper_problem(subject: Subject) -> str:
@@ -283,68 +274,64 @@ def _payload_problem(subject: Subject) -> str:
     return "" if case.by_mass else "the task does not depend on the mass, so there is no payload"
 
 
-def _force_title(subject: Subject, _: GraspModel) -> str:
+def _force_title(subject: Subject) -> str:
     case = subject.labels.load_case
     return f"grip force of each contact for {case.to_hold.partition(' (')[0]}" if case else ""
 
 
-def _payload_title(subject: Subject, _: GraspModel) -> str:
+def _payload_title(subject: Subject) -> str:
     case = subject.labels.load_case
     return f"payload of the contacts with {case.at_hand} at the worst normals" if case else ""
 
 
-def _computed(source: str, name: str) -> Callable[[Subject, GraspModel], Floats]:
-    """Values of such a name of what was computed of a subject."""
-    return lambda subject, _: subject.numbers(source, name)
-
-
+EPSILON, LOAD = "epsilon_range", "load_result"
 QUANTITIES: dict[Paint, Quantity] = {
     "critical_angle": Quantity(
         "β*, critical friction angle",
-        lambda *_: "β*: critical friction angle",
-        lambda subject, _: np.degrees(subject.labels.critical_angle),
-        lambda subject, *_: math.degrees(min(subject.cone, math.pi / 2.0)),
+        lambda _: "β*: critical friction angle",
+        lambda labels: np.degrees(labels.critical_angle),
+        lambda subject, _: math.degrees(min(subject.cone, math.pi / 2.0)),
     ),
     "max_resolution": Quantity(
         "α*, coarsest resolution at which it is S",
-        lambda *_: "α*: coarsest resolution at which it is S",
-        lambda subject, model: np.degrees(2.0 * (_sharp(model) - subject.labels.critical_angle)),
+        lambda _: "α*: coarsest resolution at which it is S",
+        lambda labels: np.degrees(2.0 * (_sharp(labels.model) - labels.critical_angle)),
         _resolution_range,
     ),
     "epsilon": Quantity(
         "ε",
-        lambda *_: "ε of the grasp with the smallest β*",
-        _computed("epsilons", "epsilon"),
+        lambda _: "ε of the grasp with the smallest β*",
+        lambda labels: labels.epsilon,
         _largest,
-        "", note=EQUAL_GRASPS, source="epsilons",
+        "", note=EQUAL_GRASPS, needs=EPSILON,
     ),
     "epsilon_min": Quantity(
         f"{EPSILON_MIN}, over all uncertainties",
-        lambda subject, _: epsilon_min_text((subject.epsilons or subject.labels).model),
-        _computed("epsilons", "epsilon_min"),
-        lambda subject, model, _: _largest(subject, model, subject.numbers("epsilons", "epsilon")),
-        "", note=EQUAL_GRASPS, source="epsilons",
+        lambda subject: epsilon_min_text(subject.model),
+        lambda labels: labels.epsilon_min,
+        lambda subject, _: _largest(subject, subject.labels.epsilon),
+        "", note=EQUAL_GRASPS, needs=EPSILON,
     ),
     "approach_margin": Quantity(
         "approach margin of the gripper",
-        lambda *_: "approach margin: half the free approach angles",
-        lambda subject, _: np.degrees(subject.numbers("labels", "approach_margin")),
+        lambda _: "approach margin: half the free approach angles",
+        lambda labels: None if labels.reach is None else np.degrees(labels.reach.approach_margin),
         _largest,
         grey="not reached", problem=_gripper_problem,
     ),
     "grip_force": Quantity(
-        "grip force of each contact", _force_title, _computed("forces", "grip_force"),
-        _most_of_area, " N", source="forces", problem=_load_problem,
+        "grip force of each contact", _force_title, lambda labels: labels.grip_force,
+        _most_of_area, " N", needs=LOAD, problem=_load_problem,
     ),
     "payload": Quantity(
-        "payload of the contacts", _payload_title, _computed("forces", "payload"),
-        _most_of_area, " kg", source="forces", problem=_payload_problem,
+        "payload of the contacts", _payload_title, lambda labels: labels.payload,
+        _most_of_area, " kg", needs=LOAD, problem=_payload_problem,
     ),
     "margin": Quantity(
         "margin: how far it is S, or fails to be",
-        lambda *_: "margin: S above 0°",
-        lambda subject, model: np.degrees(model.sure_angle - subject.labels.critical_angle),
-        lambda _, model, __: math.degrees(model.friction_angle),
+        lambda _: "margin: S above 0°",
+        lambda labels: np.degrees(labels.margin),
+        lambda subject, _: math.degrees(subject.model.friction_angle),
         note="green: by how much it is S; brown: by how much it fails to be S",
     ),
 }  # fmt: skip

@@ -35,7 +35,6 @@ from grasp3d.pictures.marks import (
 )
 from grasp3d.pictures.subject import Subject
 from grasp3d.pictures.view_settings import Paint
-from grasp3d.settings import GraspModel
 
 OPACITIES = {Part.PALM: 0.3, Part.FINGER: 0.7, Part.PAD: 0.9, Part.TIP: 0.9}
 """Opacities of the parts of a gripper: what it holds remains visible behind it."""
@@ -74,25 +73,22 @@ class Pane:
         self._held: tuple[object, ...] = ()
         self._table_points = self._marked = self.hand_points = NO_POINTS
 
-    def show(
-        self, subject: Subject, paint: Paint, model: GraspModel, *, stale: bool = False
-    ) -> None:
+    def show(self, subject: Subject, paint: Paint, *, stale: bool = False) -> None:
         """Draw a surface.
 
         Args:
             subject: The surface.
             paint: The quantity that colours show.
-            model: Friction and resolution.
             stale: Use pale colours, as the surface does not belong to the current choices.
         """
         self._draw(subject.mesh)
-        shade, ramp = faded if stale else np.asarray, ramp_of(subject, paint, model)
+        shade, ramp = faded if stale else np.asarray, ramp_of(subject, paint)
         if ramp is not None:
-            self._paint_numbers(corner_values(subject, paint, model), ramp, shade)
+            self._paint_numbers(corner_values(subject, paint), ramp, shade)
         elif subject.poses is not None:
             self.show_colors(subject.mesh, np.array(NEUTRAL, dtype=np.uint8))
         else:
-            self._paint_labels(corner_codes(subject, model), shade(PALETTE))
+            self._paint_labels(corner_codes(subject), shade(PALETTE))
 
     def show_colors(self, mesh: ObjectMesh, colors: Bytes) -> None:
         """Draw a surface in colours of its vertices, shape (V, 3), or (3,) for all."""

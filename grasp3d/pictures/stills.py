@@ -60,7 +60,7 @@ def draw_labels(
     """
     up = UPRIGHT if labels.scene is None else labels.scene.up
     with _still(size) as (pane, picture):
-        pane.show(subject_of(labels), "label", labels.model)
+        pane.show(subject_of(labels), "label")
         pane.cut(None)
         pane.hold(None, None, None, fixed)
         view = view or broad_view(pane.points, up)
@@ -132,7 +132,7 @@ def draw_grasps(
     hand, table = (None, None) if scene is None else (scene.hand, scene.table)
     up, pictures = UPRIGHT if scene is None else scene.up, []
     with _still(PIXELS) as (pane, picture):
-        pane.show(subject, "label", subject.labels.model)
+        pane.show(subject, "label")
         pane.cut(None)
         views = []
         for grasp in marked:

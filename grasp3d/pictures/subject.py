@@ -2,24 +2,24 @@
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints, locked, short_repr
+from grasp3d.arrays import Floats, Ints, short_repr
 from grasp3d.contact.contacts import Contacts
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.ray_tracing import FaceRays
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.critical_angle import critical_friction_angle
-from grasp3d.settings import GraspModel, search_cone
+from grasp3d.settings import ANGLE_ROUNDING, GraspModel, search_cone
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason, SearchReport
+
+NO_CREASES = np.zeros(0, dtype=np.int64), np.zeros(0)
 
 NO_LABELS = "the surface has no labels: poses of a hand are shown"
 """Why it cannot be clicked or saved."""
@@ -27,17 +27,17 @@ NO_LABELS = "the surface has no labels: poses of a hand are shown"
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """Labels that are viewed, computed or from a file, with what was computed of them since."""
+    """Labels that are viewed, computed or from a file."""
 
     labels: SurfaceLabels
     name: str
     notes: tuple[str, ...] = ()
     """Warnings that concern the labels, one sentence each."""
-    epsilons: SurfaceLabels | None = None
-    """The same grasps at the model for which epsilon was computed; None: not computed yet."""
-    forces: SurfaceLabels | None = None
-    """The same grasps at the model for which forces were computed; None: no load, or not computed
-    yet."""
+    searched: float = math.pi
+    """Largest friction angle and tilt for which the search went far enough [rad]."""
+    creases: tuple[Ints, Floats] = NO_CREASES
+    """Of a scan: rows of the mesh's corner normals at creases, and the critical angles of the
+    grasps with these normals [rad], shape (k,) each."""
     given: GraspTable | None = None
     """The grasp whose surface it is, one row, shown until a vertex is inspected; None: none."""
     poses: EvaluatedPoses | None = None
@@ -45,98 +45,75 @@ class Subject:
 
     __repr__ = short_repr
 
+    def at(self, model: GraspModel) -> "Subject":
+        """The same grasps at another friction and resolution, of the same number of fingers."""
+        if model.fingers != self.labels.model.fingers:
+            model = replace(model, fingers=self.labels.model.fingers)
+        if model == self.labels.model:  # what is computed already is kept
+            return self
+        return replace(self, labels=self.labels.using(model=model))
+
     @property
     def mesh(self) -> ObjectMesh:
         """The surface of the labels."""
         return self.labels.mesh
 
     @property
+    def model(self) -> GraspModel:
+        """Friction, resolution and fingers of the labels."""
+        return self.labels.model
+
+    @property
     def cone(self) -> float:
         """Largest critical friction angle that was searched [rad]."""
         return math.pi if self.labels.mode == "scan" else self.labels.search.cone
 
-    @cached_property
+    @property
     def weights(self) -> Floats:
         """Area fraction that belongs to each vertex, (V,)."""
-        return locked(vertex_weights(self.mesh, "area"))
-
-    @cached_property
-    def rays(self) -> FaceRays:
-        """Ray tracer of the faces, for clicks; in the frame of the mesh's `normalized`."""
-        return FaceRays(self.mesh.normalized, self.mesh.faces)
-
-    @cached_property
-    def bounds(self) -> Floats:
-        """Lowest and highest corner of the bounding box of the faces, shape (2, 3)."""
-        points = self.mesh.vertices[np.unique(self.mesh.faces)]
-        return locked(np.stack([points.min(axis=0), points.max(axis=0)]))
+        return vertex_weights(self.mesh, "area")
 
     @property
-    def crease_angles(self) -> tuple[Ints, Floats, Floats]:
-        """Critical angles at creases, of the vertex's grasp with the normal of each face there.
-
-        Where locations are uncertain those of the whole crease.
-
-        Returns:
-            Rows of the mesh's corner normals, and their angles over the worst and the best that may
-            be true, shape (k,) each [rad].
-        """
-        rows, critical = self._creased
-        vertices, labels = self.mesh.corner_normals.vertices[rows], self.labels
-        worst, best = labels.critical_angle[vertices], labels.critical_angle_best[vertices]
-        if labels.model.location_error != 0.0:
-            return rows, worst, best
-        own = np.clip(critical, best, worst)
-        return rows, own, own
-
-    @cached_property
-    def _creased(self) -> tuple[Ints, Floats]:
-        """Rows of corner normals at creases, and the critical angles of the grasps there."""
-        mesh, labels, corners = self.mesh, self.labels, self.mesh.corner_normals
-        has_grasp = labels.reason == Reason.FOUND
-        has_grasp &= (labels.partner_normals != 0.0).any(axis=2).all(axis=1)
-        creased = (mesh.contact_normals.counts[mesh.canonical] > 1) & has_grasp
-        rows = np.flatnonzero(creased[corners.vertices])
-        vertices, normals = corners.vertices[rows], corners.normals[rows, None]
-        points = np.concatenate([mesh.vertices[vertices, None], labels.partners[vertices]], axis=1)
-        grasps = Contacts(
-            points - mesh.center,
-            np.concatenate([normals, labels.partner_normals[vertices]], axis=1),
-        )
-        return rows, np.asarray(critical_friction_angle(grasps))
-
-    def numbers(self, source: str, name: str) -> Floats:
-        """Values at each vertex of what was computed, shape (V,).
-
-        Args:
-            source: 'epsilons', 'forces' or 'labels'.
-            name: The attribute; nan where the source has none.
-        """
-        values = getattr(getattr(self, source), name, None)
-        return np.full(len(self.mesh.vertices), math.nan) if values is None else values
+    def bounds(self) -> Floats:
+        """Lowest and highest corner of the bounding box of the surface, shape (2, 3)."""
+        points = self.mesh.vertices[self.mesh.on_surface]
+        return np.stack([points.min(axis=0), points.max(axis=0)])
 
     def covers(self, model: GraspModel) -> bool:
         """Whether the search went far enough for a model: no, where poses are given."""
-        if self.poses is not None:
-            return False
-        needed, searched = search_cone(model), search_cone(self.labels.model)
-        return needed <= max(self.cone, searched) + 1e-9  # rounding
+        return self.poses is None and search_cone(model) <= self.searched + ANGLE_ROUNDING
 
 
 def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
-    """The subject of labels; epsilon and forces only if they were computed already.
+    """The subject of labels.
 
     Args:
         labels: The labels.
         name: Name of the object; None: that of its file.
     """
+    scanned = labels.mode == "scan"
     return Subject(
         labels,
         labels.mesh.report.source if name is None else name,
         notes=(*labels.warnings, *labels.mesh.region_notes, *_method_notes(labels)),
-        epsilons=None if labels.computed("epsilon_range") is None else labels,
-        forces=None if labels.computed("load_result") is None else labels,
+        searched=math.pi if scanned else max(labels.search.cone, search_cone(labels.model)),
+        creases=_creases(labels) if scanned else NO_CREASES,
     )
+
+
+def _creases(labels: SurfaceLabels) -> tuple[Ints, Floats]:
+    """Rows of corner normals at creases, and the critical angles of the grasps there."""
+    mesh, corners = labels.mesh, labels.mesh.corner_normals
+    has_grasp = labels.reason == Reason.FOUND
+    has_grasp &= (labels.partner_normals != 0.0).any(axis=2).all(axis=1)
+    creased = (mesh.contact_normals.counts[mesh.canonical] > 1) & has_grasp
+    rows = np.flatnonzero(creased[corners.vertices])
+    vertices, normals = corners.vertices[rows], corners.normals[rows, None]
+    points = np.concatenate([mesh.vertices[vertices, None], labels.partners[vertices]], axis=1)
+    grasps = Contacts(
+        points - mesh.center, np.concatenate([normals, labels.partner_normals[vertices]], axis=1)
+    )
+    return rows, np.asarray(critical_friction_angle(grasps))
 
 
 def _method_notes(labels: SurfaceLabels) -> tuple[str, ...]:

@@ -1,7 +1,6 @@
 """The scene: a session drawn in a PyVista plotter, and the vertices that clicks hit."""
 
 import math
-import threading
 import weakref
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyvista
+from vtkmodules.vtkRenderingCore import vtkCellPicker
 
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.describe.explanations import finger_words
@@ -33,7 +33,6 @@ from grasp3d.settings.model_text import friction_text, location_texts
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.session.state import Section
 
 if TYPE_CHECKING:
     from grasp3d.viewer.session.collection import Item
@@ -65,6 +64,8 @@ class Scene:
         self._renderer = plotter.renderers[0]
         self._pane, self._texts = Pane(self._renderer), Texts(plotter)
         self._captions = Captions()
+        self._picker = vtkCellPicker()
+        self._picker.SetTolerance(0.0)
         self._inspection: Inspection | None = None
         self._subject: Subject | None = None
         self._item: Item | None = None
@@ -91,15 +92,13 @@ class Scene:
         """Update what has changed; the owner of the plotter renders."""
         subject, state = session.subject, session.state
         self._renderer.viewport = self.area
-        before, self._subject = self._subject, subject
+        self._subject = subject
         if subject is None:
             self._item = self._inspection = None
             self._pane.hide()
             self._captions = captions_of(session, None, legend=self.legend)
             self._before_render()
             return
-        if subject is not before:
-            prepare_picking(subject, before)
         found = self._inspection = session.inspection
         self._captions = captions_of(session, found, legend=self.legend)
         scene = session.scene
@@ -125,14 +124,19 @@ class Scene:
             self._before_render()
 
     def pick(self, session: Session, x: float, y: float) -> int | None:
-        """Vertex at a window position [pixels from the lower left]; None: there is none."""
+        """Vertex at a window position [pixels from the lower left]; None: there is none.
+
+        It is the nearest corner of the face that is seen there.
+        """
         subject = session.subject
-        (width, height), (left, bottom, right, top) = self.plotter.window_size, self.area
-        inside = left * width <= x < right * width and bottom * height <= y < top * height
-        if subject is None or not inside:
+        if subject is None or not self._picker.Pick(x, y, 0.0, self._renderer):
             return None
-        near, far = (self._world(x, y, depth) for depth in (0.0, 1.0))
-        return vertex_at(subject, near, far - near, session.state.section)
+        mesh, point = subject.mesh, np.array(self._picker.GetPickPosition())
+        corners = [self._picker.GetDataSet().GetCell(self._picker.GetCellId()).GetPointId(k)
+                   for k in range(3)]  # fmt: skip
+        vertices = mesh.corner_normals.vertices[corners]
+        gaps = np.linalg.norm(mesh.vertices[vertices] - point, axis=1)
+        return int(vertices[np.argmin(gaps)])
 
     def screenshot(self) -> Bytes:
         """RGB colours of the window, shape (height, width, 3)."""
@@ -151,7 +155,7 @@ class Scene:
         """Draw the object and what holds it."""
         subject, state, pane, scene = self._subject, session.state, self._pane, session.scene
         assert subject is not None
-        pane.show(subject, state.paint, session.model, stale=session.stale)
+        pane.show(subject, state.paint, stale=session.stale)
         pane.cut(state.section.plane(subject.bounds) if state.section else None)
         fixed = np.array(state.fixed, dtype=float).reshape(-1, 3)
         table = scene.table if scene is not None and state.show_table else None
@@ -188,13 +192,6 @@ class Scene:
         self._free = free
         camera.SetWindowCenter(0.0, -free.shift)
         self._texts.show(self._captions, 2.0 * camera.parallel_scale / max(1.0, free.height))
-
-    def _world(self, x: float, y: float, depth: float) -> Floats:
-        """Point of the mesh's frame at a window position and depth, shape (3,)."""
-        self._renderer.SetDisplayPoint(x, y, depth)
-        self._renderer.DisplayToWorld()
-        point = np.array(self._renderer.GetWorldPoint())
-        return np.asarray(point[:3] / point[3])
 
 
 def captions_of(session: Session, inspection: Inspection | None, *, legend: bool) -> Captions:
@@ -236,61 +233,6 @@ def _settings(session: Session, subject: Subject) -> str:
         if subject.labels.mode != "scan" and math.isfinite(limit):  # the search had a limit
             parts.append(f"opening ≤ {subject.mesh.length_text(limit)}")
     return "   ".join([*parts, *([] if scene is None else [scene.hand.name])])
-
-
-def prepare_picking(subject: Subject, before: Subject | None) -> None:
-    """Build the ray tracer for clicks in the background, or reuse that of the same geometry.
-
-    Args:
-        subject: The surface.
-        before: The surface displayed before.
-    """
-    if (
-        before is not None
-        and before.mesh.vertices is subject.mesh.vertices
-        and before.mesh.faces is subject.mesh.faces
-        and "rays" in vars(before)
-    ):
-        vars(subject).setdefault("rays", before.rays)
-    else:
-        threading.Thread(target=lambda: subject.rays, daemon=True).start()
-
-
-def vertex_at(
-    subject: Subject, origin: Floats, direction: Floats, section: Section | None = None
-) -> int | None:
-    """Find the vertex nearest to the hit of a ray, among the corners of the face that is hit.
-
-    Args:
-        subject: The surface.
-        origin: Start of the ray, in the mesh's frame, shape (3,).
-        direction: Direction of the ray, shape (3,), of any length.
-        section: A section; its hidden part cannot be hit.
-
-    Returns:
-        The vertex; None if the ray hits nothing.
-    """
-    direction = direction / np.linalg.norm(direction)
-    reach = np.inf
-    if section is not None:
-        point, normal = section.plane(subject.bounds)
-        height, climb = float(normal @ (origin - point)), float(normal @ direction)
-        crossing = -height / climb if climb else np.inf
-        if height < 0.0:
-            if climb <= 0.0:
-                return None
-            origin = origin + crossing * direction
-        elif climb < 0.0:
-            reach = crossing
-    start = (origin - subject.mesh.center) / subject.mesh.size
-    toward = np.asarray(direction, dtype=np.float32)[None]
-    faces, far = subject.rays.hits(np.asarray(start, dtype=np.float32)[None], toward)
-    face, distance = int(faces[0]), float(far[0]) * subject.mesh.size
-    if face < 0 or distance > reach:
-        return None
-    corners = subject.mesh.faces[face]
-    gaps = np.linalg.norm(subject.mesh.vertices[corners] - (origin + distance * direction), axis=1)
-    return int(corners[np.argmin(gaps)])
 
 
 class ClickDetector:

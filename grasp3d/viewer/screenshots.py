@@ -12,7 +12,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from grasp3d.arrays import Bytes
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.grasps.best import are_named, best_grasps
+from grasp3d.grasps.best import are_named
 from grasp3d.pictures.opengl import averaged, check_rendering, off_screen
 from grasp3d.pictures.view_settings import MIN_HEIGHT, MIN_WIDTH, ViewSettings
 from grasp3d.system.context import report_progress, within
@@ -148,8 +148,8 @@ def _choose_grasp(session: Session) -> None:
         raise SettingError(session.message)
     session.check_paint(session.state.paint)
     gripped = vertex is None and subject.labels.approach_margin is not None
-    if gripped and are_named(subject.labels) and best_grasps(subject.labels, 1).size:
-        session.show_best(0)
+    if gripped and are_named(subject.labels):
+        session.step_best(1)
         _wait(session)
 
 

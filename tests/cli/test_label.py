@@ -112,7 +112,7 @@ def test_a_vertex_is_explained_as_in_the_viewer(tmp_path: Path) -> None:
     vertex = int(re.search(r"vertex +(\d+)", side)[1])  # type: ignore[index]
     assert labels.mesh.vertices[vertex] == pytest.approx([0.0, 0.02, 0.0], abs=0.006)
     assert side.startswith(f"{Label(labels.label[vertex]).name}: ")
-    seen = inspect(subject_of(labels), vertex, labels.model)
+    seen = inspect(subject_of(labels), vertex)
     assert " ".join(side.split("label")[0].split()) == seen.reason
     assert re.search(r"opposing contact +\(.*\) mm\n", side)
     approach = re.search(r"approach along +\((.*), (.*), (.*)\)", side)

@@ -75,10 +75,10 @@ def with_values(subject: Subject, **values: Any) -> Subject:
 
 def with_epsilon(subject: Subject, value: float, model: GraspModel) -> Subject:
     """The subject with one epsilon everywhere, computed for a model; the largest is unknown."""
-    known = copy(subject.labels.using(model=model))
+    known = copy(subject.at(model).labels)
     epsilon = np.full(known.size, value)
     vars(known)["epsilon_range"] = EpsilonRange(epsilon, epsilon, np.full_like(epsilon, np.nan))
-    return replace(subject, epsilons=known)
+    return replace(subject, labels=known)
 
 
 def read_subject(path: Path) -> Subject:

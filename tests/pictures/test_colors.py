@@ -36,7 +36,7 @@ def test_labels_agree_with_relabel_and_are_unknown_where_it_raises(
     labels = viewing.labels() if fingers == 2 else viewing.three_fingers()
     subject = subject_of(labels)
     model = replace(labels.model, friction=friction, sensor_resolution=resolution)
-    codes = labels_at(subject, model)
+    codes = labels_at(subject.at(model))
     try:
         expected = labels.relabel(friction=friction, sensor_resolution=resolution).label
     except SearchCoverageError:
@@ -59,19 +59,20 @@ def test_labels_are_unknown_where_the_search_may_have_missed_an_s() -> None:
         search=SearchReport(0.6),
     )
     wide = GraspModel(friction=2.0, sensor_resolution=1.0)  # S below 0.607, all U from 1.607
-    assert labels_at(subject, wide).tolist() == [Label.S, UNSEARCHED, UNSEARCHED, UNSEARCHED]
+    assert labels_at(subject.at(wide)).tolist() == [Label.S, UNSEARCHED, UNSEARCHED, UNSEARCHED]
     lower = GraspModel(friction=1.0, sensor_resolution=1.0)  # S below 0.285: inside the cone
-    assert labels_at(subject, lower).tolist() == [Label.S, Label.M, Label.M, Label.M]
+    assert labels_at(subject.at(lower)).tolist() == [Label.S, Label.M, Label.M, Label.M]
 
 
 def _drawn(subject: Subject, paint: Paint, model: GraspModel) -> NDArray[np.uint8]:
     """Colour that VTK draws at each vertex: that of the range in which its number is."""
-    vertices, ramp = subject.mesh.corner_normals.vertices, ramp_of(subject, paint, model)
+    subject = subject.at(model)
+    vertices, ramp = subject.mesh.corner_normals.vertices, ramp_of(subject, paint)
     corners = np.zeros(len(subject.mesh.vertices), dtype=np.int64)
     corners[vertices] = np.arange(len(vertices))
     if ramp is None:
-        return np.asarray(PALETTE[corner_codes(subject, model)][corners])
-    values, count = corner_values(subject, paint, model)[corners], len(ramp.colors)
+        return np.asarray(PALETTE[corner_codes(subject)][corners])
+    values, count = corner_values(subject, paint)[corners], len(ramp.colors)
     steps = (np.nan_to_num(values) - ramp.minimum) / (ramp.maximum - ramp.minimum) * count
     colors = ramp.colors[np.clip(np.floor(steps), 0, count - 1).astype(int)]
     return np.where(np.isnan(values)[:, None], PALETTE[UNSEARCHED], colors)
@@ -82,12 +83,13 @@ def test_a_vertex_without_a_grasp_is_u_even_where_no_grasp_is_surely_unstable() 
     worst = np.where(
         np.arange(len(subject.mesh.vertices)) < 3, math.inf, subject.labels.critical_angle
     )
-    subject = viewing.with_values(
-        subject, critical_angle=worst, critical_angle_best=worst, search=SearchReport(math.pi / 2)
+    subject = replace(
+        viewing.with_values(subject, critical_angle=worst, critical_angle_best=worst),
+        searched=math.pi,
     )
     model = GraspModel(friction=2.0, sensor_resolution=1.2, fingers=3)
     assert model.friction_angle + model.tilt > math.pi / 2
-    assert (labels_at(subject, model)[:3] == Label.U).all()
+    assert (labels_at(subject.at(model))[:3] == Label.U).all()
     assert (_drawn(subject, "label", model)[:3] == PALETTE[Label.U]).all()
 
 
@@ -95,7 +97,7 @@ def test_a_vertex_without_a_grasp_is_u_even_where_no_grasp_is_surely_unstable() 
 def test_margins_change_colour_where_they_are_0(location: float) -> None:
     labels = viewing.located(location).relabel(friction=(0.5, 0.7))
     subject, model = subject_of(labels), labels.model
-    ramp = ramp_of(subject, "margin", model)
+    ramp = ramp_of(subject.at(model), "margin")
     assert ramp is not None
     assert ramp.maximum == -ramp.minimum == pytest.approx(math.degrees(model.friction_angle))
     assert ramp.start == f"≤ −{ramp.maximum:.3g}°"
@@ -117,7 +119,7 @@ def test_ramps_map_each_number_to_its_colour(paint: str) -> None:
     labels = viewing.labels()
     _ = labels.epsilon_range
     subject, model = subject_of(labels), labels.model
-    ramp = ramp_of(subject, paint, model)  # type: ignore[arg-type]
+    ramp = ramp_of(subject.at(model), paint)  # type: ignore[arg-type]
     assert ramp is not None
     values = {
         "critical_angle": np.degrees(labels.critical_angle),
@@ -136,9 +138,9 @@ def test_ramps_map_each_number_to_its_colour(paint: str) -> None:
 
 def test_names_of_ramps() -> None:
     labels = viewing.box()
-    subject, model = replace(subject_of(labels), epsilons=None), labels.model
-    assert ramp_of(subject, "label", model) is None
-    unknown = ramp_of(subject, "epsilon", model)
+    subject, model = subject_of(labels.using(model=labels.model)), labels.model
+    assert ramp_of(subject.at(model), "label") is None
+    unknown = ramp_of(subject.at(model), "epsilon")
     assert unknown is not None
     assert (unknown.text, unknown.grey) == (
         "ε of the grasp with the smallest β*; being computed",
@@ -146,23 +148,22 @@ def test_names_of_ramps() -> None:
     )
     assert "the same β*" in unknown.note
     known = viewing.with_epsilon(subject, 0.25, model)
-    ramp = ramp_of(known, "epsilon_min", model)
+    ramp = ramp_of(known.at(model), "epsilon_min")
     assert ramp is not None
     assert (ramp.text, ramp.maximum, ramp.grey) == (
         "ε_min: smallest over all tilts",
         0.25,
         "",
     )
-    other = ramp_of(known, "epsilon", replace(model, friction=0.9))
-    assert other is not None
-    assert other.text == ("ε of the grasp with the smallest β*, for μ 0.5, α 22.6°; being computed")
+    other = ramp_of(known.at(replace(model, friction=0.9)), "epsilon")
+    assert other == unknown
 
 
 @pytest.mark.parametrize("paint", ["critical_angle", "max_resolution", "epsilon_min"])
 def test_grey_is_explained_where_it_occurs(paint: Paint) -> None:
     for labels in (viewing.labels(), viewing.box()):
         subject = viewing.with_epsilon(subject_of(labels), 0.0, labels.model)
-        ramp = ramp_of(subject, paint, labels.model)
+        ramp = ramp_of(subject.at(labels.model), paint)
         assert ramp is not None
         some = bool(np.isinf(labels.critical_angle[labels.mesh.on_surface]).any())
         assert ramp.grey == ("no grasp found" if some else "")

@@ -185,7 +185,7 @@ def test_no_grasp_of_three_fingers_is_u_from_90_degrees_on(beta: float, alpha: f
     )
     assert fractions == pytest.approx(scan.fractions())
     assert fractions["U"] == pytest.approx(scan.fractions()["U"])
-    drawn = corner_codes(subject_of(scan), scan.model)
+    drawn = corner_codes(subject_of(scan))
     assert (drawn[found[scan.mesh.corner_normals.vertices]] != U).all()
 
 

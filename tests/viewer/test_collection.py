@@ -88,7 +88,6 @@ def test_a_collection_of_labels_is_ready_at_once() -> None:
     collection = collection_of(viewing.labels())
     subject = collection.items[0].open()
     assert subject.labels is viewing.labels()
-    assert subject.epsilons is None or subject.epsilons.model == viewing.labels().model
     assert collection.items[0].open() is subject
     assert collection_of(viewing.scan()).sampling == Sampling()
     with pytest.raises(SettingError, match="no object to view"):
@@ -110,14 +109,26 @@ def test_a_labelled_file_has_its_own_settings_unless_others_are_given(file: Path
     collection = open_collection(file)
     assert collection.model == labels.model
     assert collection.sampling.max_opening == 0.003
-    changed = open_collection(file, GraspModel(friction=0.3), Sampling(min_opening="1mm"))
-    assert changed.model == replace(labels.model, friction=0.3)
-    assert (changed.sampling.min_opening, changed.sampling.max_opening) == (0.001, 0.003)
-    assert changed.sampling.search_angle is None
-    three = open_collection(file, GraspModel(fingers=3), Sampling(max_opening="2mm"))
-    assert (three.model.fingers, three.sampling) == (3, Sampling(max_opening="2mm"))
-    with pytest.raises(SettingError, match="grip expand is for two fingers"):
-        open_collection(file, GraspModel(fingers=3), Sampling(grip="expand"))
+    assert collection.sampling.search_angle is None
+    changed = open_collection(file, GraspModel(friction=0.3, fingers=3))
+    assert changed.model == replace(labels.model, friction=0.3, fingers=3)
+    assert changed.sampling == collection.sampling
+
+
+@pytest.mark.parametrize(
+    ("given", "what"),
+    [
+        ({"sampling": Sampling(min_opening="1mm")}, "search settings"),
+        ({"load": Load(mass=1.0)}, "a load"),
+        ({"model": GraspModel(location_error="1mm")}, "another model of contacts"),
+        ({"options": MeshOptions(region="box:0,0,0,1,1,1")}, "a region"),
+    ],
+)
+def test_what_stored_labels_do_not_depend_on_is_refused(
+    file: Path, given: dict[str, Any], what: str
+) -> None:
+    with pytest.raises(SettingError, match=f"has stored labels, which {what} does not change"):
+        open_collection(file, **given)
 
 
 def _held() -> SurfaceLabels:
@@ -145,7 +156,7 @@ def test_a_labelled_file_is_read_once_and_shown_without_a_search(
 
     monkeypatch.setitem(READERS, suffix, counted)
     for name in ("label_surface", "scan_surface"):
-        monkeypatch.setattr(f"grasp3d.viewer.session.computations.{name}", refuse)
+        monkeypatch.setattr(f"grasp3d.viewer.session.searching.{name}", refuse)
     session, known = viewing.ready_session(open_collection(path)), viewing.ready_session(labels)
     assert reads == [suffix[1:]]
     for one in (session, known):
@@ -157,7 +168,7 @@ def test_a_labelled_file_is_read_once_and_shown_without_a_search(
     shown, expected = session.subject, known.subject
     assert shown is not None
     assert expected is not None
-    assert np.array_equal(labels_at(shown, session.model), labels.label)
+    assert np.array_equal(labels_at(shown), labels.label)
     found = np.flatnonzero(expected.labels.reason == Reason.FOUND)
     for vertex in {0, 30, *found[:3].tolist()}:
         for one in (session, known):
@@ -356,6 +367,6 @@ def test_labels_of_extreme_normals_have_a_note(tmp_path: Path) -> None:
     labels = label_surface(viewing.box().mesh, model)
     write_ply(tmp_path / "a.ply", labels)
     subject = read_subject(tmp_path / "a.ply")
-    other = subject.weights[labels.label != labels_at(subject, model)].sum()
+    other = subject.weights[labels.label != labels_at(subject.at(model))].sum()
     assert f"and differ on {other:.1%} of the area" in subject.notes[-1]
     assert "thresholds" in subject.notes[-1]

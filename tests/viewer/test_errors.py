@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from grasp3d import GraspModel, Label, Sampling, SurfaceLabels, label_surface, load_mesh, write_ply
 from grasp3d.pictures.subject import subject_of
 from grasp3d.settings import DEGREE
-from grasp3d.viewer.session import planning
+from grasp3d.viewer.session import session as sessions
 from grasp3d.viewer.session.collection import open_collection
 from grasp3d.viewer.session.controls import handle_key
 from grasp3d.viewer.session.inspection import inspect
@@ -27,7 +27,7 @@ WIDE = Sampling(rays=16, search_angle=60.0 * DEGREE)
 
 @pytest.fixture(autouse=True)
 def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(planning, "DELAY", 0.0)
+    monkeypatch.setattr(sessions, "DELAY", 0.0)
 
 
 @cache
@@ -85,7 +85,7 @@ def test_a_vertex_has_a_margin() -> None:
     labels = slab(1e-4).relabel(friction=(0.4, 0.6))
     subject, model = subject_of(labels), labels.model
     for vertex in np.flatnonzero(np.isfinite(labels.critical_angle))[::40]:
-        seen = inspect(subject, int(vertex), model)
+        seen = inspect(subject.at(model), int(vertex))
         numbers = dict(seen.numbers)
         margin = math.degrees(labels.margin[vertex])
         assert float(numbers["margin"].rstrip("°").replace("−", "-")) == pytest.approx(
@@ -101,7 +101,7 @@ def test_explanations_name_the_errors() -> None:
     subject = subject_of(labels)
     smooth = labels.mesh.contact_normals.counts == 1
     vertex = int(np.flatnonzero((labels.label == Label.S) & smooth)[0])
-    reason = inspect(subject, vertex, labels.model).reason
+    reason = inspect(subject.at(labels.model), vertex).reason
     assert "for the worst of the contact points within their location errors β* is " in reason
     assert "below 21.8° − 11.3° = 10.5°" in reason
     assert reason.endswith(
@@ -110,9 +110,9 @@ def test_explanations_name_the_errors() -> None:
     )
     coarse = slab(1.9e-3)
     vertex = int(np.flatnonzero((coarse.label == Label.M) & smooth)[0])
-    reason = inspect(subject_of(coarse), vertex, coarse.model).reason
+    reason = inspect(subject_of(coarse), vertex).reason
     assert "for the best of the contact points within their location errors; surely" in reason
-    plain = inspect(subject_of(slab()), 0, slab().model)
+    plain = inspect(subject_of(slab()).at(slab().model), 0)
     assert "errors" not in plain.reason
 
 

@@ -29,11 +29,12 @@ from grasp3d.settings import Sampling
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.viewer.scene import Scene
 from grasp3d.viewer.screenshots import open_renderer
-from grasp3d.viewer.session import collection, computations, planning
+from grasp3d.viewer.session import collection, searching
+from grasp3d.viewer.session import session as sessions
 from grasp3d.viewer.session.collection import collection_of, open_collection
-from grasp3d.viewer.session.computations import search_grasps
 from grasp3d.viewer.session.controls import CONTROLS, handle_key, offered_paints
 from grasp3d.viewer.session.panel_text import panel_text
+from grasp3d.viewer.session.searching import search_grasps
 from grasp3d.viewer.session.session import BEST, Session
 from tests.helpers import viewing
 from tests.helpers.held_grasps import JAWS, held_box, not_reached, reached
@@ -46,7 +47,7 @@ AXES = np.eye(3)
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Searches begin without a delay."""
-    monkeypatch.setattr(planning, "DELAY", 0.0)
+    monkeypatch.setattr(sessions, "DELAY", 0.0)
 
 
 @pytest.fixture
@@ -111,11 +112,11 @@ def test_colours_of_approach_margins(session: Session) -> None:
     session.change(paint="approach_margin")
     subject, margins = session.subject, held_box().reach.approach_margin  # type: ignore[union-attr]
     assert subject is not None
-    ramp = ramp_of(subject, "approach_margin", session.model)
+    ramp = ramp_of(subject, "approach_margin")
     assert ramp is not None
     assert ramp.maximum == pytest.approx(math.degrees(np.nanmax(margins)))
     assert (ramp.unit, ramp.grey) == ("°", "not reached")
-    values = corner_values(subject, "approach_margin", session.model)
+    values = corner_values(subject, "approach_margin")
     expected = np.degrees(margins)[subject.mesh.corner_normals.vertices]
     assert np.allclose(values, expected, equal_nan=True)
 
@@ -132,27 +133,14 @@ def test_every_new_search_is_for_the_same_gripper_and_table(
         asked.append(settings["scene"])
         return replace(labels, sampling=settings["sampling"])
 
-    for module in (computations, collection):
+    for module in (searching, collection):
         monkeypatch.setattr(module, "label_surface", label)
     subject = subject_of(labels)
     search_grasps(subject, subject.labels.model, Sampling())
-    computations.search_wider(subject, subject.labels.model, Sampling())
+    searching.search_wider(subject, subject.labels.model, Sampling())
     assert len(asked) == 2
     assert labels.scene is not None
     assert all(one is labels.scene for one in asked)
-
-
-def test_limits_beyond_the_stroke_need_no_search() -> None:
-    subject = subject_of(held_box())
-    assert subject.labels.sampling is not None
-    stroke = JAWS.limits[1]
-    narrowed = viewing.with_values(
-        subject, sampling=replace(subject.labels.sampling, max_opening=stroke)
-    )
-    state = ready_session(held_box()).state
-    for opening, needed in ((math.inf, False), (0.5, False), (stroke, False), (0.05, True)):
-        sampling = Sampling(rays=16, max_opening=opening)
-        assert planning.needs_search(narrowed, state, sampling) == needed
 
 
 def test_a_wider_search_keeps_the_poses_of_known_grasps() -> None:
@@ -161,7 +149,7 @@ def test_a_wider_search_keeps_the_poses_of_known_grasps() -> None:
     assert reach is not None
     other = {one.name: getattr(reach, one.name)[::-1] for one in fields(Reach)}
     wide = replace(known, reach=Reach(**other))
-    found = computations.with_known_grasps(wide, known).reach
+    found = searching.with_known_grasps(wide, known).reach
     assert found is not None
     for one in fields(Reach):
         assert np.array_equal(getattr(found, one.name), getattr(reach, one.name), equal_nan=True)
@@ -203,24 +191,11 @@ def test_a_labelled_file_brings_its_gripper_and_margins(tmp_path: Path) -> None:
     np.testing.assert_allclose(*best, atol=1e-5)
 
 
-def test_another_gripper_than_in_the_file_starts_a_search(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path, asked = tmp_path / "box.ply", []
+def test_another_gripper_than_in_the_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "box.ply"
     write_ply(path, held_box())
-
-    def label(_: object, *__: object, **settings: Any) -> SurfaceLabels:
-        asked.append(settings["scene"].hand.name)
-        return held_box()
-
-    monkeypatch.setattr(computations, "label_surface", label)
-    same = ReachSettings(JAWS, table="as-is")
-    open_collection(path, reach=same).items[0].open()
-    assert not asked
-    other = ReachSettings(replace(JAWS, name="wide jaws"), table="as-is")
-    found = open_collection(path, reach=other).items[0].open()
-    assert asked == ["wide jaws"]
-    assert any("searched again for gripper wide jaws" in note for note in found.notes)
+    with pytest.raises(SettingError, match="stored labels, which a gripper does not change"):
+        open_collection(path, reach=ReachSettings(JAWS))
 
 
 # Pictures
@@ -249,11 +224,14 @@ def test_the_best_grasps_are_stepped_through(labels: Callable[[], SurfaceLabels]
     assert len(expected) > 1
 
     def shown() -> int | None:
-        return session.state.vertex if of_vertices else session.state.grasp
+        seen = session.inspection
+        assert seen is not None
+        return seen.vertex if of_vertices else (session.state.grasp or 0) % best.size
 
     seen = []
     for number in range(len(expected) + 1):
         handle_key(session, "b")
+        wait_until_idle(session)
         assert session.message == f"{number % len(expected) + 1} of the {len(expected)} best grasps"
         seen.append(shown())
     assert seen == [*expected, expected[0]]
@@ -263,7 +241,7 @@ def test_the_best_grasps_are_stepped_through(labels: Callable[[], SurfaceLabels]
         assert session.inspection is not None
         np.testing.assert_array_equal(session.inspection.points, best.jaws.points[-1])
         session.click(3)
-        assert shown() is None
+        assert session.state.grasp is None
     session.close()
 
 

@@ -36,7 +36,7 @@ def _smooth(labels: SurfaceLabels, code: int) -> int:
 
 
 def _is_smooth(labels: SurfaceLabels, vertex: int) -> bool:
-    seen = inspect(subject_of(labels), vertex, labels.model)
+    seen = inspect(subject_of(labels), vertex)
     worst = math.degrees(labels.critical_angle[vertex])
     same = labels.critical_angle[vertex] == labels.critical_angle_best[vertex]
     return same and abs(max(_angles(seen.points, seen.normals)) - worst) < 0.01
@@ -46,7 +46,7 @@ def _is_smooth(labels: SurfaceLabels, vertex: int) -> bool:
 def test_numbers_of_two_fingers_follow_from_the_contacts(code: Label) -> None:
     labels = viewing.labels()
     vertex = _smooth(labels, code)
-    seen = inspect(subject_of(labels), vertex, labels.model)
+    seen = inspect(subject_of(labels), vertex)
     first, second = _angles(seen.points, seen.normals)
     numbers = dict(seen.numbers)
     assert numbers["β*"] == f"{max(first, second):.1f}°"
@@ -77,7 +77,7 @@ def test_epsilon_of_one_grasp_agrees_with_evaluate_grasps(fingers: int) -> None:
     labels = viewing.labels() if fingers == 2 else viewing.three_fingers()
     vertex = int(np.flatnonzero(np.isfinite(labels.critical_angle))[7])
     model = replace(labels.model, friction=0.8, sensor_resolution=0.1)
-    seen = inspect(subject_of(labels), vertex, model)
+    seen = inspect(subject_of(labels).at(model), vertex)
     grasp = evaluate_grasps(labels.mesh, seen.points, model)
     numbers = dict(seen.numbers)
     for name in ("epsilon", "epsilon_min", "epsilon_max"):
@@ -88,7 +88,7 @@ def test_epsilon_of_one_grasp_agrees_with_evaluate_grasps(fingers: int) -> None:
 def test_a_vertex_without_a_grasp_has_one_contact() -> None:
     labels = viewing.labels()
     vertex = int(np.flatnonzero(labels.reason == Reason.OPENING)[0])
-    seen = inspect(subject_of(labels), vertex, labels.model)
+    seen = inspect(subject_of(labels), vertex)
     assert seen.points.shape == seen.normals.shape == (1, 3)
     assert np.array_equal(seen.points[0], labels.mesh.vertices[vertex])
     assert seen.code == Label.U
@@ -109,8 +109,8 @@ def test_angles_of_an_internal_grasp_are_to_the_outward_directions() -> None:
         partner_normals=-subject.labels.partner_normals,
     )
     assert (
-        dict(inspect(turned, vertex, subject.labels.model).numbers)["normals off the line"]
-        == (dict(inspect(subject, vertex, subject.labels.model).numbers)["normals off the line"])
+        dict(inspect(turned.at(subject.labels.model), vertex).numbers)["normals off the line"]
+        == (dict(inspect(subject, vertex).numbers)["normals off the line"])
     )
 
 
@@ -190,7 +190,7 @@ def test_the_fingers_in_the_explanation_are_on_sharp_edges() -> None:
         subject = subject_of(labels)
         bent = labels.critical_angle > labels.critical_angle_best + 1e-3
         for vertex in np.flatnonzero(bent & (labels.label == Label.M)):
-            seen = inspect(subject, int(vertex), labels.model)
+            seen = inspect(subject.at(labels.model), int(vertex))
             bends = [_bend(labels, point) > 1.0 for point in seen.points]
             start = "both fingers are" if all(bends) else "on a sharp edge a finger"
             if bends in ([True], [True, False], [False, True]):
@@ -261,15 +261,15 @@ def test_in_a_scan_the_partners_are_the_fixed_fingers(fingers: int) -> None:
     labels = viewing.scan(fingers)
     subject = subject_of(labels)
     fixed = labels.mesh.vertices[[30, 60][: fingers - 1]]
-    seen = inspect(subject, 200, labels.model)
+    seen = inspect(subject.at(labels.model), 200)
     assert seen.points[1:] == pytest.approx(fixed)
-    at_finger = inspect(subject, 30, labels.model)
+    at_finger = inspect(subject.at(labels.model), 30)
     if fingers == 2:
         assert at_finger.reason == "U: a fixed finger is at this point."
-    codes = labels_at(subject, labels.model)
+    codes = labels_at(subject.at(labels.model))
     unstable = np.flatnonzero((codes == Label.U) & np.isfinite(labels.critical_angle_best))
     if len(unstable):
-        reason = inspect(subject, int(unstable[0]), labels.model).reason
+        reason = inspect(subject.at(labels.model), int(unstable[0])).reason
         assert reason.startswith("U: the grasp needs a friction angle above")
 
 
@@ -285,9 +285,8 @@ def test_every_explanation_is_one_complete_line() -> None:
     subject = subject_of(viewing.labels())
     for vertex in range(0, len(subject.mesh.vertices), 5):
         for friction in (0.2, 0.75, 1.5):
-            reason = inspect(
-                subject, vertex, replace(subject.labels.model, friction=friction)
-            ).reason
+            model = replace(subject.model, friction=friction)
+            reason = inspect(subject.at(model), vertex).reason
             assert reason.endswith(".")
             assert "\n" not in reason
             assert "nan" not in reason

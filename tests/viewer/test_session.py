@@ -25,7 +25,7 @@ from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.surface import Reason
 from grasp3d.surface.vertex_grasps import SearchReport
 from grasp3d.system.context import report_progress
-from grasp3d.viewer.session import planning
+from grasp3d.viewer.session import session as sessions
 from grasp3d.viewer.session.background import Job, Worker
 from grasp3d.viewer.session.collection import Collection, Item, collection_of, open_collection
 from grasp3d.viewer.session.panel_text import panel_text
@@ -38,7 +38,7 @@ from tests.helpers.viewing import has_begun, read_subject, ready_session, wait_u
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Searches begin without a delay."""
-    monkeypatch.setattr(planning, "DELAY", 0.0)
+    monkeypatch.setattr(sessions, "DELAY", 0.0)
 
 
 @pytest.fixture
@@ -68,7 +68,9 @@ def test_sliders_change_the_labels_without_a_search() -> None:
     session.change(friction=0.6, sensor_resolution=0.2)
     assert session.revision == before + 1
     assert session.working is None
-    assert session.subject is subject
+    assert session.subject is not None
+    assert subject is not None
+    assert session.subject.labels.contacts is subject.labels.contacts
     expected = viewing.labels().relabel(friction=0.6, sensor_resolution=0.2).fractions()
     assert {one.letter: one.fraction for one in panel_text(session).fractions} == pytest.approx(
         expected
@@ -300,9 +302,9 @@ def test_epsilon_of_other_fingers_is_not_used() -> None:
     session.change(fingers=2)
     wait_until_idle(session)
     assert session.subject is not None
-    assert session.subject.epsilons is not None
+    assert session.subject.labels.computed("epsilon_range") is not None
     expected = viewing.box().epsilon
-    assert session.subject.epsilons.epsilon == pytest.approx(expected, nan_ok=True)
+    assert session.subject.labels.epsilon == pytest.approx(expected, nan_ok=True)
     assert session.subject.labels.sampling == viewing.box().sampling
 
 
@@ -362,8 +364,8 @@ def test_epsilon_of_a_scan_is_computed() -> None:
     subject = session.subject
     assert subject is not None
     assert subject.labels.mode == "scan"
-    assert subject.epsilons is not None
-    assert subject.epsilons.model == session.model
+    assert subject.labels.computed("epsilon_range") is not None
+    assert subject.model == session.model
 
 
 def test_labels_of_a_scan_can_be_viewed() -> None:
@@ -388,14 +390,13 @@ def test_epsilon_is_computed_when_it_is_shown() -> None:
     session.change(friction=0.45)
     text = panel_text(session)
     assert text.ramp is not None
-    meaning = "ε_min: smallest over all tilts"
-    assert text.ramp.text == f"{meaning}, for μ 0.5, α 22.6°; being computed"
+    assert text.ramp.text == "ε_min: smallest over all tilts; being computed"
     wait_until_idle(session)
     subject = session.subject
     assert subject is not None
-    assert subject.epsilons is not None
+    assert subject.labels.computed("epsilon_range") is not None
     expected = labels.relabel(friction=0.45)
-    assert subject.epsilons.epsilon_min == pytest.approx(expected.epsilon_min, nan_ok=True)
+    assert subject.labels.epsilon_min == pytest.approx(expected.epsilon_min, nan_ok=True)
     assert np.array_equal(subject.labels.critical_angle, labels.critical_angle)
 
 
@@ -458,8 +459,7 @@ def test_the_displayed_labels_are_saved(tmp_path: Path) -> None:
     assert _fractions(tmp_path / "a.ply") == pytest.approx(displayed, abs=1e-6)
     assert read_subject(tmp_path / "a.ply").labels.model == session.model
     assert session.subject is not None
-    assert session.subject.epsilons is not None
-    assert session.subject.epsilons.model == session.model
+    assert session.subject.labels.computed("epsilon_range") is not None
 
 
 def test_files_are_saved_in_the_background(tmp_path: Path, file: Path) -> None:
@@ -686,6 +686,7 @@ def test_errors_are_reported(worker: Worker[int], error: Exception, message: str
 def test_the_unsearched_part_has_an_area_fraction() -> None:
     labels = viewing.labels().using(model=GraspModel(friction=0.05))
     subject = viewing.with_values(subject_of(labels), search=SearchReport(0.1))
+    subject = replace(subject, searched=0.1)
     collection = Collection(
         (Item("a", lambda: subject),), GraspModel(), Sampling(max_opening=0.003)
     )

@@ -50,7 +50,7 @@ def test_the_viewer_and_files_have_the_labels_of_python(
     """Of grasps that were searched for a model, and of the same for another one."""
     found = searched(shape, model)
     for labels in (found, found.relabel(friction=0.5, sensor_resolution=0.3)):
-        shown = labels_at(subject_of(labels), labels.model)
+        shown = labels_at(subject_of(labels))
         np.testing.assert_array_equal(shown, labels.label)
         write_ply(tmp_path / "labelled.ply", labels)
         stored = read_labels(tmp_path / "labelled.ply")
@@ -58,7 +58,7 @@ def test_the_viewer_and_files_have_the_labels_of_python(
         read = read_subject(tmp_path / "labelled.ply")
         clear = _clear(labels)
         assert clear.mean() > 0.5
-        np.testing.assert_array_equal(labels_at(read, labels.model)[clear], labels.label[clear])
+        np.testing.assert_array_equal(labels_at(read.at(labels.model))[clear], labels.label[clear])
 
 
 def _clear(labels: SurfaceLabels) -> np.ndarray:
@@ -75,4 +75,4 @@ def test_three_fingers_are_read_as_they_were_written(tmp_path: Path) -> None:
     labels = label_surface(mesh, GraspModel(fingers=3, location_error=0.02), sampling=wide)
     write_ply(tmp_path / "three.ply", labels)
     np.testing.assert_array_equal(read_labels(tmp_path / "three.ply").label, labels.label)
-    np.testing.assert_array_equal(labels_at(subject_of(labels), labels.model), labels.label)
+    np.testing.assert_array_equal(labels_at(subject_of(labels)), labels.label)

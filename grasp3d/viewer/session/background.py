@@ -30,6 +30,8 @@ class Job(Generic[ResultT]):
     run: Callable[[], ResultT]
     delay: float = 0.0
     """Waiting time before it starts, in which a newer request can replace it [s]."""
+    then: Callable[[ResultT], None] | None = None
+    """Called by the owner with the result; None: that stays where it was computed."""
 
 
 @dataclass(eq=False)

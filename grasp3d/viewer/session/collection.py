@@ -2,12 +2,12 @@
 
 import re
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import TypeAlias
 
 import numpy as np
 
@@ -15,14 +15,9 @@ from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.store import read_summary
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.formats.surfaces.files import READERS, labels_in, read_labels
-from grasp3d.formats.surfaces.stored import DAMAGE, settings_from
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.plausible_lengths import refuse_lengths
-from grasp3d.mesh.reading.polygon_files import open_ply
-from grasp3d.mesh.reading.sources import find_source
 from grasp3d.pictures.subject import Subject, subject_of, subject_of_poses
 from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
@@ -33,14 +28,12 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import report_progress, within
 from grasp3d.system.documents import is_file, is_folder
 from grasp3d.system.names import as_unicode, printable
-from grasp3d.system.ply_files import settings_of_header
-from grasp3d.viewer.session.computations import scan_of_grasp, search_grasps
+from grasp3d.viewer.session.searching import scan_of_grasp
+from grasp3d.viewer.session.state import OF_MODEL
 
 READ = 0.2
 """Fraction of the work of opening a mesh after which it is read and prepared."""
 
-SettingsT = TypeVar("SettingsT")
-Given: TypeAlias = tuple[GraspModel | None, Sampling | None]
 Search: TypeAlias = tuple[ReachSettings, GraspModel, Sampling]
 """Settings of a search."""
 
@@ -112,7 +105,7 @@ def collection_of_mesh(
     Raises:
         SettingError: The settings contradict each other.
     """
-    settings = _chosen(model, sampling)
+    settings = model or GraspModel(), sampling or Sampling()
     mesh.check_units(*settings)
     check_search_settings(*settings)
     return _single(mesh.report.source, partial(_label_mesh, mesh, *settings), *settings)
@@ -159,26 +152,25 @@ def open_collection(
     """Collection of the objects at a path.
 
     A mesh is labelled when it is opened. A labelled file and the results of a batch are shown with
-    their stored labels and settings. Settings given here that differ from the defaults override
-    the stored settings; if they need other grasps, such as more fingers, these are searched.
+    their stored labels and settings; friction, resolution and fingers that differ from the defaults
+    are the first choices instead.
 
     Args:
         target: A mesh, a labelled file, or the folder of a batch's results.
         model: Grasp model; None: as in the file, else the default.
-        sampling: Search settings; None: as in the file, else the default.
+        sampling: Search settings of a mesh; None: the default.
         options: How a mesh is read; of labelled files only the memory limit is used, and the unit
             if the file states none.
         force: Accept lengths that cannot be meant for an object of this size.
-        reach: The gripper that must reach each grasp, and the table; None, or without a gripper: as
-            in the file, else none.
-        load: What each grasp of a mesh must hold; None: nothing, or as in the file.
+        reach: For a mesh: the gripper that must reach each grasp, and the table; None: none.
+        load: For a mesh: what each grasp must hold; None: nothing.
 
     Raises:
-        GraspError: The path holds no object to view, or a length has a unit, but that of the
-            objects is not known, or not the same; or there is a load for stored labels.
+        GraspError: The path holds no object to view; a length has a unit, but that of the object is
+            not known; or settings are given that stored labels do not depend on.
     """
     where, options = printable(str(target)), options or MeshOptions()
-    reach = reach or ReachSettings()
+    model, sampling = model or GraspModel(), sampling or Sampling()
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:/", str(target)):
         raise MeshError(f"{where}: is an address; copy the file or folder to this machine first")
     if not (is_file(target) or is_folder(target)):
@@ -186,29 +178,29 @@ def open_collection(
     labels = None
     if target.suffix.lower() in READERS and not target.is_dir():
         labels = labels_in(target, unit=options.unit)
-    if load is not None and (target.is_dir() or labels is not None):
+    if labels is None and not target.is_dir():
+        check_search_settings(model, sampling)
+        settings = reach or ReachSettings(), model, sampling
+        reader = partial(_open_mesh, target, settings, options, load, force)
+        return _single(target.name, reader, model, sampling)
+    others = replace(model, **{name: getattr(GraspModel(), name) for name in OF_MODEL})
+    given = {
+        "search settings": sampling != Sampling(),
+        "a gripper": reach is not None and reach.hand is not None,
+        "a load": load is not None,
+        "a region": options.region is not None,
+        "another model of contacts": others != GraspModel(),
+    }
+    if any(given.values()):
+        what = next(name for name, is_given in given.items() if is_given)
         raise SettingError(
-            f"{where}: has stored labels, to which a load cannot be given; view the mesh itself, "
-            "or label it again with the load"
+            f"{where}: has stored labels, which {what} does not change; view the mesh itself, or "
+            "label it again"
         )
-    if labels is not None and options.region is not None:
-        raise SettingError(
-            f"{where}: has stored labels, which a region does not change; view the mesh "
-            "itself, or label it again with the region"
-        )
-    if target.is_dir():
-        return _batch_collection(target, model, sampling, options, reach, force=force)
-    if labels is not None:
-        settings = _merged((labels.model, labels.sampling), model, sampling)
-        if labels.mode != "scan":
-            check_search_settings(*settings)
-        subject, given = subject_of(labels, target.name), None if force else (model, sampling)
-        opened = partial(_open_stored, lambda: subject, given, (reach, *settings))
-        return _single(target.name, opened, *settings)
-    settings = _chosen(model, sampling)
-    check_search_settings(*settings)
-    reader = partial(_open_mesh, target, (reach, *settings), options, load, force)
-    return _single(target.name, reader, *settings)
+    if labels is None:
+        return _batch_collection(target, model, unit=options.unit)
+    subject = subject_of(labels, target.name)
+    return _single(target.name, lambda: subject, *_stored_settings(labels, model))
 
 
 def _single(
@@ -217,42 +209,22 @@ def _single(
     return Collection((Item(as_unicode(name), LastOpened().kept(reader)),), model, sampling)
 
 
-def _batch_collection(
-    folder: Path,
-    model: GraspModel | None,
-    sampling: Sampling | None,
-    options: MeshOptions,
-    reach: ReachSettings,
-    *,
-    force: bool,
-) -> Collection:
-    """All labelled meshes of a batch, in the order of their names."""
-    rows, left_out = labelled_rows(folder)
-    stored = settings_of_results(folder, rows)
-    settings = _chosen(model, sampling)
-    if stored is not None:
-        settings = _merged(stored, model, sampling)
-    given = None if force else (model, sampling)
-    check_search_settings(*settings)
-    last, items = LastOpened(), []
-    for row in rows:
-        reader = partial(read_result, folder, row, unit=options.unit)
-        opened = partial(_open_stored, reader, given, (reach, *settings))
-        items.append(Item(as_unicode(row.mesh), last.kept(opened)))
-    count = left_out + len(rows)
-    note = f"{left_out} of {count} meshes were not labelled; see report/index.html for the reasons"
-    return Collection(tuple(items), *settings, (note,) if left_out else ())
+def _stored_settings(labels: SurfaceLabels, model: GraspModel) -> tuple[GraspModel, Sampling]:
+    """Settings of labels, with the choices of a model that differ from the defaults.
 
-
-def labelled_rows(folder: Path) -> tuple[list[Row], int]:
-    """Rows of the meshes that a batch has labelled, and the number of other meshes.
-
-    Args:
-        folder: Folder of the results.
-
-    Raises:
-        GraspError: It contains no results, they are damaged, or no mesh was labelled.
+    The search angle is dropped, so that it does not limit later searches.
     """
+    changed = {
+        name: getattr(model, name)
+        for name in OF_MODEL
+        if getattr(model, name) != getattr(GraspModel(), name)
+    }
+    sampling = replace(labels.sampling or Sampling(), search_angle=None)
+    return replace(labels.model, **changed), sampling
+
+
+def _batch_collection(folder: Path, model: GraspModel, unit: Unit | None) -> Collection:
+    """All labelled meshes of a batch, in the order of their names."""
     rows = read_summary(folder)
     labelled = [row for row in rows if row.outcome is Outcome.LABELLED and row.labels]
     if not labelled:
@@ -260,69 +232,27 @@ def labelled_rows(folder: Path) -> tuple[list[Row], int]:
             f"{printable(str(folder))}: none of its {len(rows)} meshes was labelled; see "
             "report/index.html"
         )
-    return labelled, len(rows) - len(labelled)
+    settings, last = (model, Sampling()), LastOpened()
+    readers = [partial(_read_result, folder, row, unit) for row in labelled]
+    items = tuple(
+        Item(as_unicode(row.mesh), last.kept(reader))
+        for row, reader in zip(labelled, readers, strict=True)
+    )
+    for item in items:
+        with suppress(MeshError):  # the error is reported when that mesh is opened
+            settings = _stored_settings(item.open().labels, model)
+            break
+    left_out = len(rows) - len(labelled)
+    note = f"{left_out} of {len(rows)} meshes were not labelled; see report/index.html for the "
+    return Collection(items, *settings, (f"{note}reasons",) if left_out else ())
 
 
-def settings_of_results(
-    folder: Path, rows: Sequence[Row]
-) -> tuple[GraspModel, Sampling | None] | None:
-    """Settings of the first mesh whose file has them; None: no file can be read."""
-    for row in rows:
-        with suppress(*DAMAGE):  # the error is reported when that mesh is opened
-            header = open_ply(find_source(folder / row.labels)).header
-            settings = settings_from(settings_of_header(header))
-            return settings.model, settings.sampling
-    return None
-
-
-def read_result(folder: Path, row: Row, *, unit: Unit | None = None) -> Subject:
-    """Read one mesh of a batch.
-
-    Args:
-        folder: Folder of the results.
-        row: Row of the mesh.
-        unit: Unit of a file that states none.
-
-    Raises:
-        MeshError: Its labelled PLY is missing or damaged.
-    """
-    labels = read_labels(folder / row.labels, unit=unit)
-    subject = subject_of(labels, row.mesh)
+def _read_result(folder: Path, row: Row, unit: Unit | None) -> Subject:
+    """Read one mesh of a batch. Raises MeshError if its labelled PLY is missing or damaged."""
+    report_progress(0.0)
+    subject = subject_of(read_labels(folder / row.labels, unit=unit), row.mesh)
     notes = (text for text in row.warnings.split("; ") if text)
     return replace(subject, notes=tuple(dict.fromkeys((*notes, *subject.notes))))
-
-
-def _open_stored(reader: Callable[[], Subject], given: Given | None, search: Search) -> Subject:
-    """Read stored labels; the lengths that the user gave must be such as can be meant for them."""
-    report_progress(0.0)
-    subject = reader()
-    if given is None:
-        subject.mesh.check_units(*search)
-    else:
-        refuse_lengths(subject.mesh, *given)
-    return _with_gripper(subject, search)
-
-
-def _with_gripper(subject: Subject, search: Search) -> Subject:
-    """The subject, labelled again if a gripper was chosen that its file was not labelled with.
-
-    Raises:
-        SettingError: It is a scan, its unit is unknown, or the gripper cannot make such grasps.
-    """
-    reach, model, sampling = search
-    if reach.hand is None:
-        return subject
-    if subject.labels.mode == "scan":
-        raise SettingError(
-            f"{subject.name}: is a scan, whose grasps are given; a gripper cannot be chosen for it"
-        )
-    stored, scene = subject.labels.scene, Scene.of(reach, subject.mesh)
-    assert scene is not None
-    if stored is not None and scene_settings(stored) == scene_settings(scene):
-        return subject
-    searched = search_grasps(subject, model, sampling, scene=scene)
-    note = f"grasps were searched again for gripper {scene.hand.name}, unlike in the file"
-    return replace(searched, notes=(*subject.notes, note))
 
 
 def _open_mesh(
@@ -338,38 +268,3 @@ def _open_mesh(
 
 def _label_mesh(mesh: ObjectMesh, model: GraspModel, sampling: Sampling) -> Subject:
     return subject_of(label_surface(mesh, model, sampling=sampling))
-
-
-def _merged(
-    stored: tuple[GraspModel, Sampling | None],
-    model: GraspModel | None,
-    sampling: Sampling | None,
-) -> tuple[GraspModel, Sampling]:
-    """Stored settings overridden by the given settings.
-
-    The stored search angle is dropped, so that it does not limit later searches.
-    """
-    own_model, own_sampling = stored
-    merged = _overridden(own_model, model)
-    if own_sampling is None or merged.fingers != own_model.fingers:
-        return merged, sampling or Sampling()
-    return merged, _overridden(replace(own_sampling, search_angle=None), sampling)
-
-
-def _chosen(model: GraspModel | None, sampling: Sampling | None) -> tuple[GraspModel, Sampling]:
-    """The given settings, or the defaults."""
-    return model or GraspModel(), sampling or Sampling()
-
-
-def _overridden(stored: SettingsT, options: SettingsT | None) -> SettingsT:
-    """Stored settings, replaced where a given value differs from the default."""
-    if options is None:
-        return stored
-    default = type(options)()
-    names = [field.name for field in fields(options)]  # type: ignore[arg-type]
-    changed = {
-        name: getattr(options, name)
-        for name in names
-        if getattr(options, name) != getattr(default, name)
-    }
-    return replace(stored, **changed)  # type: ignore[type-var]

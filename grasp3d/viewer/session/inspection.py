@@ -44,16 +44,14 @@ class Inspection(MarkedContacts):
     """One sentence: why it is S, M or U."""
 
 
-def inspect(subject: Subject, vertex: int, model: GraspModel) -> Inspection:
+def inspect(subject: Subject, vertex: int) -> Inspection:
     """Inspect the best grasp of a vertex, or say why there is none.
 
     Args:
         subject: The surface.
         vertex: Index of the vertex.
-        model: Friction and resolution; fingers as the subject has them.
     """
-    grasp = subject.labels.take(np.array([vertex]))
-    return _inspection(subject, grasp, model, vertex)
+    return _inspection(subject, subject.labels.take(np.array([vertex])), vertex)
 
 
 def inspect_given(subject: Subject, model: GraspModel) -> Inspection | None:
@@ -63,15 +61,14 @@ def inspect_given(subject: Subject, model: GraspModel) -> Inspection | None:
         subject: The surface.
         model: Friction and resolution; fingers as the subject has them.
     """
-    return None if subject.given is None else _inspection(subject, subject.given, model, None)
+    if subject.given is None:
+        return None
+    return _inspection(subject, subject.given.using(model=model), None)
 
 
-def _inspection(
-    subject: Subject, grasp: GraspTable, model: GraspModel, vertex: int | None
-) -> Inspection:
+def _inspection(subject: Subject, grasp: GraspTable, vertex: int | None) -> Inspection:
     """Inspect a grasp: the only row of a table."""
-    labels = subject.labels
-    grasp = grasp.using(model=replace(model, fingers=labels.model.fingers))
+    labels, model = subject.labels, subject.model
     points, normals = grasp.contacts.points[0], grasp.contacts.normals[0]
     numbers, found = [] if vertex is None else [("vertex", f"{vertex}")], True
     if vertex is not None and labels.reason[vertex] != Reason.FOUND:
@@ -85,7 +82,7 @@ def _inspection(
     case = Case(
         model=model,
         mode="scan" if vertex is None else labels.mode,
-        code=int(label_codes(subject, worst, best, model)[0]),
+        code=int(label_codes(subject, worst, best)[0]),
         worst=float(worst[0]),
         best=float(best[0]),
         cone=subject.cone,

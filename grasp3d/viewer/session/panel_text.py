@@ -8,7 +8,6 @@ from grasp3d.describe.explanations import UNSEARCHED
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.pictures.colors import HEX_PALETTE, Ramp, area_fractions, labels_at, ramp_of
 from grasp3d.pictures.subject import Subject
-from grasp3d.settings import GraspModel
 from grasp3d.settings.model_text import SAFE_LABELS
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.system.counts import counted, noun
@@ -66,7 +65,7 @@ class PanelText:
 
 def panel_text(session: Session) -> PanelText:
     """Texts and numbers for the current state of a session."""
-    subject, model = session.subject, session.model
+    subject = session.subject
     count = len(session.collection.items)
     title = session.name if count == 1 else f"{session.name} ({session.number + 1} of {count})"
     stale = session.stale
@@ -76,8 +75,8 @@ def panel_text(session: Session) -> PanelText:
         title=title,
         facts=_facts(subject, len(session.state.fixed), stale=stale) if subject else "",
         rule="" if posed else _rule(session),
-        fractions=_fractions(current, model) if current else (),
-        ramp=ramp_of(subject, session.state.paint, model) if subject else None,
+        fractions=_fractions(current) if current else (),
+        ramp=ramp_of(subject, session.state.paint) if subject else None,
         notes=(*_notes(session), *(subject.notes if subject else ()), *session.collection.notes),
         hint=_hint(session),
         stale=stale,
@@ -152,8 +151,8 @@ def _rule(session: Session) -> str:
     return f"β*: {below}, {above}"
 
 
-def _fractions(subject: Subject, model: GraspModel) -> tuple[LabelFraction, ...]:
-    fractions = area_fractions(subject, labels_at(subject, model))
+def _fractions(subject: Subject) -> tuple[LabelFraction, ...]:
+    fractions = area_fractions(subject, labels_at(subject))
     meaning = MEANING[subject.labels.mode]
     labels = [(label.name, meaning[label], int(label)) for label in sorted(Label, reverse=True)]
     if fractions[UNSEARCHED] > 0.0:

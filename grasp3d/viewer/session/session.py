@@ -1,48 +1,48 @@
 """State of one viewer, without its display: choices, displayed surface, background job."""
 
+from collections.abc import Hashable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from grasp3d.errors import SettingError
-from grasp3d.grasps.best import best_grasps, first_vertices, has_poses
+from grasp3d.grasps.best import best_grasps, first_vertices
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.scene import Scene
-from grasp3d.pictures.colors import QUANTITIES
+from grasp3d.pictures.colors import LOAD, QUANTITIES
 from grasp3d.pictures.subject import NO_LABELS, Subject
 from grasp3d.pictures.view_settings import Paint, ViewSettings
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.viewer.session.background import Run, Worker
+from grasp3d.system.counts import noun
+from grasp3d.viewer.session.background import Job, Run, Worker
 from grasp3d.viewer.session.collection import Collection
-from grasp3d.viewer.session.computations import check_savable
 from grasp3d.viewer.session.inspection import Inspection, inspect, inspect_given, inspect_pose
-from grasp3d.viewer.session.planning import (
-    SaveRequest,
-    SubjectJob,
-    ViewedItem,
-    is_stale,
-    missing_result,
-    model_for,
-    needs_search,
-    next_job,
+from grasp3d.viewer.session.searching import (
+    check_savable,
+    scan_with_fixed,
+    search_grasps,
+    search_wider,
+    write_labels,
 )
 from grasp3d.viewer.session.state import ViewState, changed_state
 
-if TYPE_CHECKING:
-    from collections.abc import Hashable
-
 OF_FINGERS = frozenset({"fingers", "fixed"})
-"""Choices that do not apply to them."""
+"""Choices that do not apply to given poses."""
 
 BEST = 20
 """Number of the best grasps of a surface that a user steps through."""
 
-MAX_CACHED = 2
-"""Search results of an object that are cached besides the displayed one; a large one takes hundreds
-of megabytes."""
+MAX_CACHED = 3
+"""Search results of an object that are kept; a large one takes hundreds of megabytes."""
+
+DELAY = 0.4
+"""Delay between the last change of a slider and the computation for it [s]."""
+
+Best: TypeAlias = GraspTable | EvaluatedPoses
 
 
 class Session:
@@ -81,42 +81,66 @@ class Session:
         self.steps = 0
         """Number of steps to other grasps so far, to each of which the camera turns."""
         self._message = ""
-        self._viewed = ViewedItem(number, collection.items[number])
-        self._worker: Worker[Subject] = Worker()
-        self._failed: dict[Hashable, str] = {}
-        self._saving: SaveRequest | None = None
-        self._cached: list[Subject] = []
-        self._last_inspection: tuple[Subject, tuple[object, ...], Inspection] | None = None
-        self._start_next_job()
+        self._worker: Worker[Any] = Worker()
+        self._open(number)
 
-    @property
-    def number(self) -> int:
+    def _open(self, number: int) -> None:
+        """Open an object, and forget all of the one before."""
+        self.number = number
         """Index of the current object in the collection, from 0."""
-        return self._viewed.number
+        self._opened: Subject | None = None
+        self._results: dict[Hashable, Subject] = {}
+        """Results of searches by what they depend on, the latest last."""
+        self._displayed: Subject | None = None
+        self._subject: Subject | None = None
+        self._best: dict[Hashable, Best] = {}
+        self._failed: dict[Hashable, str] = {}
+        self._saving: tuple[Path, Subject] | None = None
+        self._inspected: tuple[Subject, tuple[object, ...], Inspection] | None = None
+        self._start_next_job()
 
     @property
     def name(self) -> str:
         """Name of the current object."""
-        return self._viewed.item.name
+        return self.collection.items[self.number].name
 
     @property
     def subject(self) -> Subject | None:
-        """The displayed surface; None: it is being opened, or cannot be opened."""
-        return self._viewed.current
+        """The displayed surface at the chosen friction and resolution.
+
+        None: it is being opened, or cannot be opened.
+        """
+        found = self._displayed
+        if found is None or found.poses is not None:
+            return found
+        model = self.model
+        before = self._subject
+        if (
+            before is None
+            or before.model != model
+            or before.labels.contacts is not (found.labels.contacts)
+        ):
+            self._subject = found.at(model)
+        return self._subject
 
     @property
     def stale(self) -> bool:
-        """Whether the surface has other fingers, limits or fixed fingers than are chosen.
+        """Whether the surface has other fingers or fixed fingers than are chosen.
 
-        This lasts until the right grasps are searched; meanwhile no results are displayed.
+        This lasts until the right grasps are searched; meanwhile no results are displayed. A
+        surface whose search did not go far enough is not stale: its unknown part is grey.
         """
-        return is_stale(self._viewed, self.state, self.collection.sampling)
+        opened = self._opened
+        return opened is not None and opened.poses is None and self._wanted not in self._results
 
     @property
     def model(self) -> GraspModel:
         """Chosen friction and resolution, with the displayed surface's number of fingers."""
-        subject = self.subject
-        return self.state.model if subject is None else model_for(subject, self.state)
+        shown, model = self._displayed, self.state.model
+        # A copy checks all settings again, which takes longer than the labels of a small surface.
+        if shown is None or shown.model.fingers == model.fingers:
+            return model
+        return replace(model, fingers=shown.model.fingers)
 
     @property
     def working(self) -> tuple[str, float] | None:
@@ -142,34 +166,45 @@ class Session:
 
     @property
     def inspection(self) -> Inspection | None:
-        """The inspected vertex, or the given grasp.
+        """The inspected vertex, the best grasp that is stepped to, or the given one.
 
-        None: no vertex is chosen, or its grasp is not known yet.
+        None: none is chosen, or its grasp is not known yet.
         """
-        subject, vertex, model = self.subject, self.state.vertex, self.model
+        subject, vertex = self.subject, self.state.vertex
         if subject is None or self.stale:
             return None
-        shown = subject.poses
-        if shown is None and vertex is None and self.state.grasp is not None:
-            shown = self._best_poses(subject, self.state.grasp)
+        shown, model, best = subject.poses, self.model, self._best_one()
+        if isinstance(best, GraspTable):
+            vertex = int(first_vertices(best)[0])
+        elif best is not None:
+            shown = best
         if vertex is None and shown is None:
             return inspect_given(subject, model)
-        last = self._last_inspection
         key = (vertex, self.state.grasp, model)
-        if last is None or last[0] is not subject or last[1] != key:
+        if (
+            self._inspected is None
+            or self._inspected[0] is not subject
+            or (self._inspected[1] != key)
+        ):
             if shown is not None:
                 found = inspect_pose(shown, model)
             else:
                 assert vertex is not None
-                found = inspect(subject, vertex, model)
-            last = self._last_inspection = (subject, key, found)
-        return last[2]
+                found = inspect(subject, vertex)
+            self._inspected = (subject, key, found)
+        return self._inspected[2]
+
+    def _best_one(self) -> Best | None:
+        """The best grasp that is stepped to, one row; None: none is, or it is not known yet."""
+        best, row = self._best.get(self._wanted), self.state.grasp
+        if best is None or row is None or not best.size:
+            return None
+        return best.take(np.array([row % best.size]))
 
     @property
     def scene(self) -> Scene | None:
         """The gripper and the table of the current object; None: no gripper."""
-        subject = self._viewed.subject
-        return None if subject is None else subject.labels.scene
+        return None if self._opened is None else self._opened.labels.scene
 
     def change(self, **changes: Any) -> None:
         """Change some choices.
@@ -230,43 +265,29 @@ class Session:
             by: Number of grasps to go forward, or back.
 
         Raises:
-            SettingError: There is no grasp, or they are still searched.
+            SettingError: The surface is not known yet.
         """
-        subject = self.subject
-        if subject is not None and subject.poses is not None:
+        opened, row = self._opened, self.state.grasp
+        if opened is not None and opened.poses is not None:
             self.step(by)
             return
-        if subject is None or self.stale:
+        if opened is None or self.stale:
             raise SettingError("the grasps are not known yet; wait until they are searched")
-        best = best_grasps(subject.labels, BEST)
-        if not best.size:
-            raise SettingError("there is no grasp on this surface")
-        row, vertices = self.state.grasp, None
-        if isinstance(best, GraspTable):
-            vertices = first_vertices(best).tolist()
-            row = vertices.index(self.state.vertex) if self.state.vertex in vertices else None
         row = ((-1 if by > 0 else 0) if row is None else row) + by
-        self.show_best(row % best.size)
+        self._set_state(replace(self.state, vertex=None, grasp=row))
+        self._say_best()
 
-    def show_best(self, row: int) -> None:
-        """Inspect one of the best distinct grasps of the surface, from 0."""
-        subject = self.subject
-        assert subject is not None
-        best = best_grasps(subject.labels, BEST)
-        self.steps += 1
-        if isinstance(best, GraspTable):
-            self.click(int(first_vertices(best)[row]), inspect=True)
+    def _say_best(self) -> None:
+        """Say which one of the best grasps is shown, as soon as they are known."""
+        best, row = self._best.get(self._wanted), self.state.grasp
+        if best is None or row is None:
+            return
+        if best.size:
+            self.steps += 1
+            self.show_message(f"{row % best.size + 1} of the {best.size} best grasps")
         else:
-            self._set_state(replace(self.state, vertex=None, grasp=row))
-        self.show_message(f"{row + 1} of the {best.size} best grasps")
-
-    def _best_poses(self, subject: Subject, row: int) -> EvaluatedPoses | None:
-        """One of the best poses of a gripper; None: there is no such one."""
-        if not has_poses(subject.labels):
-            return None
-        best = best_grasps(subject.labels, BEST)
-        assert isinstance(best, EvaluatedPoses)
-        return best.take(np.array([row])) if row < best.size else None
+            self.state = replace(self.state, grasp=None)
+            self.show_message("there is no grasp on this surface")
 
     def check_gripper(self, *, table: bool = False) -> None:
         """Check that the current object has a gripper.
@@ -277,7 +298,7 @@ class Session:
         Raises:
             SettingError: It has none.
         """
-        if self._viewed.subject is None:
+        if self._opened is None:
             return
         scene = self.scene
         if scene is None:
@@ -312,12 +333,10 @@ class Session:
         number = (self.number + by) % len(self.collection.items)
         if number == self.number:
             return
-        self._viewed = ViewedItem(number, self.collection.items[number])
-        self._failed.clear()
-        self._cached = []
-        self._saving = None
         self.state = replace(self.state, vertex=None, grasp=None, fixed=(), section=None)
-        self._go_on()
+        self._message = ""
+        self.revision += 1
+        self._open(number)
 
     def save(self, path: Path) -> None:
         """Write the displayed labels at the chosen friction and resolution, in the background.
@@ -333,8 +352,8 @@ class Session:
         self.check_current()
         subject = self.subject
         assert subject is not None
-        check_savable(subject, self.model, path)
-        self._saving = SaveRequest(path, subject, self.model)
+        check_savable(subject, path)
+        self._saving = path, subject
         self._go_on()
 
     def show_message(self, message: str) -> None:
@@ -367,7 +386,10 @@ class Session:
             raise SettingError("there is nothing to save yet; wait until the grasps are searched")
         if not self.stale:
             return
-        missing = missing_result(self.state)
+        count = len(self.state.fixed)
+        missing = f"grasps for {self.state.model.fingers} fingers"
+        if count:
+            missing = f"labels for {count} fixed {noun(count, 'fingers')}"
         if self.working is None:
             raise SettingError(f"there are no {missing}; change the settings before saving")
         raise SettingError(
@@ -386,24 +408,94 @@ class Session:
         self.revision += 1
         self._start_next_job()
 
-    def _process(self, finished: Run[Subject]) -> None:
-        """Store the result or the error of a finished job."""
-        kind, result = finished.job.key[0], finished.result  # type: ignore[index]
-        saving = self._saving if kind == "save" else None
+    @property
+    def _wanted(self) -> Hashable:
+        """What the surface depends on that belongs to the current choices."""
+        fixed = self.state.fixed
+        return ("scan", fixed) if fixed else ("grasps", self.state.model.fingers)
+
+    def _next_job(self) -> Job[Any] | None:
+        """What the choices need next; None: all is known.
+
+        The key of a job is all that its result depends on.
+        """
+        opened, saving = self._opened, self._saving
+        if opened is None:
+            item = self.collection.items[self.number]
+            return Job(("open", self.number), f"opening {item.name}", item.open, then=self._take)
         if saving is not None:
+            run = partial(write_labels, saving[1], saving[0])
+            return Job(("save", saving[0]), f"saving {saving[0].name}", run)
+        if opened.poses is not None:
+            return None
+        return self._search_job(opened) or self._best_job() or self._column_job()
+
+    def _search_job(self, opened: Subject) -> Job[Any] | None:
+        """A search, or a scan with fixed fingers, that the choices need."""
+        model, fixed, sampling = self.state.model, self.state.fixed, self.collection.sampling
+        wanted, text = self._wanted, "searching grasps"
+        found, then = self._results.get(wanted), partial(self._keep, wanted)
+        if found is not None and not found.covers(model):
+            run = partial(search_wider, found, model, sampling)
+            return Job(("wider", wanted), text, run, DELAY, then)
+        if found is not None:
+            return None
+        if fixed:
+            return Job(
+                wanted, "scanning", partial(scan_with_fixed, opened, model, fixed), 0.0, then
+            )
+        return Job(wanted, text, partial(search_grasps, opened, model, sampling), DELAY, then)
+
+    def _best_job(self) -> Job[Any] | None:
+        """The choice of the best grasps, if the user steps through them."""
+        wanted = self._wanted
+        if self.state.grasp is None or wanted in self._best:
+            return None
+
+        def keep(best: Best) -> None:
+            self._best[wanted] = best
+            self._say_best()
+
+        run = partial(best_grasps, self._results[wanted].labels, BEST)
+        return Job(("best", wanted), "choosing the best grasps", run, then=keep)
+
+    def _column_job(self) -> Job[Any] | None:
+        """What colours show, if it takes long; the labels keep it."""
+        subject, paint = self.subject, self.state.paint
+        if subject is None or paint == "label":
+            return None
+        shown = QUANTITIES[paint]
+        if shown.problem_of(subject) or not shown.missing(subject.labels):
+            return None
+        text = "computing grip forces" if shown.needs == LOAD else "computing ε"
+        run = partial(getattr, subject.labels, shown.needs)
+        return Job((shown.needs, self._wanted, self.model), text, run, DELAY)
+
+    def _process(self, finished: Run[Any]) -> None:
+        """Store the result or the error of a finished job."""
+        job = finished.job
+        if self._saving is not None:
+            self._message = finished.error or f"saved: {self._saving[0]}"
             self._saving = None
-            self._message = finished.error or f"saved: {saving.path}"
-            if result is not None and self.subject is saving.subject:
-                self._replace(result)
-        elif result is None:
-            self._failed[finished.job.key] = finished.error or "it cannot be computed"
-        elif kind == "scan":
-            self._viewed = replace(self._viewed, scan=result, fixed=self.state.fixed)
-        elif kind in {"epsilons", "forces"}:
-            self._replace(result)
-        else:
-            self._show(result)
-            self._check_vertex(result)
+        elif finished.error is not None:
+            self._failed[job.key] = finished.error
+        elif job.then is not None:
+            job.then(finished.result)
+
+    def _take(self, opened: Subject) -> None:
+        """Show an object that was opened."""
+        self._opened = self._displayed = opened
+        self._keep(("grasps", opened.model.fingers), opened)
+        self._check_vertex(opened)
+
+    def _keep(self, key: Hashable, result: Subject) -> None:
+        """Keep a search result, and forget that which was not shown for longest."""
+        if self._results.get(key) is not result:
+            self._best.pop(key, None)
+        self._results.pop(key, None)
+        self._results[key] = result
+        for oldest in list(self._results)[:-MAX_CACHED]:
+            del self._results[oldest]
 
     def _check_vertex(self, subject: Subject) -> None:
         """Release the chosen vertex if a surface that was opened does not have it."""
@@ -412,32 +504,11 @@ class Session:
             self.state = replace(self.state, vertex=None)
             self._message = f"there is no vertex {vertex}; there are {count:,}, from 0"
 
-    def _show(self, subject: Subject) -> None:
-        """Display a new search result, and keep the previous one in the cache."""
-        before = self._viewed.subject
-        if before is not None and self.stale:
-            self._cached = [*self._cached, before][-MAX_CACHED:]
-        self._viewed = replace(self._viewed, subject=subject)
-
-    def _replace(self, subject: Subject) -> None:
-        """Replace the displayed surface."""
-        if self._viewed.scan is not None:
-            self._viewed = replace(self._viewed, scan=subject)
-        else:
-            self._viewed = replace(self._viewed, subject=subject)
-
-    def _next_job(self) -> SubjectJob | None:
-        return next_job(self._viewed, self.state, self.collection.sampling, self._saving)
-
     def _start_next_job(self) -> None:
-        """Start the next job, unless it is already running or has failed."""
-        if not self.state.fixed and self._viewed.scan is not None:
-            self._viewed = replace(self._viewed, scan=None, fixed=())
-        if self.stale and not self.state.fixed:
-            sampling = self.collection.sampling
-            hits = [item for item in self._cached if not needs_search(item, self.state, sampling)]
-            if hits:
-                self._cached.remove(hits[0])
-                self._show(hits[0])
+        """Display what is known, and start the next job unless it is running or has failed."""
+        found = self._results.get(self._wanted)
+        if found is not None:
+            self._keep(self._wanted, found)
+            self._displayed = found
         job = self._next_job()
         self._worker.request(None if job is None or job.key in self._failed else job)
