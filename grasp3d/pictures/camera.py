@@ -221,13 +221,6 @@ def frame_of(points: Floats, beside: Floats, axes: Floats) -> Frame:
     return Frame(middle + (limited - shift) @ axes[:2], (float(reach[0]), float(reach[1])))
 
 
-def visible_fraction(points: Floats, frame: Frame, axes: Floats) -> float:
-    """Fraction of points (n, 3) within a frame; 1 if there are none."""
-    flat = np.abs((points - frame.middle) @ axes[:2].T)
-    inside = (flat <= np.array(frame.reach)).all(axis=1)
-    return float(inside.mean()) if len(points) else 1.0
-
-
 def aim(camera: "pyvista.Camera", size: float, axes: Floats, middle: Floats) -> None:
     """Point the camera at a point.
 

@@ -14,7 +14,6 @@ from grasp3d.arrays import Bytes, Floats
 from grasp3d.describe.explanations import finger_words
 from grasp3d.pictures.camera import (
     UPRIGHT,
-    Frame,
     FreeArea,
     View,
     aim,
@@ -23,7 +22,6 @@ from grasp3d.pictures.camera import (
     grasp_view,
     parallel_scale,
     view_axes,
-    visible_fraction,
 )
 from grasp3d.pictures.captions import Captions, LegendEntry, Texts
 from grasp3d.pictures.opengl import screenshot
@@ -39,9 +37,6 @@ if TYPE_CHECKING:
 
 MAX_MOVE = 4.0
 """Largest movement of the mouse between press and release of a click [pixels]."""
-
-MOSTLY = 0.9
-"""Visible fraction of a hand's corners below which the camera moves away to show it."""
 
 
 class Scene:
@@ -69,10 +64,7 @@ class Scene:
         self._inspection: Inspection | None = None
         self._subject: Subject | None = None
         self._item: Item | None = None
-        self._free: FreeArea | None = None
         self._up, self._size, self._steps = UPRIGHT, 1.0, 0
-        self._scale = 0.0
-        """Scale of the last frame, by which a zoom of the user's is recognised."""
         before_render = weakref.WeakMethod(self._before_render)
 
         def on_render(*_: object) -> None:
@@ -104,23 +96,21 @@ class Scene:
         scene = session.scene
         self._size = subject.mesh.size + (0.0 if scene is None else scene.hand.size)
         self._up = UPRIGHT if scene is None else scene.up
-        before_hand = self._pane.hand_points
+        had_hand = bool(len(self._pane.hand_points))
         self._draw(session, found if state.show_gripper else found and replace(found, held=None))
         item = session.collection.items[session.number]
         if item is not self._item or session.steps != self._steps:
             self._item, self._steps = item, session.steps
             self.look(session)
-        elif self._pane.hand_points is not before_hand:
-            if len(self._pane.hand_points):
-                self._show_whole_hand()
-            elif len(before_hand) and self.camera.parallel_scale == self._scale:
-                self._frame_all(axes_of(self.camera))
+        elif len(self._pane.hand_points) and not had_hand:
+            self._frame(axes_of(self.camera))
+        self._renderer.ResetCameraClippingRange()
         self._before_render()
 
     def look(self, session: Session) -> None:
         """Set the camera to the initial view, so that the object fills the picture."""
         if self._subject is not None:
-            self._frame_all(view_axes(self._view(session), self._up))
+            self._frame(view_axes(self._view(session), self._up))
             self._before_render()
 
     def pick(self, session: Session, x: float, y: float) -> int | None:
@@ -161,35 +151,20 @@ class Scene:
         table = scene.table if scene is not None and state.show_table else None
         pane.hold(inspection, None if scene is None else scene.hand, table, fixed)
 
-    def _frame_all(self, axes: Floats) -> None:
+    def _frame(self, axes: Floats) -> None:
         """Show all from a direction."""
         frame = frame_of(self._pane.points, self._pane.beside, axes)
         aim(self.camera, self._size, axes, frame.middle)
-        self._free = self._texts.free_area(self._captions)
-        self._scale = self.camera.parallel_scale = parallel_scale(frame.reach, self._free)
+        self.camera.parallel_scale = parallel_scale(frame.reach, self._free)
 
-    def _show_whole_hand(self) -> None:
-        """Move the camera away, in the same direction, if most of the hand is not visible."""
-        axes, free = axes_of(self.camera), self._texts.free_area(self._captions)
-        per_pixel = 2.0 * self.camera.parallel_scale / max(1.0, free.height)
-        width, height = free.free
-        now = Frame(
-            np.array(self.camera.focal_point), (0.5 * width * per_pixel, 0.5 * height * per_pixel)
-        )
-        if visible_fraction(self._pane.hand_points, now, axes) < MOSTLY:
-            self._frame_all(axes)
-        self._renderer.ResetCameraClippingRange()
+    @property
+    def _free(self) -> FreeArea:
+        """The part of the picture that texts leave free."""
+        return self._texts.free_area(self._captions)
 
     def _before_render(self) -> None:
-        """Adapt to the window size and the zoom; called before each rendering."""
-        free, camera = self._texts.free_area(self._captions), self.camera
-        if self._free is not None and free != self._free and self._subject is not None:
-            reach = frame_of(self._pane.points, self._pane.beside, axes_of(camera)).reach
-            zoom = parallel_scale(reach, free) / parallel_scale(reach, self._free)
-            is_own = camera.parallel_scale == self._scale
-            camera.parallel_scale *= zoom
-            self._scale = camera.parallel_scale if is_own else self._scale
-        self._free = free
+        """Adapt the texts to the window size and the zoom; called before each rendering."""
+        free, camera = self._free, self.camera
         camera.SetWindowCenter(0.0, -free.shift)
         self._texts.show(self._captions, 2.0 * camera.parallel_scale / max(1.0, free.height))
 

@@ -5,7 +5,6 @@ import sys
 import textwrap
 import time
 from collections.abc import Callable, Iterable
-from importlib import import_module
 from itertools import chain, count
 from pathlib import Path
 from typing import Any, cast
@@ -21,7 +20,6 @@ from grasp3d.system.files import atomic_write
 from grasp3d.system.names import describe_unexpected
 from grasp3d.viewer.scene import ClickDetector, Scene
 from grasp3d.viewer.screenshots import file_name, render_copy
-from grasp3d.viewer.session.background import Job, Worker
 from grasp3d.viewer.session.controls import CONTROLS, KEYS, handle_key
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
@@ -118,7 +116,6 @@ class Window:
         self.plotter.render_window.DetectDPI()
         self._scene = Scene(self.plotter, area=(0.0, 0.0, SCENE, 1.0))
         self._interactor = self.plotter.iren.interactor
-        self._page = Worker[str]()
         self._help, self._needs_render, self._interrupted = False, True, False
         self._drawn: tuple[object, ...] = ()
         self.plotter.subplot(0, 1)
@@ -202,9 +199,6 @@ class Window:
 
     def _update(self) -> None:
         self._session.poll()
-        opened = self._page.take_finished()
-        if opened is not None:
-            self._session.show_message(opened.error or f"opened in a browser: {opened.result}")
         self._draw()
 
     def _draw(self) -> None:
@@ -237,7 +231,7 @@ class Window:
         if self._help:
             lines = [*MOUSE, *(f"{one.names}: {one.text}" for one in KEYS)]
         self._text.input = self._wrapped(lines)
-        status = (session.message, progress, "h: keys · w: page with all settings")
+        status = (session.message, progress, "h: keys")
         self._status.input = self._wrapped(filter(None, status))
 
     def _wrapped(self, lines: Iterable[str]) -> str:
@@ -273,7 +267,7 @@ class Window:
     def _handle_key(self, key: str) -> None:
         camera = self._scene.camera
         actions: dict[str, Callable[[], object]] = {
-            "h": self._toggle_help, "q": self.plotter.iren.terminate_app, "w": self._open_page,
+            "h": self._toggle_help, "q": self.plotter.iren.terminate_app,
             "r": lambda: self._scene.look(self._session),
             "+": lambda: camera.zoom(ZOOM), "-": lambda: camera.zoom(1.0 / ZOOM),
             "s": lambda: self._session.save(self._unused_path("labeled", ".ply")),
@@ -284,16 +278,6 @@ class Window:
 
     def _toggle_help(self) -> None:
         self._help = not self._help
-
-    def _open_page(self) -> None:
-        """Open the same object, with the current choices, as a page in a browser."""
-        session = self._session
-
-        def opened() -> str:
-            return str(import_module("grasp3d.viewer.web.page").open_page(session))
-
-        session.show_message("opening the page …")
-        self._page.request(Job(session.state, "opening the page", opened))
 
     def _save_picture(self) -> None:
         """Write a picture of the scene into the working folder."""

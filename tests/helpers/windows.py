@@ -97,12 +97,9 @@ class Window:
         folder.mkdir()
         # Pictures rendered earlier in this process have selected an off-screen window.
         kept = {name: value for name, value in os.environ.items() if name != WINDOW}
-        browser = folder.parent / "browser"
-        browser.write_text(f'#!/bin/sh\necho "$1" > {folder.parent}/browser.txt\n')
-        browser.chmod(0o755)
         process = subprocess.Popen(
             [sys.executable, "-c", script, str(lines)],
-            env={**kept, "DISPLAY": display, "BROWSER": str(browser)}, cwd=folder, text=True,
+            env={**kept, "DISPLAY": display}, cwd=folder, text=True,
             stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip
         return cls(process, display, lines, folder)

@@ -86,7 +86,7 @@ def test_each_key_changes_its_choice() -> None:
 def test_keys_of_the_window_do_not_change_the_session(session: Session) -> None:
     own = {key for key, action in ACTIONS.items() if action is None}
     before = session.state
-    assert own == {"s", "g", "r", "+", "-", "h", "q", "w"}
+    assert own == {"s", "g", "r", "+", "-", "h", "q"}
     assert not any(handle_key(session, key) for key in [*own, "F1"])
     assert session.state == before
 

@@ -31,7 +31,7 @@ from grasp3d.stability.label import COLORS, Label
 from grasp3d.viewer.session.collection import Item, collection_of
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.web import page as served_page
-from grasp3d.viewer.web.page import free_port, open_page, serve_in_background
+from grasp3d.viewer.web.page import free_port, serve_in_background
 from tests.helpers.browsers import BROWSER, CI
 from tests.helpers.shapes import LIBRARY
 from tests.helpers.windows import wait_for
@@ -401,27 +401,3 @@ def test_a_page_in_the_background_ends_that_nobody_uses(
 
     assert not refuses()
     wait_for(refuses, "the end of the page")
-
-
-def test_a_page_is_opened_with_the_choices_of_a_session(
-    labels: SurfaceLabels, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    opened: list[str] = []
-    started: list[Session] = []
-
-    def served(one: Session) -> str:
-        started.append(one)
-        return "http://127.0.0.1:1/a/"
-
-    monkeypatch.setattr(served_page, "serve_in_background", served)
-    monkeypatch.setattr("webbrowser.open", lambda address: opened.append(address) is None)
-    session = Session(collection_of(labels))
-    session.change(friction=0.7, paint="margin", sensor_resolution=0.2)
-    session.click(3)
-    assert [open_page(session)] == opened == ["http://127.0.0.1:1/a/"]
-    assert [one.state for one in started] == [session.state]
-    monkeypatch.setattr("webbrowser.open", lambda _: False)
-    with pytest.raises(OutputError, match="no browser was found; open http"):
-        open_page(session)
-    for one in (session, *started):
-        one.close()

@@ -61,5 +61,5 @@ def test_help_has_only_available_keys(labels: SurfaceLabels) -> None:
     for viewed, available in ((collection, set()), (two, {"n", "p"})):
         session = Session(viewed)
         keys = {key for item in page_state(session)["keys"] for key in item["keys"]}
-        assert keys & {"n", "p", "q", "w"} == available
+        assert keys & {"n", "p", "q"} == available
         session.close()

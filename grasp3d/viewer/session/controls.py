@@ -220,8 +220,8 @@ CONTROLS: dict[str, Control] = {
 }  # fmt: skip
 """The user's choices by the name of their field, as they are listed."""
 
-OF_WINDOW = {"q": "quit", "w": "open the page, with all settings, in a browser"}
-"""Keys that only a window has."""
+OF_WINDOW = {"q": "quit"}
+"""A key that only a window has."""
 
 OWN = {
     "sg": "save the labelled PLY, a picture", "r": "reset the view", "+-": "zoom in, out",

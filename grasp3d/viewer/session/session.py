@@ -57,32 +57,23 @@ class Session:
         self,
         collection: Collection,
         settings: ViewSettings | None = None,
-        *,
-        state: ViewState | None = None,
-        number: int = 0,
     ) -> None:
-        """Open an object.
+        """Open the first object.
 
         Args:
             collection: The objects.
             settings: Initial view; None: the default.
-            state: Initial choices; None: those of the collection and the settings.
-            number: Index of the object in the collection.
         """
         settings = settings or ViewSettings()
         self.collection = collection
         self.settings = settings
-        self.state = state or ViewState(
-            model=collection.model,
-            paint=settings.paint,
-            vertex=settings.vertex,
-        )
+        self.state = ViewState(collection.model, settings.paint, vertex=settings.vertex)
         self.revision = 0
         self.steps = 0
         """Number of steps to other grasps so far, to each of which the camera turns."""
         self._message = ""
         self._worker: Worker[Any] = Worker()
-        self._open(number)
+        self._open(0)
 
     def _open(self, number: int) -> None:
         """Open an object, and forget all of the one before."""

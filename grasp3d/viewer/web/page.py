@@ -9,7 +9,6 @@ import secrets
 import signal
 import socket
 import threading
-import webbrowser
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
@@ -115,29 +114,6 @@ def serve_in_background(session: Session, *, proxied: bool = False) -> str:
 
     threading.Thread(target=lambda: asyncio.run(run()), daemon=True).start()
     return served.result(START_TIMEOUT)
-
-
-def open_page(session: Session) -> str:
-    """Serve what a session shows until the process ends, and open it in a browser.
-
-    The page has a session of its own, which starts with the same object and the same choices:
-    friction, resolution, colours, section, inspected vertex and fixed fingers.
-
-    Args:
-        session: The session, which is not changed.
-
-    Returns:
-        Address of the page.
-
-    Raises:
-        OutputError: It cannot be served, or there is no browser.
-    """
-    address = serve_in_background(
-        Session(session.collection, session.settings, state=session.state, number=session.number)
-    )
-    if not webbrowser.open(address):
-        raise OutputError(f"no browser was found; open {address} in one while this program runs")
-    return address
 
 
 def free_port(port: int = PORT) -> int:
