@@ -7,6 +7,7 @@ import numpy as np
 
 from grasp3d.cli.commands import Label
 from grasp3d.cli.report import (
+    NOTE,
     PERCENTS,
     Grasps,
     Report,
@@ -166,11 +167,13 @@ def _write_best(
             output, grasps, format=command.grasps_format, object_pose=command.object_pose,
             frame=command.frame,
         )  # fmt: skip
+    else:
+        report.line(f"{NOTE} {escaped(str(output))} is not written: there is no pose to write")
     if grasps.size and opengl.can_render():
         with report.progress("drawing grasps"):
             pictures = draw_grasps(grasps, labels)
         written.append(picture)
-        save_as(grasp_figure(grasps, pictures), picture)
+        save_as(grasp_figure(grasps, pictures, labels.mode), picture)
     return written
 
 

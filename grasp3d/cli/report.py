@@ -28,7 +28,7 @@ from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.outcomes.success import SuccessRate
 from grasp3d.settings.units import Unit, small_length
-from grasp3d.stability.label import COLORS, MEANING, Label, Mode
+from grasp3d.stability.label import COLORS, MEANING, Label, Mode, hex_color
 from grasp3d.surface.area_statistics import quantiles
 from grasp3d.surface.fields import GRASPS, LETTERS, NONE, Array, Field
 from grasp3d.surface.grasp_table import GraspTable
@@ -259,8 +259,7 @@ def escaped(text: str) -> str:
 
 def label_name(label: Label) -> str:
     """Return a label with a square of its colour."""
-    color = "#{:02X}{:02X}{:02X}".format(*COLORS[label])
-    return f"[{color}]■[/] {label.name}"
+    return f"[{hex_color(COLORS[label])}]■[/] {label.name}"
 
 
 def percent_text(fraction: float) -> str:

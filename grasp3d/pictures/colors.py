@@ -17,7 +17,7 @@ from grasp3d.pictures.subject import Subject
 from grasp3d.pictures.view_settings import Paint
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel
 from grasp3d.settings.model_text import EPSILON_MIN, epsilon_min_text
-from grasp3d.stability.label import COLORS, GREY, Label
+from grasp3d.stability.label import COLORS, GREY, Label, hex_color
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import quantiles
 from grasp3d.surface.labels import SurfaceLabels
@@ -26,7 +26,7 @@ from grasp3d.system.counts import short_number
 PALETTE = np.array([*(COLORS[label] for label in sorted(Label)), GREY], dtype=np.uint8)
 """The last colour is that of unknown values: no grasp, or not searched; and of excluded faces."""
 
-HEX_PALETTE = ["#{:02X}{:02X}{:02X}".format(*color) for color in PALETTE]
+HEX_PALETTE = [hex_color(color) for color in PALETTE]
 
 STEPS = 256
 """Number of colours of a ramp."""

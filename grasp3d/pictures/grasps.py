@@ -10,7 +10,7 @@ from grasp3d.arrays import Bytes
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.pictures.figures import PAGE, as_text, label_patches, new_figure, show_picture, styled
 from grasp3d.settings.model_text import model_line
-from grasp3d.stability.label import MEANING, Label
+from grasp3d.stability.label import MEANING, Label, Mode
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.counts import short_number
 from grasp3d.system.names import printable
@@ -31,12 +31,15 @@ LONGEST = 48
 
 
 @styled
-def grasp_figure(grasps: GraspTable | EvaluatedPoses, pictures: list[Bytes]) -> Figure:
+def grasp_figure(
+    grasps: GraspTable | EvaluatedPoses, pictures: list[Bytes], mode: Mode = "scan"
+) -> Figure:
     """Lay out the pictures of grasps, with the legend of their colours.
 
     Args:
         grasps: The grasps.
         pictures: Pictures of the first grasps, at least one.
+        mode: That of the labels of the surface; of grasps without such labels 'scan'.
     """
     model = grasps.model
     fingers = f"{model.fingers} fingers" if grasps.scene is None else grasps.scene.hand.name
@@ -46,10 +49,11 @@ def grasp_figure(grasps: GraspTable | EvaluatedPoses, pictures: list[Bytes]) -> 
     figure, grid = _sheet(grasps.mesh.report.source, settings, len(pictures), below)
     for row, (axes, picture) in enumerate(zip(grid, pictures, strict=True)):
         label = Label(int(grasps.letter[row]))
-        title = rf"$\bf{{{row + 1}}}$  {label.name}   {grasps.score[row]:.2f}"
+        score = math.floor(100.0 * grasps.score[row]) / 100.0  # 1 is no score of a grasp
+        title = rf"$\bf{{{row + 1}}}$  {label.name}   {score:.2f}"
         show_picture(axes, picture, title, "\n".join(texts[row]))
     figure.legend(
-        handles=label_patches(MEANING["scan"]), loc="outside lower center", ncols=len(Label)
+        handles=label_patches(MEANING[mode]), loc="outside lower center", ncols=len(Label)
     )
     return figure
 

@@ -1,5 +1,6 @@
 """Labels S, M and U of grasps, their colours and meanings."""
 
+from collections.abc import Iterable
 from enum import IntEnum
 from typing import Literal
 
@@ -21,6 +22,12 @@ COLORS: dict[Label, tuple[int, int, int]] = {
     Label.S: (0x00, 0x9E, 0x73),
 }
 """Red, green, blue (0-255); colour-blind readers can distinguish them as well."""
+
+
+def hex_color(color: Iterable[int]) -> str:
+    """Red, green and blue (0-255) as #RRGGBB."""
+    return "#{:02X}{:02X}{:02X}".format(*color)
+
 
 GREY = (0x9A, 0xA0, 0xA6)
 """Grey: where no contact may be, and what is not known."""

@@ -18,7 +18,7 @@ from grasp3d.batch.storage.folder import Folder
 from grasp3d.quality.loads import load_settings
 from grasp3d.settings.model_text import SAFE_LABELS
 from grasp3d.settings.parsing import plain_values
-from grasp3d.stability.label import COLORS, MEANING, Label
+from grasp3d.stability.label import COLORS, MEANING, Label, hex_color
 from grasp3d.system.counts import counted
 from grasp3d.system.names import printable
 from grasp3d.system.versions import package_version
@@ -64,7 +64,7 @@ def environment() -> Environment:
     found.globals |= {
         "address": address,
         "meaning": {label.name: MEANING["label"][label] for label in sorted(Label)[::-1]},
-        "colors": {label.name: "#{:02x}{:02x}{:02x}".format(*COLORS[label]) for label in Label},
+        "colors": {label.name: hex_color(COLORS[label]) for label in Label},
         "version": package_version(),
     }
     return found
