@@ -387,7 +387,7 @@ def draw_meshes(path: Path) -> None:
 
 
 def draw_paper(path: Path) -> None:
-    """Figures of Wan & Howe 2018 and, of uncertainties that they name only, two more."""
+    """Figures of Wan & Howe 2018."""
     for name, draw in PAPER.items():
         draw(PaperSettings()).savefig(path.with_stem(name), dpi=DPI)
 

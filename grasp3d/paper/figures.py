@@ -11,21 +11,16 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from matplotlib.figure import Figure
 
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh, load_mesh
+from grasp3d.paper.cones import combinations_figure, cone_figure, tips_figure
+from grasp3d.paper.curves import ceiling_figure, curves_figure, fractions_figure
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.pictures.camera import View
-from grasp3d.pictures.cones import combinations_figure, cone_figure, tips_figure
-from grasp3d.pictures.curves import curves_figure
-from grasp3d.pictures.figures import Drawing
-from grasp3d.pictures.fractions import (
-    ceiling_figure,
-    fractions_figure,
-    surface_figure,
-)
 from grasp3d.planar import Circle, Outline, PlanarScan, Square, scan
 from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
@@ -150,7 +145,7 @@ def view_of(normal: Floats) -> View:
     return View(math.atan2(outward[1], outward[0]) + ASIDE, ELEVATION)
 
 
-def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: bool) -> Drawing:
+def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: bool) -> Figure:
     """Draw the labelled surface at each resolution, and the area fractions over all resolutions.
 
     Args:
@@ -166,10 +161,11 @@ def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: 
         if pictures
     ]
     exact = scanned.closed_form
-    return surface_figure(
-        scanned.scans,
-        images,
+    return fractions_figure(
         swept(scanned.scans[0].angle_distribution(), scanned.name, settings),
+        "area fraction",
+        scans=scanned.scans,
+        pictures=images,
         closed_form=None if exact is None else swept(exact, scanned.name, settings),
     )
 
@@ -208,15 +204,13 @@ TIP = Sensor(receptive_field=4.0, fingertip_radius=10.0)
 """The paper's hemispherical tip, with the receptive field that it needs at friction 0.2 [mm]."""
 
 
-FIGURES: dict[str, Callable[[PaperSettings], Drawing]] = {
+FIGURES: dict[str, Callable[[PaperSettings], Figure]] = {
     "figure_04": lambda _: tips_figure(TIP),
     "figure_05": lambda _: cone_figure(CONE_MODEL),
     "figure_06": lambda _: combinations_figure(CONE_MODEL),
-    "figure_07": lambda own: curves_figure(_scans(Circle(), own), over="angle"),
+    "figure_07": lambda own: curves_figure(_scans(Circle(), own)),
     "figure_08": lambda own: fractions_figure(swept(Circle(), "circle", own)),
-    "figure_09": lambda own: curves_figure(
-        _scans(Square(), own), over="position", unit="half sides"
-    ),
+    "figure_09": lambda own: curves_figure(_scans(Square(), own)),
     "figure_10": lambda own: fractions_figure(swept(Square(), "square", own)),
     # The paper's curve is that of the sphere, by area; the others are for comparison.
     "figure_11": lambda own: ceiling_figure(

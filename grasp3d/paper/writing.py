@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from grasp3d.errors import OutputError
 from grasp3d.paper.figures import (
     FIGURES,
@@ -15,7 +17,7 @@ from grasp3d.paper.figures import (
 )
 from grasp3d.paper.numbers import numbers_page
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.pictures.figures import save
+from grasp3d.pictures.figures import save_as
 from grasp3d.pictures.opengl import can_render
 from grasp3d.system.context import report_progress, unreported, within
 from grasp3d.system.files import atomic_write, check_writable
@@ -44,8 +46,6 @@ def write_paper(
 ) -> Paper:
     """Recompute Wan & Howe 2018: Fig. 4 to 11, their counterparts in space, and all numbers.
 
-    Two more figures have the uncertainties that the paper names and works out no more.
-
     Files of the same names are replaced atomically; other files in the folder are not changed.
 
     Args:
@@ -71,7 +71,7 @@ def write_paper(
             real.append(real_object(mesh, object_file.stem, own))
     for name, draw in FIGURES.items():
         with unreported():
-            paths += save(draw(own), output / name)
+            paths += _saved(draw(own), output / name)
         report_progress((done := done + FIGURE) / whole)
     with unreported():
         scanned = [*solids(own), *real]
@@ -79,12 +79,20 @@ def write_paper(
     for name, one in zip(names, scanned, strict=True):
         with unreported():
             figure = object_figure(one, own, pictures=pictures)
-            paths += save(figure, output / f"surface_{name}")
+            paths += _saved(figure, output / f"surface_{name}")
         report_progress((done := done + SURFACE) / whole)
     with atomic_write(output / NUMBERS) as part:
         part.write_text(numbers_page(own, scanned), encoding="utf-8")
     paths.append(output / NUMBERS)
     return Paper(tuple(paths), tuple(_notes(names, pictures=pictures, real=bool(real))))
+
+
+def _saved(figure: Figure, path: Path) -> list[Path]:
+    """Write a figure as vector graphics and as a picture."""
+    paths = [path.with_suffix(suffix) for suffix in SUFFIXES]
+    for one in paths:
+        save_as(figure, one)
+    return paths
 
 
 def _check(output: Path, names: list[str]) -> None:

@@ -17,7 +17,7 @@ from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import FRAMES
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.triangles import COLORS, Part, Triangles
-from grasp3d.pictures.figures import PAGE, bare, new_figure, styled
+from grasp3d.pictures.figures import PAGE, bare, draw_arrow, new_figure, styled
 from grasp3d.system.names import printable
 
 LINE, FAINT = "#222222", "#777777"
@@ -37,7 +37,10 @@ LIGHT = np.array([0.3, 0.5, 0.8])
 DARKEST = 0.45
 """Brightness of faces in the shade."""
 
-ARROW: dict[str, Any] = {"shrinkA": 0.0, "shrinkB": 0.0, "linewidth": 0.6, "mutation_scale": 6.0}
+DOUBLE_ARROW: dict[str, Any] = {
+    "arrowstyle": "<|-|>", "color": LINE, "shrinkA": 0.0, "shrinkB": 0.0, "linewidth": 0.6,
+    "mutation_scale": 6.0,
+}  # fmt: skip
 
 STEP = 0.08
 """Distance of dimension lines from what they measure, and between them, in heights of a gripper."""
@@ -177,7 +180,7 @@ def _measure(
     points = (points[:, ::-1] if upright else points) * [1.0, -1.0]  # z is down
     axes.plot(*points.T, color=FAINT, linewidth=0.4, zorder=0.5)
     _, one, two, _ = points.tolist()
-    axes.annotate("", one, two, arrowprops=ARROW | {"arrowstyle": "<|-|>", "color": LINE})
+    axes.annotate("", one, two, arrowprops=DOUBLE_ARROW)
     outward = 1.0 if at > of else -1.0
     place: Any = {"ha": "left" if at > of else "right", "va": "center", "xytext": (3 * outward, 0)}
     if not upright:
@@ -270,10 +273,5 @@ def _draw_shape(
 
 def _draw_axis(axes: Axes, name: str, start: Floats, end: Floats) -> None:
     """Draw an axis as an arrow between two points, of which the first two numbers are drawn."""
-    (one, two), color = np.array([start[:2], end[:2]]).tolist(), AXIS_COLORS[name]
-    axes.update_datalim([one, two])
-    axes.annotate(
-        name, one, two, color=color, ha="center", va="center", zorder=9, fontsize=7.5,
-        weight="bold", path_effects=[withStroke(linewidth=2.0, foreground="white")],
-        arrowprops=ARROW | {"arrowstyle": "<|-", "color": color, "linewidth": 1.4},
-    )  # fmt: skip
+    halo = [withStroke(linewidth=2.0, foreground="white")]
+    draw_arrow(axes, start[:2], end[:2], AXIS_COLORS[name], name, weight="bold", path_effects=halo)

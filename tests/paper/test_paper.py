@@ -19,6 +19,7 @@ from grasp3d import GraspModel, critical_friction_angle, load_mesh
 from grasp3d.cli import main
 from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import SettingError
+from grasp3d.paper.curves import fractions_figure
 from grasp3d.paper.figures import (
     FIGURES,
     ScannedObject,
@@ -31,7 +32,6 @@ from grasp3d.paper.figures import (
 )
 from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page, percent, quoted_numbers
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.pictures.fractions import surface_figure
 from grasp3d.pictures.opengl import WINDOW, can_render
 from tests.helpers import shapes
 from tests.helpers.figures import check_texts
@@ -349,7 +349,7 @@ def test_pictures_are_drawn_beside_the_fractions() -> None:
     pictures = [np.full((20, 20, 3), shade, np.uint8) for shade in (90, 200)]
     box = scanned()[1]
     fractions = swept(box.scans[0].angle_distribution(), box.name, PAPER)
-    figure = surface_figure(box.scans, pictures, fractions)
+    figure = fractions_figure(fractions, "area fraction", scans=box.scans, pictures=pictures)
     check_texts(figure)
     images = [axes.findobj(AxesImage)[0] for axes in figure.axes[:2]]
     for image, picture in zip(images, pictures, strict=True):

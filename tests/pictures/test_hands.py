@@ -8,6 +8,7 @@ from matplotlib.collections import PolyCollection
 
 from grasp3d.hand.parallel_gripper import PRESETS, preset
 from grasp3d.pictures.hands import frames_figure, gripper_figure
+from tests.helpers.figures import check_texts
 
 
 def numbers(texts: list[str]) -> set[float]:
@@ -42,15 +43,8 @@ def test_both_views_have_one_scale_and_z_points_down() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PRESETS)
-def test_nothing_is_drawn_outside_the_figure(name: str) -> None:
-    figure = gripper_figure(preset(name))
-    figure.draw_without_rendering()
-    for text in [text for axes in figure.axes for text in (*axes.texts, axes.title)]:
-        box = text.get_window_extent()  # with the arrow of an axis
-        assert box.x0 >= figure.bbox.x0
-        assert box.x1 <= figure.bbox.x1
-        assert box.y0 >= figure.bbox.y0
-        assert box.y1 <= figure.bbox.y1
+def test_no_text_is_cut_off_or_hidden(name: str) -> None:
+    check_texts(gripper_figure(preset(name)))
 
 
 def test_fingers_are_drawn_open_and_dashed_when_closed() -> None:
