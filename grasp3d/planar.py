@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, locked, short_repr
 from grasp3d.contact.friction_cones import effective_friction
 from grasp3d.errors import SettingError
 from grasp3d.quality.ferrari_canny import epsilon_of_wrenches
@@ -39,9 +39,6 @@ SAME = 1e-12
 
 MOST_NORMALS = 64
 """Largest number of normals of one contact, all combined with those of the other."""
-
-PART = 1 << 16
-"""Largest number of wrenches in memory at once."""
 
 RANK = 3
 """Dimensions of planar wrenches; a hull of lower rank is not force-closed."""
@@ -338,8 +335,8 @@ class PlanarScan:
         the normals are the extreme ones of the whole range, exterior angle + alpha.
         """
         values = np.zeros((4, len(self.position)))
-        for part, value, _ in self._evaluated(self._extreme, self.model.friction_angle):
-            values[:, part] = value.T
+        for row, value, _ in self._evaluated(self._extreme, self.model.friction_angle):
+            values[:, row] = value
         return locked(values)
 
     @cached_property
@@ -413,44 +410,34 @@ class PlanarScan:
         """Range over all combinations of chosen normals, whose number may differ by contact."""
         lowest, highest = np.zeros((2, len(self.position)))
         all_closed, any_closed = np.zeros((2, len(self.position)), dtype=np.bool_)
-        for part, value, closed in self._evaluated(choose, friction_angle):
-            lowest[part], highest[part] = value.min(axis=1), value.max(axis=1)
-            all_closed[part], any_closed[part] = closed.all(axis=1), closed.any(axis=1)
+        for row, value, closed in self._evaluated(choose, friction_angle):
+            lowest[row], highest[row] = value.min(), value.max()
+            all_closed[row], any_closed[row] = closed.all(), closed.any()
         return EpsilonRange(locked(lowest), locked(highest), locked(all_closed), locked(any_closed))
 
     def _evaluated(
         self, choose: NormalChoice, friction_angle: float
-    ) -> Iterator[tuple[Ints, Floats, Bools]]:
-        """Rows (m,) of contacts off the fixed point; epsilon and closure, (m, combinations).
+    ) -> Iterator[tuple[int, Floats, Bools]]:
+        """Row of each contact off the fixed point; epsilon and closure, shape (combinations,).
 
         The scanned finger's normals run fastest.
         """
         points = self.contacts.points
-        index = np.flatnonzero((points != points[0]).any(axis=1))
-        first = self._wrenches(np.array([0]), choose, friction_angle)  # (1, k1, e, 3)
-        half_ranges = np.round(self.contacts.half_range[index], 12)  # groups of equal corners
-        for half in np.unique(half_ranges):
-            group = index[half_ranges == half]
-            count = first.shape[1] * len(choose(float(half))) * 2 * self.edges
-            for start in range(0, len(group), max(1, PART // count)):
-                part = group[start : start + max(1, PART // count)]
-                second = self._wrenches(part, choose, friction_angle)  # (m, k2, e, 3)
-                shape = (len(part), first.shape[1], *second.shape[1:])
-                pair = [np.broadcast_to(first[:, :, None], shape)]
-                pair.append(np.broadcast_to(second[:, None], shape))
-                result = epsilon_of_wrenches(np.concatenate(pair, axis=-2))
-                closed = result.closed & (result.rank == RANK)
-                value = np.where(closed, result.value, 0.0)
-                yield part, value.reshape(len(part), -1), closed.reshape(len(part), -1)
+        first = self._wrenches(0, choose, friction_angle)  # (k1, e, 3)
+        for row in np.flatnonzero((points != points[0]).any(axis=1)).tolist():
+            second = self._wrenches(row, choose, friction_angle)  # (k2, e, 3)
+            pairs = (np.repeat(first, len(second), axis=0), np.tile(second, (len(first), 1, 1)))
+            result = epsilon_of_wrenches(np.concatenate(pairs, axis=1))
+            closed = result.closed & (result.rank == RANK)
+            yield row, np.where(closed, result.value, 0.0), closed
 
-    def _wrenches(self, index: Ints, choose: NormalChoice, beta: float) -> Floats:
-        """Wrenches (m, k, e, 3) of contacts of one half-range: force x, y, torque / scale."""
+    def _wrenches(self, row: int, choose: NormalChoice, beta: float) -> Floats:
+        """Wrenches (k, e, 3) of a contact, for each chosen normal: force x, y, torque / scale."""
         contacts = self.contacts
-        offsets = choose(float(contacts.half_range[index[0]]))
-        spread = np.linspace(-beta, beta, self.edges)
-        turn = (contacts.middle[index, None] + offsets)[..., None] + spread  # (m, k, e)
-        force = np.stack([np.cos(turn), np.sin(turn)])
-        x, y = contacts.points[index].T[..., None, None] / self.outline.torque_scale
+        middles = contacts.middle[row] + choose(float(contacts.half_range[row]))
+        turn = middles[:, None] + np.linspace(-beta, beta, self.edges)  # (k, e)
+        force = np.cos(turn), np.sin(turn)
+        x, y = contacts.points[row] / self.outline.torque_scale
         return np.stack([*force, x * force[1] - y * force[0]], axis=-1)
 
 
