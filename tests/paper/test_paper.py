@@ -30,7 +30,7 @@ from grasp3d.paper.figures import (
     swept,
     view_of,
 )
-from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page, percent, quoted_numbers
+from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page, percent
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.pictures.opengl import WINDOW, can_render
 from tests.helpers import shapes
@@ -44,6 +44,7 @@ NAMES = [
     "surface_cylinder",
     "surface_sphere",
 ]
+QUOTED = "The numbers in the text"
 FLAT = len(FIGURES)
 """Number of names of figures without pictures of surfaces, the first ones."""
 
@@ -137,8 +138,8 @@ def test_the_first_curve_of_the_ceilings_is_that_of_the_sphere() -> None:
     np.testing.assert_allclose(height[within], expected, atol=1e-9)
 
 
-def test_numbers_of_the_text_agree_with_their_closed_forms() -> None:
-    rows = rows_of(f"## quoted\n{quoted_numbers()}", "quoted")
+def test_numbers_of_the_text_agree_with_their_closed_forms(page: str) -> None:
+    rows = rows_of(page, QUOTED)
     by_start = {first: row for (first, _), row in rows.items()}
     for friction, radius in ((0.5, 10.0), (0.2, 10.0)):
         alpha = 2.0 * math.atan(friction)
@@ -158,9 +159,8 @@ def test_numbers_of_the_text_agree_with_their_closed_forms() -> None:
     assert differing[4].endswith(f"gives {math.ceil(8.0 / 0.4**2)}")
 
 
-def test_the_fraction_read_from_the_paper_is_quoted_and_compared() -> None:
-    text = quoted_numbers()
-    rows = rows_of(f"## quoted\n{text}", "quoted")
+def test_the_fraction_read_from_the_paper_is_quoted_and_compared(page: str) -> None:
+    rows = rows_of(page, QUOTED)
     ambiguous = {key[0]: row for key, row in rows.items() if key[0].startswith("ambiguous at")}
     circle, square, sphere = ambiguous.values()
     alpha = math.radians(22.6)
@@ -175,8 +175,8 @@ def test_the_fraction_read_from_the_paper_is_quoted_and_compared() -> None:
     assert [number(part) for part in sphere[2].split(" to ")] == pytest.approx(expected, abs=0.05)
 
 
-def test_what_the_paper_expects_of_finer_fingertips_is_beside_ours() -> None:
-    rows = {key[0]: row for key, row in rows_of(f"## q\n{quoted_numbers()}", "q").items()}
+def test_what_the_paper_expects_of_finer_fingertips_is_beside_ours(page: str) -> None:
+    rows = {key[0]: row for key, row in rows_of(page, QUOTED).items()}
     (halved,) = (row for first, row in rows.items() if "→" in first)
     assert halved[0].endswith("(Sec. IV-A)")
     assert halved[1] == "reduced by approximately half"
