@@ -58,26 +58,13 @@ class OutlineContacts:
 
     points: Floats
     """Relative to the centre of mass, shape (k, 2)."""
-    first: Floats
-    """Unit normals of the outline just before the point, shape (k, 2)."""
-    last: Floats
-    """Unit normals just behind it, shape (k, 2); different from `first` at corners only, where any
-    normal between the two is possible."""
+    middle: Floats
+    """Polar angles of the normals, at corners halfway between those on both sides [rad], (k,)."""
+    half_range: Floats
+    """Angle from there to the normals on both sides [rad], shape (k,); 0 except at corners, where
+    any normal between the two is possible."""
 
     __repr__ = short_repr
-
-    @cached_property
-    def middle(self) -> Floats:
-        """Polar angles of the normals halfway between first and last [rad], shape (k,)."""
-        between = self.first + self.last
-        return locked(np.arctan2(between[:, 1], between[:, 0]))
-
-    @cached_property
-    def half_range(self) -> Floats:
-        """Angle from the middle to first and to last [rad], shape (k,); below pi/2."""
-        across = self.first[:, 0] * self.last[:, 1] - self.first[:, 1] * self.last[:, 0]
-        along = (self.first * self.last).sum(axis=1)
-        return locked(0.5 * np.arctan2(np.abs(across), along))
 
 
 def turn_between(first: Floats, second: Floats) -> Floats:
@@ -133,9 +120,8 @@ class Circle(Outline):
     def contacts_at(self, positions: ArrayLike) -> OutlineContacts:
         """See `Outline`."""
         turn = np.asarray(positions, dtype=np.float64) - math.pi / 2.0
-        outward = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-        inward = locked(-outward)
-        return OutlineContacts(locked(outward), inward, inward)
+        points = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+        return OutlineContacts(locked(points), locked(turn + math.pi), locked(np.zeros_like(turn)))
 
     def worst_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`: 2 x / pi.
@@ -178,8 +164,10 @@ class Square(Outline):
         sides = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])  # counter-clockwise
         number = side.astype(np.int64) % 4
         forward, inward = sides[number], sides[(number + 1) % 4]
-        first = np.where(at_corner[:, None], sides[number], inward)
-        return OutlineContacts(locked(x[:, None] * forward - inward), locked(first), locked(inward))
+        half_range = np.where(at_corner, math.pi / 4.0, 0.0)
+        middle = (number + 1) * (math.pi / 2.0) - half_range
+        points = x[:, None] * forward - inward
+        return OutlineContacts(locked(points), locked(middle), locked(half_range))
 
     def worst_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`.
@@ -334,10 +322,8 @@ class PlanarScan:
         Tilts of the fixed and the scanned finger, + counter-clockwise: ++, +-, -+, --. At corners
         the normals are the extreme ones of the whole range, exterior angle + alpha.
         """
-        values = np.zeros((4, len(self.position)))
-        for row, value, _ in self._evaluated(self._extreme, self.model.friction_angle):
-            values[:, row] = value
-        return locked(values)
+        evaluated = self._evaluated(self._extreme, self.model.friction_angle)
+        return locked(np.stack([np.broadcast_to(value, 4) for value, _ in evaluated], axis=1))
 
     @cached_property
     def epsilon_effective(self) -> Floats:
@@ -408,28 +394,30 @@ class PlanarScan:
 
     def _over(self, choose: NormalChoice, friction_angle: float) -> EpsilonRange:
         """Range over all combinations of chosen normals, whose number may differ by contact."""
-        lowest, highest = np.zeros((2, len(self.position)))
-        all_closed, any_closed = np.zeros((2, len(self.position)), dtype=np.bool_)
-        for row, value, closed in self._evaluated(choose, friction_angle):
-            lowest[row], highest[row] = value.min(), value.max()
-            all_closed[row], any_closed[row] = closed.all(), closed.any()
-        return EpsilonRange(locked(lowest), locked(highest), locked(all_closed), locked(any_closed))
+        rows = [
+            (value.min(), value.max(), closed.all(), closed.any())
+            for value, closed in self._evaluated(choose, friction_angle)
+        ]
+        return EpsilonRange(*(locked(np.array(column)) for column in zip(*rows, strict=True)))
 
     def _evaluated(
         self, choose: NormalChoice, friction_angle: float
-    ) -> Iterator[tuple[int, Floats, Bools]]:
-        """Row of each contact off the fixed point; epsilon and closure, shape (combinations,).
+    ) -> Iterator[tuple[Floats, Bools]]:
+        """Epsilon and closure of each contact, shape (combinations,); one at the fixed point.
 
         The scanned finger's normals run fastest.
         """
         points = self.contacts.points
         first = self._wrenches(0, choose, friction_angle)  # (k1, e, 3)
-        for row in np.flatnonzero((points != points[0]).any(axis=1)).tolist():
+        for row, point in enumerate(points):
+            if (point == points[0]).all():
+                yield np.zeros(1), np.zeros(1, dtype=np.bool_)
+                continue
             second = self._wrenches(row, choose, friction_angle)  # (k2, e, 3)
             pairs = (np.repeat(first, len(second), axis=0), np.tile(second, (len(first), 1, 1)))
             result = epsilon_of_wrenches(np.concatenate(pairs, axis=1))
             closed = result.closed & (result.rank == RANK)
-            yield row, np.where(closed, result.value, 0.0), closed
+            yield np.where(closed, result.value, 0.0), closed
 
     def _wrenches(self, row: int, choose: NormalChoice, beta: float) -> Floats:
         """Wrenches (k, e, 3) of a contact, for each chosen normal: force x, y, torque / scale."""
