@@ -1,7 +1,8 @@
 """Recomputation of the whole paper into one folder: figures, labelled surfaces, numbers."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -28,8 +29,8 @@ OBJECT = "object"
 """Name of a real object in the names of files."""
 SUFFIXES = (".svg", ".png")
 
-SEARCH, FIGURE, SURFACE = 8.0, 1.0, 3.0
-"""Relative durations of the parts, for the progress."""
+SEARCH = 0.3
+"""Part of the duration that the search on a real object takes, for the progress."""
 
 
 @dataclass(frozen=True)
@@ -63,24 +64,21 @@ def write_paper(
     _check(output, [*FIGURES, *(f"surface_{name}" for name in names)])
     mesh = None if object_file is None else load_object(object_file)
     output.mkdir(parents=True, exist_ok=True)
-    done = SEARCH * (mesh is not None)
-    whole = done + FIGURE * len(FIGURES) + SURFACE * len(names)
-    real, paths = list[ScannedObject](), list[Path]()
+    real = list[ScannedObject]()
     if object_file is not None and mesh is not None:
-        with within(0.0, done / whole):
+        with within(0.0, SEARCH):
             real.append(real_object(mesh, object_file.stem, own))
-    for name, draw in FIGURES.items():
-        with unreported():
-            paths += _saved(draw(own), output / name)
-        report_progress((done := done + FIGURE) / whole)
     with unreported():
         scanned = [*solids(own), *real]
     pictures = can_render()
+    figures: dict[str, Callable[[PaperSettings], Figure]] = dict(FIGURES)
     for name, one in zip(names, scanned, strict=True):
+        figures[f"surface_{name}"] = partial(object_figure, one, pictures=pictures)
+    paths = list[Path]()
+    for number, (name, draw) in enumerate(figures.items(), start=1):
         with unreported():
-            figure = object_figure(one, own, pictures=pictures)
-            paths += _saved(figure, output / f"surface_{name}")
-        report_progress((done := done + SURFACE) / whole)
+            paths += _saved(draw(own), output / name)
+        report_progress(SEARCH + (1.0 - SEARCH) * number / len(figures))
     with atomic_write(output / NUMBERS) as part:
         part.write_text(numbers_page(own, scanned), encoding="utf-8")
     paths.append(output / NUMBERS)

@@ -4,11 +4,9 @@ Neither pyplot nor matplotlib's global settings are changed.
 """
 
 import warnings
-from collections.abc import Callable
-from functools import wraps
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_params_from_file, style
@@ -20,9 +18,6 @@ from matplotlib.patches import Patch
 from grasp3d.arrays import ArrayLike, Bytes
 from grasp3d.stability.label import COLORS, MEANING, Label
 from grasp3d.system.files import atomic_write, check_suffix
-
-Parameters = ParamSpec("Parameters")
-Made = TypeVar("Made")
 
 COLUMN = 3.5
 """Width of one column of the paper's journal [inch]."""
@@ -66,15 +61,8 @@ METADATA: dict[str, dict[str, Any]] = {
 """Metadata of each format: no time, so that files are the same bytes each time."""
 
 
-def styled(make: Callable[Parameters, Made]) -> Callable[Parameters, Made]:
-    """Decorate a function that draws: the figures' style applies while it runs, and only then."""
-
-    @wraps(make)
-    def drawn(*arguments: Parameters.args, **options: Parameters.kwargs) -> Made:
-        with style.context(["default", STYLE]):
-            return make(*arguments, **options)
-
-    return drawn
+styled = style.context(["default", STYLE])
+"""Decorator of functions that draw: the figures' style applies while they run, and only then."""
 
 
 @styled
@@ -90,18 +78,17 @@ def new_figure(width: float = PAGE, height: float = 2.6) -> Figure:
     return figure
 
 
-def label_patches(meaning: dict[Label, str] | None = None) -> list[Patch]:
+def label_patches(meaning: dict[Label, str] = MEANING["scan"]) -> list[Patch]:
     """Legend entries of the labels, S first.
 
     Args:
-        meaning: Description of each label; None: as in scans.
+        meaning: Description of each label.
     """
-    descriptions = MEANING["scan"] if meaning is None else meaning
     return [
         Patch(
             facecolor=LABEL_COLORS[label],
             edgecolor="none",
-            label=f"{label.name}  {descriptions[label]}",
+            label=f"{label.name}  {meaning[label]}",
         )
         for label in sorted(Label, reverse=True)
     ]
