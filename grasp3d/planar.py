@@ -10,7 +10,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, locked, short_repr
 from grasp3d.contact.friction_cones import effective_friction
 from grasp3d.errors import SettingError
 from grasp3d.quality.ferrari_canny import epsilon_of_wrenches
-from grasp3d.settings import GraspModel, check_choice, whole_number
+from grasp3d.settings import GraspModel, whole_number
 from grasp3d.settings.checks import check_range
 from grasp3d.stability.angle_distributions import AngleDistribution
 from grasp3d.stability.label import Label
@@ -45,8 +45,6 @@ RANK = 3
 
 FEWEST_POINTS = 8
 FEWEST_EDGES = 2
-
-Kind = Literal["exact", "extremes", "four"]
 
 NormalChoice = Callable[[float], Floats]
 """From the half-range of a contact's normals to the angles about their middle to evaluate [rad]."""
@@ -367,19 +365,15 @@ class PlanarScan:
         """
         return self._over(self._extreme, self.model.friction_angle).labels
 
-    def fractions(self, *, of: Kind = "exact") -> dict[str, float]:
+    def fractions(self, labels: Bytes | None = None) -> dict[str, float]:
         """Fractions of the perimeter that are S, M and U, weighted with `weights`.
 
         Args:
-            of: 'exact': `label`; 'extremes': `label_extremes`; 'four': `label_four`.
-
-        Raises:
-            SettingError: `of` is unknown, or too many normals would have to be tested.
+            labels: Other labels of the points, such as `label_four`; None: `label`.
         """
-        check_choice("kind of labels", of, Kind)
-        labels = getattr(self, "label" if of == "exact" else f"label_{of}")
+        codes = self.label if labels is None else labels
         return {
-            label.name: float(self.weights[labels == label].sum())
+            label.name: float(self.weights[codes == label].sum())
             for label in sorted(Label, reverse=True)
         }
 

@@ -261,7 +261,7 @@ def test_curves_add_up_to_the_closed_form(
 ) -> None:
     found = scan(outline, model(friction, degrees), points=4000)
     exact = outline.fractions(friction=friction, sensor_resolution=degrees * DEGREE)
-    assert found.fractions(of="extremes") == pytest.approx(exact, abs=1e-3)
+    assert found.fractions(found.label_extremes) == pytest.approx(exact, abs=1e-3)
     assert found.fractions() == pytest.approx(exact, abs=1e-3)
 
 
@@ -310,7 +310,7 @@ def test_four_combinations_miss_the_middle_of_the_opposite_side() -> None:
     opposite = np.abs(found.contacts.points[:, 0]) < 2.0 * math.tan(gap)
     opposite &= found.contacts.points[:, 1] > 1.0 - 1e-9
     np.testing.assert_array_equal(wrong & smooth(found), opposite)
-    lost = found.fractions()["M"] - found.fractions(of="four")["M"]
+    lost = found.fractions()["M"] - found.fractions(found.label_four)["M"]
     assert lost == pytest.approx(0.5 * math.tan(gap), abs=1e-3)
 
 
@@ -318,7 +318,9 @@ def test_on_a_circle_four_combinations_stop_growing_at_alpha_of_twice_beta() -> 
     beta = math.atan(0.2)
     for degrees in (25.0, 60.0, 120.0):
         found = scan(Circle(), model(0.2, degrees), points=4000)
-        assert found.fractions(of="four")["M"] == pytest.approx(4.0 * beta / math.pi, abs=1e-3)
+        assert found.fractions(found.label_four)["M"] == pytest.approx(
+            4.0 * beta / math.pi, abs=1e-3
+        )
         assert found.fractions()["M"] > 4.0 * beta / math.pi + 5e-3
 
 

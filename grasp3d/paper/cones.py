@@ -28,7 +28,7 @@ from grasp3d.planar import turn_between
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
 
-OBJECT, DARK = "#F1F1F1", "#333333"
+OBJECT, DARK, FIELD_END = "#F1F1F1", "#333333", LINES[0]["color"]
 UP = math.pi / 2.0
 
 TIP = 0.42
@@ -57,36 +57,28 @@ def tips_figure(sensor: Sensor) -> Figure:
     Args:
         sensor: Receptive field and radius of the round tip [mm].
     """
-    figure, radius = new_figure(PAGE, 2.9), sensor.fingertip_radius
+    figure, size = new_figure(PAGE, 2.9), sensor.receptive_field / sensor.fingertip_radius
+    round_name = f"round tip, radius {sensor.fingertip_radius:g} mm"
+    tips = {"flat tip": Sensor(size, math.inf), round_name: Sensor(size, 1.0)}  # in radii
     handles: list[Any] = []
-    for axes, tip, name, end in zip(
-        figure.subplots(1, 2),
-        (Sensor(sensor.receptive_field, math.inf), sensor),
-        ("flat tip", f"round tip, radius {radius:g} mm"),
-        (radius, UP * radius),
-        strict=True,
-    ):
+    for axes, (name, tip) in zip(figure.subplots(1, 2), tips.items(), strict=True):
         bare(axes)
-        half, field = tip.location_uncertainty, {"color": LINES[1]["color"], "linewidth": 4.0}
-        outline, _ = tip_at(tip, np.linspace(-end, end, 65))
-        outline = np.array([[-radius, -DEEP * radius], *outline, [radius, -DEEP * radius]]) / radius
-        axes.fill(*outline.T, color=OBJECT, linewidth=0.0)
-        axes.plot(*outline.T, color=DARK, linewidth=0.9)
-        handles = axes.plot(*tip_at(tip, np.linspace(-half, half, 33))[0].T / radius, **field)
-        points, normals = tip_at(tip, [-half, 0.0, half])
-        for place, normal, color in zip(
-            points / radius, normals, (LINES[0]["color"], "black", LINES[0]["color"]), strict=True
+        edge, _ = tip_at(tip, np.linspace(-1.0, 1.0, 65) * (1.0 if tip.flat else UP))
+        outline = np.array([[-1.0, -DEEP], *edge, [1.0, -DEEP]])
+        axes.fill(*outline.T, facecolor=OBJECT, edgecolor=DARK, linewidth=0.9)
+        field, _ = tip_at(tip, np.linspace(-0.5 * size, 0.5 * size, 33))
+        handles = axes.plot(*field.T, color=LINES[1]["color"], linewidth=4.0)
+        points, normals = tip_at(tip, [-0.5 * size, 0.0, 0.5 * size])
+        for point, end, color in zip(
+            points, points + NORMAL * normals, (FIELD_END, "black", FIELD_END), strict=True
         ):
-            draw_arrow(axes, place, place + NORMAL * normal, color)
+            draw_arrow(axes, point, end, color)
         axes.set_title(
-            f"{name}\nlocation ± {half:.3g} mm, normals "
-            rf"$\alpha$ = {math.degrees(tip.resolution):.3g}°"
+            f"{name}\nlocation ± {sensor.location_uncertainty:.3g} mm, normals "
+            rf"$\alpha$ = {_degrees(tip.resolution)}"
         )
-        axes.text(0.0, -0.7, f"receptive field\n{tip.receptive_field:.3g} mm", ha="center")
-    handles += [
-        Line2D([], [], color="black", **_ARROW),
-        Line2D([], [], color=LINES[0]["color"], **_ARROW),
-    ]
+        axes.text(0.0, -0.7, f"receptive field\n{sensor.receptive_field:.3g} mm", ha="center")
+    handles += [Line2D([], [], color=color, **_ARROW) for color in ("black", FIELD_END)]
     names = ("contacts not distinguished", "perceived normal", "normals at the ends of the field")
     figure.legend(handles, names, loc="outside lower center", ncols=3)
     return figure
@@ -211,17 +203,9 @@ def at_polar(radius: float, angle: float) -> Floats:
 
 
 def _draw_cone(
-    axes: Axes,
-    tip: Floats,
-    axis: float,
-    half_angle: float,
-    color: str,
-    linestyle: Any,
-    *,
-    length: float = 1.0,
-    opacity: float = 0.22,
-    label: str = "",
-) -> None:
+    axes: Axes, tip: Floats, axis: float, half_angle: float, color: str, linestyle: Any,
+    *, length: float = 1.0, opacity: float = 0.22, label: str = "",
+) -> None:  # fmt: skip
     """Draw a cone at a contact point (2,), about a polar angle, as a wedge."""
     low, high = math.degrees(axis - half_angle), math.degrees(axis + half_angle)
     axes.add_patch(

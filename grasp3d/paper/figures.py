@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -36,9 +37,9 @@ BELOW = (0.0, 0.0, -1.0)
 ELEVATION, ASIDE = 22.0 * DEGREE, 110.0 * DEGREE
 """Camera elevation, and its azimuth from the fixed finger, which is then a little behind the side.
 """
-FROM_BELOW = View(azimuth=38.0 * DEGREE, elevation=ELEVATION)
-UPRIGHT = 0.8
-"""Sine of the elevation of a finger from which it counts as under or on top of the object."""
+UPRIGHT, AZIMUTH = 0.8, 38.0 * DEGREE
+"""Sine of the elevation of a finger from which it counts as under or on top of the object, and the
+camera's azimuth then."""
 
 PIXELS = (720, 720)
 
@@ -57,7 +58,6 @@ class ScannedObject:
 
     name: str
     scans: tuple[SurfaceLabels, ...]
-    view: View
     closed_form: AngleDistribution | None = None
 
 
@@ -65,9 +65,9 @@ def solids(settings: PaperSettings) -> Iterator[ScannedObject]:
     """Scan the sphere, the box and the cylinder, one after another."""
     sphere = load_mesh(trimesh.creation.icosphere(5), max_edge=4.0)
     box = load_mesh(trimesh.creation.box((2.0, 2.0, 2.0)), max_edge=2.0 / 64.0)
-    yield _scanned("sphere", sphere, BELOW, settings, FROM_BELOW, SphereAngles())
-    yield _scanned("box", box, BELOW, settings, FROM_BELOW)
-    yield _scanned("cylinder", _cylinder(), BELOW, settings, FROM_BELOW)
+    yield _scanned("sphere", sphere, BELOW, settings, closed_form=SphereAngles())
+    yield _scanned("box", box, BELOW, settings)
+    yield _scanned("cylinder", _cylinder(), BELOW, settings)
 
 
 def _cylinder() -> ObjectMesh:
@@ -104,9 +104,7 @@ def real_object(mesh: ObjectMesh, name: str, settings: PaperSettings) -> Scanned
     """
     point = best_contact_point(mesh, settings.models[0])
     with unreported():
-        scan = scan_surface(mesh, settings.models[0], fixed=point)
-        normal = scan.partner_normals[scan.distinct[0], 0]
-        return _scanned(name, mesh, point, settings, view_of(normal))
+        return _scanned(name, mesh, point, settings)
 
 
 def best_contact_point(mesh: ObjectMesh, model: GraspModel) -> Floats:
@@ -141,7 +139,7 @@ def view_of(normal: Floats) -> View:
     """
     outward = -normal
     if abs(outward[2]) > UPRIGHT:
-        return View(FROM_BELOW.azimuth, math.copysign(ELEVATION, -outward[2]))
+        return View(AZIMUTH, math.copysign(ELEVATION, -outward[2]))
     return View(math.atan2(outward[1], outward[0]) + ASIDE, ELEVATION)
 
 
@@ -155,12 +153,13 @@ def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: 
     """
     from grasp3d.pictures.stills import draw_labels
 
+    exact, first = scanned.closed_form, scanned.scans[0].distinct[0]
+    view = view_of(scanned.scans[0].partner_normals[first, 0])
     images = [
-        draw_labels(scan, view=scanned.view, size=PIXELS, fixed=scan.partners[scan.distinct[0]])
+        draw_labels(scan, view=view, size=PIXELS, fixed=scan.partners[first])
         for scan in scanned.scans
         if pictures
     ]
-    exact = scanned.closed_form
     return fractions_figure(
         swept(scanned.scans[0].angle_distribution(), scanned.name, settings),
         "area fraction",
@@ -171,17 +170,12 @@ def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: 
 
 
 def _scanned(
-    name: str,
-    mesh: ObjectMesh,
-    fixed: ArrayLike,
-    settings: PaperSettings,
-    view: View,
-    closed_form: AngleDistribution | None = None,
+    name: str, mesh: ObjectMesh, fixed: ArrayLike, settings: PaperSettings, **closed: Any
 ) -> ScannedObject:
     first, *others = settings.models
     scan = scan_surface(mesh, first, fixed=fixed)
     scans = [scan.relabel(sensor_resolution=model.sensor_resolution) for model in others]
-    return ScannedObject(name, (scan, *scans), view, closed_form)
+    return ScannedObject(name, (scan, *scans), **closed)
 
 
 def swept(angles: AngleDistribution, name: str, settings: PaperSettings) -> Sweep:

@@ -121,7 +121,7 @@ def _over(outline: Outline, friction: float) -> str:
             percent(float(scanned.weights[labels != scanned.label].sum()))
             for labels in (scanned.label_four, scanned.label_extremes)
         )
-        parts = scanned.fractions(of="four").items()
+        parts = scanned.fractions(scanned.label_four).items()
         rows.append(
             {
                 "α": _alpha(model),

@@ -62,12 +62,11 @@ def write_paper(
     own = settings or PaperSettings()
     names = [*SOLIDS, *([OBJECT] if object_file is not None else [])]
     _check(output, [*FIGURES, *(f"surface_{name}" for name in names)])
-    mesh = None if object_file is None else load_object(object_file)
-    output.mkdir(parents=True, exist_ok=True)
     real = list[ScannedObject]()
-    if object_file is not None and mesh is not None:
+    if object_file is not None:
         with within(0.0, SEARCH):
-            real.append(real_object(mesh, object_file.stem, own))
+            real.append(real_object(load_object(object_file), object_file.stem, own))
+    output.mkdir(parents=True, exist_ok=True)
     with unreported():
         scanned = [*solids(own), *real]
     pictures = can_render()

@@ -85,12 +85,8 @@ def label_patches(meaning: dict[Label, str] = MEANING["scan"]) -> list[Patch]:
         meaning: Description of each label.
     """
     return [
-        Patch(
-            facecolor=LABEL_COLORS[label],
-            edgecolor="none",
-            label=f"{label.name}  {meaning[label]}",
-        )
-        for label in sorted(Label, reverse=True)
+        Patch(color=LABEL_COLORS[one], linewidth=0.0, label=f"{one.name}  {meaning[one]}")
+        for one in sorted(Label, reverse=True)
     ]
 
 
@@ -130,11 +126,6 @@ def show_picture(axes: Axes, picture: Bytes, title: str, below: str) -> None:
     axes.spines[:].set_visible(False)
     axes.set_title(title)
     axes.set_xlabel(below)
-
-
-def as_text(name: str) -> str:
-    """Escape the bytes of a file name that are not Unicode, which no font can show."""
-    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 @styled

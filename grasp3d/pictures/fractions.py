@@ -12,17 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from grasp3d.arrays import Floats
-from grasp3d.pictures.figures import (
-    LABEL_COLORS,
-    LINES,
-    PAGE,
-    as_text,
-    label_patches,
-    new_figure,
-    styled,
-)
+from grasp3d.pictures.figures import LABEL_COLORS, LINES, PAGE, label_patches, new_figure, styled
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.sweeps import Sweep
+from grasp3d.system.names import as_unicode
 
 PANEL = 1.7
 """Least width of a panel [inch]."""
@@ -127,7 +120,7 @@ def sweep_figure(
                 axes.plot(*_percent_over(member, member.stable[row]), **_MEMBER)
             axes.tick_params(labelleft=row == 0)
         draw_ceiling(panels[-1], [sweep])
-        name = fill(as_text(sweep.name), NAME)
+        name = fill(as_unicode(sweep.name), NAME)
         panels[0].set_ylabel(name, fontweight="bold", parse_math=False)
     for row, axes in enumerate(grid[0, :-1]):
         axes.set_title(f"friction {_row_text(sweeps[0], row)}")
@@ -153,7 +146,7 @@ def meaning_in(sweeps: Sequence[Sweep]) -> dict[Label, str]:
     """
     meaning = MEANING[sweeps[0].mode]
     if len({sweep.mode for sweep in sweeps}) > 1:
-        names = ", ".join(as_text(sweep.name) for sweep in sweeps if sweep.mode == "scan")
+        names = ", ".join(as_unicode(sweep.name) for sweep in sweeps if sweep.mode == "scan")
         searched, scanned = (MEANING[mode][Label.U] for mode in ("label", "scan"))
         meaning = {**meaning, Label.U: f"{searched} (on {names}: {scanned})"}
     return meaning
