@@ -28,9 +28,6 @@ TIE = 1e-10
 """Angles closer than this count as equal; a grasp at its critical angle is not force-closed [rad].
 """
 
-STRAIGHT = 1e-9
-"""Half-range of normals up to which a point is not a corner [rad]."""
-
 TINY = 1e-12
 """Fraction of a perimeter within which a contact is at a corner."""
 
@@ -229,7 +226,7 @@ class EpsilonRange(NamedTuple):
 
 def face_normals(half_range: float) -> Floats:
     """The normals on both sides of a corner and the bisecting one; elsewhere the one normal."""
-    return np.array([-half_range, 0.0, half_range]) if half_range > SAME else np.zeros(1)
+    return np.array([-half_range, 0.0, half_range]) if half_range > 0.0 else np.zeros(1)
 
 
 def tested_normals(half_range: float, tilt: float, friction_angle: float) -> Floats:
@@ -299,7 +296,7 @@ class PlanarScan:
     @cached_property
     def at_corner(self) -> Bools:
         """Whether a point is a corner, with a range of normals, shape (k,)."""
-        return locked(self.contacts.half_range > STRAIGHT)
+        return locked(self.contacts.half_range > 0.0)
 
     @cached_property
     def angle(self) -> Floats:
@@ -476,7 +473,7 @@ def _positions(outline: Outline, points: int) -> Floats:
 
 def _weights(position: Floats, contacts: OutlineContacts, perimeter: float) -> Floats:
     """Fraction of the perimeter nearest to each point, except to corners and the fixed point."""
-    weighted = contacts.half_range <= STRAIGHT
+    weighted = contacts.half_range == 0.0
     weighted[0] = False
     smooth = np.flatnonzero(weighted)
     bounds = 0.5 * (position[smooth[:-1] + 1] + position[smooth[1:] - 1])

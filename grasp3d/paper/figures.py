@@ -1,4 +1,4 @@
-"""Figures 4 to 11 of Wan & Howe 2018, one function each.
+"""Figures 4 to 11 of Wan & Howe 2018, one function each, and their settings.
 
 The scans in space are those of sphere, box, cylinder and a real object, one finger fixed, one
 scanned, which the paper announces as counterparts of its Fig. 7 to 10.
@@ -20,7 +20,6 @@ from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.paper.cones import combinations_figure, cone_figure, tips_figure
 from grasp3d.paper.curves import ceiling_figure, curves_figure, fractions_figure
-from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.pictures.camera import View
 from grasp3d.planar import Circle, Outline, PlanarScan, Square, scan
 from grasp3d.settings import DEGREE, GraspModel
@@ -30,6 +29,13 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
 from grasp3d.surface.sweeps import Sweep, sweep
 from grasp3d.system.context import unreported
+
+WIDEST = 120.0 * DEGREE
+"""Largest resolution of the swept fractions [rad]."""
+STEPS = 480
+"""Steps of the swept resolutions: a quarter of a degree each."""
+COLUMNS = 2
+"""Most resolutions that fit side by side on a page."""
 
 BELOW = (0.0, 0.0, -1.0)
 """Contact point of the first finger on the solids: in the middle underneath, as on the square."""
@@ -50,6 +56,42 @@ AS_GOOD = 2e-3
 
 COMPARED = 24
 """Equally good contact points that are compared by the area fraction S of their scan."""
+
+
+@dataclass(frozen=True)
+class PaperSettings:
+    """Friction, and the resolutions at which curves and pictures are drawn.
+
+    Attributes:
+        friction: Coulomb coefficient, above 0.
+        sensor_resolutions: Resolutions alpha [rad], one or two, each with a column of the figures.
+    """
+
+    friction: float = 1.0
+    sensor_resolutions: tuple[float, ...] = (30.0 * DEGREE, 15.0 * DEGREE)
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.sensor_resolutions) <= COLUMNS:
+            raise SettingError(
+                f"give one or two sensor resolutions; got {len(self.sensor_resolutions)}"
+            )
+        if len(set(self.sensor_resolutions)) < len(self.sensor_resolutions):
+            degrees = ", ".join(f"{math.degrees(angle):g}" for angle in self.sensor_resolutions)
+            raise SettingError(f"sensor resolutions must be different; got {degrees}")
+        _ = self.models
+
+    @property
+    def models(self) -> tuple[GraspModel, ...]:
+        """Models of the one friction at each resolution."""
+        return tuple(
+            GraspModel(friction=self.friction, sensor_resolution=angle)
+            for angle in self.sensor_resolutions
+        )
+
+    @property
+    def swept(self) -> Floats:
+        """Resolutions over which fractions are drawn [rad], shape (k,)."""
+        return np.linspace(0.0, WIDEST, STEPS + 1)
 
 
 @dataclass(frozen=True, eq=False)

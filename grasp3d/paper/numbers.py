@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from grasp3d.contact.sensor import Sensor
-from grasp3d.paper.figures import ScannedObject
-from grasp3d.paper.paper_settings import PaperSettings
+from grasp3d.paper.figures import PaperSettings, ScannedObject
 from grasp3d.planar import Circle, Outline, Square, scan
 from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles, accuracy_ceiling

@@ -22,6 +22,7 @@ from grasp3d.errors import SettingError
 from grasp3d.paper.curves import fractions_figure
 from grasp3d.paper.figures import (
     FIGURES,
+    PaperSettings,
     ScannedObject,
     best_contact_point,
     object_figure,
@@ -31,7 +32,6 @@ from grasp3d.paper.figures import (
     view_of,
 )
 from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page, percent
-from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.pictures.opengl import WINDOW, can_render
 from tests.helpers import shapes
 from tests.helpers.figures import check_texts
