@@ -10,15 +10,15 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, locked, short_repr
 from grasp3d.contact.friction_cones import effective_friction
 from grasp3d.errors import SettingError
 from grasp3d.quality.ferrari_canny import epsilon_of_wrenches
-from grasp3d.settings import GraspModel, check_choice, whole_number
+from grasp3d.settings import GraspModel, whole_number
 from grasp3d.settings.checks import check_range
 from grasp3d.stability.angle_distributions import AngleDistribution
 from grasp3d.stability.label import Label
@@ -27,9 +27,6 @@ from grasp3d.stability.thresholds import label_angles
 TIE = 1e-10
 """Angles closer than this count as equal; a grasp at its critical angle is not force-closed [rad].
 """
-
-STRAIGHT = 1e-9
-"""Half-range of normals up to which a point is not a corner [rad]."""
 
 TINY = 1e-12
 """Fraction of a perimeter within which a contact is at a corner."""
@@ -40,16 +37,11 @@ SAME = 1e-12
 MOST_NORMALS = 64
 """Largest number of normals of one contact, all combined with those of the other."""
 
-PART = 1 << 16
-"""Largest number of wrenches in memory at once."""
-
 RANK = 3
 """Dimensions of planar wrenches; a hull of lower rank is not force-closed."""
 
 FEWEST_POINTS = 8
 FEWEST_EDGES = 2
-
-Kind = Literal["exact", "extremes", "four"]
 
 NormalChoice = Callable[[float], Floats]
 """From the half-range of a contact's normals to the angles about their middle to evaluate [rad]."""
@@ -61,26 +53,13 @@ class OutlineContacts:
 
     points: Floats
     """Relative to the centre of mass, shape (k, 2)."""
-    first: Floats
-    """Unit normals of the outline just before the point, shape (k, 2)."""
-    last: Floats
-    """Unit normals just behind it, shape (k, 2); different from `first` at corners only, where any
-    normal between the two is possible."""
+    middle: Floats
+    """Polar angles of the normals, at corners halfway between those on both sides [rad], (k,)."""
+    half_range: Floats
+    """Angle from there to the normals on both sides [rad], shape (k,); 0 except at corners, where
+    any normal between the two is possible."""
 
     __repr__ = short_repr
-
-    @cached_property
-    def middle(self) -> Floats:
-        """Polar angles of the normals halfway between first and last [rad], shape (k,)."""
-        between = self.first + self.last
-        return locked(np.arctan2(between[:, 1], between[:, 0]))
-
-    @cached_property
-    def half_range(self) -> Floats:
-        """Angle from the middle to first and to last [rad], shape (k,); below pi/2."""
-        across = self.first[:, 0] * self.last[:, 1] - self.first[:, 1] * self.last[:, 0]
-        along = (self.first * self.last).sum(axis=1)
-        return locked(0.5 * np.arctan2(np.abs(across), along))
 
 
 def turn_between(first: Floats, second: Floats) -> Floats:
@@ -136,9 +115,8 @@ class Circle(Outline):
     def contacts_at(self, positions: ArrayLike) -> OutlineContacts:
         """See `Outline`."""
         turn = np.asarray(positions, dtype=np.float64) - math.pi / 2.0
-        outward = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-        inward = locked(-outward)
-        return OutlineContacts(locked(outward), inward, inward)
+        points = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+        return OutlineContacts(locked(points), locked(turn + math.pi), locked(np.zeros_like(turn)))
 
     def worst_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`: 2 x / pi.
@@ -181,8 +159,10 @@ class Square(Outline):
         sides = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])  # counter-clockwise
         number = side.astype(np.int64) % 4
         forward, inward = sides[number], sides[(number + 1) % 4]
-        first = np.where(at_corner[:, None], sides[number], inward)
-        return OutlineContacts(locked(x[:, None] * forward - inward), locked(first), locked(inward))
+        half_range = np.where(at_corner, math.pi / 4.0, 0.0)
+        middle = (number + 1) * (math.pi / 2.0) - half_range
+        points = x[:, None] * forward - inward
+        return OutlineContacts(locked(points), locked(middle), locked(half_range))
 
     def worst_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`.
@@ -246,7 +226,7 @@ class EpsilonRange(NamedTuple):
 
 def face_normals(half_range: float) -> Floats:
     """The normals on both sides of a corner and the bisecting one; elsewhere the one normal."""
-    return np.array([-half_range, 0.0, half_range]) if half_range > SAME else np.zeros(1)
+    return np.array([-half_range, 0.0, half_range]) if half_range > 0.0 else np.zeros(1)
 
 
 def tested_normals(half_range: float, tilt: float, friction_angle: float) -> Floats:
@@ -316,7 +296,7 @@ class PlanarScan:
     @cached_property
     def at_corner(self) -> Bools:
         """Whether a point is a corner, with a range of normals, shape (k,)."""
-        return locked(self.contacts.half_range > STRAIGHT)
+        return locked(self.contacts.half_range > 0.0)
 
     @cached_property
     def angle(self) -> Floats:
@@ -337,10 +317,8 @@ class PlanarScan:
         Tilts of the fixed and the scanned finger, + counter-clockwise: ++, +-, -+, --. At corners
         the normals are the extreme ones of the whole range, exterior angle + alpha.
         """
-        values = np.zeros((4, len(self.position)))
-        for part, value, _ in self._evaluated(self._extreme, self.model.friction_angle):
-            values[:, part] = value.T
-        return locked(values)
+        evaluated = self._evaluated(self._extreme, self.model.friction_angle)
+        return locked(np.stack([np.broadcast_to(value, 4) for value, _ in evaluated], axis=1))
 
     @cached_property
     def epsilon_effective(self) -> Floats:
@@ -384,19 +362,15 @@ class PlanarScan:
         """
         return self._over(self._extreme, self.model.friction_angle).labels
 
-    def fractions(self, *, of: Kind = "exact") -> dict[str, float]:
+    def fractions(self, labels: Bytes | None = None) -> dict[str, float]:
         """Fractions of the perimeter that are S, M and U, weighted with `weights`.
 
         Args:
-            of: 'exact': `label`; 'extremes': `label_extremes`; 'four': `label_four`.
-
-        Raises:
-            SettingError: `of` is unknown, or too many normals would have to be tested.
+            labels: Other labels of the points, such as `label_four`; None: `label`.
         """
-        check_choice("kind of labels", of, Kind)
-        labels = getattr(self, "label" if of == "exact" else f"label_{of}")
+        codes = self.label if labels is None else labels
         return {
-            label.name: float(self.weights[labels == label].sum())
+            label.name: float(self.weights[codes == label].sum())
             for label in sorted(Label, reverse=True)
         }
 
@@ -411,46 +385,38 @@ class PlanarScan:
 
     def _over(self, choose: NormalChoice, friction_angle: float) -> EpsilonRange:
         """Range over all combinations of chosen normals, whose number may differ by contact."""
-        lowest, highest = np.zeros((2, len(self.position)))
-        all_closed, any_closed = np.zeros((2, len(self.position)), dtype=np.bool_)
-        for part, value, closed in self._evaluated(choose, friction_angle):
-            lowest[part], highest[part] = value.min(axis=1), value.max(axis=1)
-            all_closed[part], any_closed[part] = closed.all(axis=1), closed.any(axis=1)
-        return EpsilonRange(locked(lowest), locked(highest), locked(all_closed), locked(any_closed))
+        rows = [
+            (value.min(), value.max(), closed.all(), closed.any())
+            for value, closed in self._evaluated(choose, friction_angle)
+        ]
+        return EpsilonRange(*(locked(np.array(column)) for column in zip(*rows, strict=True)))
 
     def _evaluated(
         self, choose: NormalChoice, friction_angle: float
-    ) -> Iterator[tuple[Ints, Floats, Bools]]:
-        """Rows (m,) of contacts off the fixed point; epsilon and closure, (m, combinations).
+    ) -> Iterator[tuple[Floats, Bools]]:
+        """Epsilon and closure of each contact, shape (combinations,); one at the fixed point.
 
         The scanned finger's normals run fastest.
         """
         points = self.contacts.points
-        index = np.flatnonzero((points != points[0]).any(axis=1))
-        first = self._wrenches(np.array([0]), choose, friction_angle)  # (1, k1, e, 3)
-        half_ranges = np.round(self.contacts.half_range[index], 12)  # groups of equal corners
-        for half in np.unique(half_ranges):
-            group = index[half_ranges == half]
-            count = first.shape[1] * len(choose(float(half))) * 2 * self.edges
-            for start in range(0, len(group), max(1, PART // count)):
-                part = group[start : start + max(1, PART // count)]
-                second = self._wrenches(part, choose, friction_angle)  # (m, k2, e, 3)
-                shape = (len(part), first.shape[1], *second.shape[1:])
-                pair = [np.broadcast_to(first[:, :, None], shape)]
-                pair.append(np.broadcast_to(second[:, None], shape))
-                result = epsilon_of_wrenches(np.concatenate(pair, axis=-2))
-                closed = result.closed & (result.rank == RANK)
-                value = np.where(closed, result.value, 0.0)
-                yield part, value.reshape(len(part), -1), closed.reshape(len(part), -1)
+        first = self._wrenches(0, choose, friction_angle)  # (k1, e, 3)
+        for row, point in enumerate(points):
+            if (point == points[0]).all():
+                yield np.zeros(1), np.zeros(1, dtype=np.bool_)
+                continue
+            second = self._wrenches(row, choose, friction_angle)  # (k2, e, 3)
+            pairs = (np.repeat(first, len(second), axis=0), np.tile(second, (len(first), 1, 1)))
+            result = epsilon_of_wrenches(np.concatenate(pairs, axis=1))
+            closed = result.closed & (result.rank == RANK)
+            yield np.where(closed, result.value, 0.0), closed
 
-    def _wrenches(self, index: Ints, choose: NormalChoice, beta: float) -> Floats:
-        """Wrenches (m, k, e, 3) of contacts of one half-range: force x, y, torque / scale."""
+    def _wrenches(self, row: int, choose: NormalChoice, beta: float) -> Floats:
+        """Wrenches (k, e, 3) of a contact, for each chosen normal: force x, y, torque / scale."""
         contacts = self.contacts
-        offsets = choose(float(contacts.half_range[index[0]]))
-        spread = np.linspace(-beta, beta, self.edges)
-        turn = (contacts.middle[index, None] + offsets)[..., None] + spread  # (m, k, e)
-        force = np.stack([np.cos(turn), np.sin(turn)])
-        x, y = contacts.points[index].T[..., None, None] / self.outline.torque_scale
+        middles = contacts.middle[row] + choose(float(contacts.half_range[row]))
+        turn = middles[:, None] + np.linspace(-beta, beta, self.edges)  # (k, e)
+        force = np.cos(turn), np.sin(turn)
+        x, y = contacts.points[row] / self.outline.torque_scale
         return np.stack([*force, x * force[1] - y * force[0]], axis=-1)
 
 
@@ -507,7 +473,7 @@ def _positions(outline: Outline, points: int) -> Floats:
 
 def _weights(position: Floats, contacts: OutlineContacts, perimeter: float) -> Floats:
     """Fraction of the perimeter nearest to each point, except to corners and the fixed point."""
-    weighted = contacts.half_range <= STRAIGHT
+    weighted = contacts.half_range == 0.0
     weighted[0] = False
     smooth = np.flatnonzero(weighted)
     bounds = 0.5 * (position[smooth[:-1] + 1] + position[smooth[1:] - 1])

@@ -56,8 +56,7 @@ from grasp3d._kernels.hull.support_functions import ROWS, WrenchSpace
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.outcomes.figure import validation_figure
 from grasp3d.outcomes.success import success_rate
-from grasp3d.paper.figures import FIGURES
-from grasp3d.paper.paper_settings import PaperSettings
+from grasp3d.paper.figures import FIGURES, PaperSettings
 from grasp3d.pictures.camera import MARGIN, View
 from grasp3d.pictures.captions import BOLD, PLAIN
 from grasp3d.pictures.figures import (
@@ -387,7 +386,7 @@ def draw_meshes(path: Path) -> None:
 
 
 def draw_paper(path: Path) -> None:
-    """Figures of Wan & Howe 2018 and, of uncertainties that they name only, two more."""
+    """Figures of Wan & Howe 2018."""
     for name, draw in PAPER.items():
         draw(PaperSettings()).savefig(path.with_stem(name), dpi=DPI)
 

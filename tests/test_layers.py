@@ -60,7 +60,7 @@ ENGINES = {
     "psutil": {"batch"},
     "cloudpickle": {"batch"},
     "pyarrow": {"system.tables"},
-    "matplotlib": {"outcomes.figure", "pictures"},
+    "matplotlib": {"outcomes.figure", "paper", "pictures"},
     "pyvista": {"mesh", "surface", "pictures", "viewer"},
     "vtkmodules": {"formats", "pictures", "viewer"},
     "trame": {"viewer"},

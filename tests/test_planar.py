@@ -11,7 +11,7 @@ from scipy.spatial import QhullError
 
 from grasp3d import Contacts, GraspModel, Label, classify
 from grasp3d.errors import SettingError
-from grasp3d.planar import Circle, Outline, PlanarScan, Square, scan
+from grasp3d.planar import Circle, Outline, OutlineContacts, PlanarScan, Square, scan
 from tests.helpers import oracles, shapes
 
 Floats = NDArray[np.float64]
@@ -71,6 +71,12 @@ def smooth(found: PlanarScan) -> NDArray[np.bool_]:
     return found.weights > 0.0
 
 
+def normals(contacts: OutlineContacts, side: float = 0.0) -> Floats:
+    """Unit normals, at corners the middle ones, or those before (-1) or behind (1) it."""
+    turn = contacts.middle + side * contacts.half_range
+    return np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+
+
 # The definition, sampled
 
 
@@ -82,7 +88,8 @@ def test_fractions_agree_with_the_definition(outline: Outline) -> None:
     d = contacts.points - fixed.points
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     squeeze, expand = (
-        np.maximum(off(fixed.first, sign * d), off(contacts.first, -sign * d)) for sign in (1, -1)
+        np.maximum(off(normals(fixed), sign * d), off(normals(contacts), -sign * d))
+        for sign in (1, -1)
     )
     sampled = np.minimum(squeeze, expand)
     angles = np.radians(np.arange(3.0, 180.0, 4.0)).reshape(3, 15)  # 90 itself decides a side
@@ -97,7 +104,7 @@ def test_critical_angles_of_a_scan_agree_with_the_definition(outline: Outline) -
     found = scan(outline, points=60)
     point, normal = np.array([0.0, -1.0, 0.0]), np.array([0.0, 1.0, 0.0])
     for row in np.flatnonzero(smooth(found)):
-        p, n = (np.append(v[row], 0.0) for v in (found.contacts.points, found.contacts.first))
+        p, n = (np.append(v[row], 0.0) for v in (found.contacts.points, normals(found.contacts)))
         expected = oracles.critical_angle(point, normal, p, n)
         assert found.critical_angle[row] == pytest.approx(expected, abs=1e-7)
         assert found.critical_angle_best[row] == pytest.approx(expected, abs=1e-7)
@@ -146,11 +153,11 @@ def test_contacts_go_round_counter_clockwise_with_normals_inward() -> None:
         found.points, [(0, -1), (0.5, -1), (1, -1), (1, 0), (0, 1), (-1, -1)], atol=1e-15
     )
     up, left, right, down = (0.0, 1.0), (-1.0, 0.0), (1.0, 0.0), (0.0, -1.0)
-    np.testing.assert_allclose(found.first, [up, up, up, left, down, right], atol=1e-15)
-    np.testing.assert_allclose(found.last, [up, up, left, left, down, up], atol=1e-15)
+    np.testing.assert_allclose(normals(found, -1.0), [up, up, up, left, down, right], atol=1e-15)
+    np.testing.assert_allclose(normals(found, 1.0), [up, up, left, left, down, up], atol=1e-15)
     around = Circle().contacts_at([0.0, 0.5 * math.pi, math.pi])
     np.testing.assert_allclose(around.points, [(0, -1), (1, 0), (0, 1)], atol=1e-15)
-    np.testing.assert_allclose(around.first, [up, left, down], atol=1e-15)
+    np.testing.assert_allclose(normals(around), [up, left, down], atol=1e-15)
 
 
 # Epsilon
@@ -172,7 +179,7 @@ def slow_epsilon(found: PlanarScan, row: int, tilts: tuple[float, float], beta: 
     scale = float(np.hypot(*found.contacts.points.T).max())
     bodies = []
     for contact, tilt in zip((0, row), tilts, strict=True):
-        normal = found.contacts.first[contact] + found.contacts.last[contact]
+        normal = normals(found.contacts)[contact]
         point = found.contacts.points[contact]
         bodies.append(rows_of(point, normal, tilt, beta, found.edges, scale))
     try:
@@ -254,7 +261,7 @@ def test_curves_add_up_to_the_closed_form(
 ) -> None:
     found = scan(outline, model(friction, degrees), points=4000)
     exact = outline.fractions(friction=friction, sensor_resolution=degrees * DEGREE)
-    assert found.fractions(of="extremes") == pytest.approx(exact, abs=1e-3)
+    assert found.fractions(found.label_extremes) == pytest.approx(exact, abs=1e-3)
     assert found.fractions() == pytest.approx(exact, abs=1e-3)
 
 
@@ -283,7 +290,7 @@ def test_four_combinations_differ_where_a_line_passes_between_the_extreme_cones(
     sure = ~near_threshold(found)
     for sign in (1.0, -1.0):
         offs = np.stack(
-            [off(found.contacts.first[:1], sign * d), off(found.contacts.first, -sign * d)]
+            [off(normals(found.contacts)[:1], sign * d), off(normals(found.contacts), -sign * d)]
         )
         closed = (offs < beta + tilt).all(axis=0) & (offs > tilt - beta).all(axis=0)
         missed &= ~closed
@@ -303,7 +310,7 @@ def test_four_combinations_miss_the_middle_of_the_opposite_side() -> None:
     opposite = np.abs(found.contacts.points[:, 0]) < 2.0 * math.tan(gap)
     opposite &= found.contacts.points[:, 1] > 1.0 - 1e-9
     np.testing.assert_array_equal(wrong & smooth(found), opposite)
-    lost = found.fractions()["M"] - found.fractions(of="four")["M"]
+    lost = found.fractions()["M"] - found.fractions(found.label_four)["M"]
     assert lost == pytest.approx(0.5 * math.tan(gap), abs=1e-3)
 
 
@@ -311,7 +318,9 @@ def test_on_a_circle_four_combinations_stop_growing_at_alpha_of_twice_beta() -> 
     beta = math.atan(0.2)
     for degrees in (25.0, 60.0, 120.0):
         found = scan(Circle(), model(0.2, degrees), points=4000)
-        assert found.fractions(of="four")["M"] == pytest.approx(4.0 * beta / math.pi, abs=1e-3)
+        assert found.fractions(found.label_four)["M"] == pytest.approx(
+            4.0 * beta / math.pi, abs=1e-3
+        )
         assert found.fractions()["M"] > 4.0 * beta / math.pi + 5e-3
 
 
@@ -410,9 +419,9 @@ def in_space(vectors: Floats) -> Floats:
 def test_labels_agree_with_those_of_contacts_in_space(outline: Outline) -> None:
     found = scan(outline, model(0.7, 20.0), points=200)
     rows = np.flatnonzero(smooth(found))
-    points, normals = (
+    points, inward = (
         in_space(np.stack([np.broadcast_to(values[0], values[rows].shape), values[rows]], axis=1))
-        for values in (found.contacts.points, found.contacts.first)
+        for values in (found.contacts.points, normals(found.contacts))
     )
-    space = classify(Contacts(points, normals, 0.7), found.model.sensor_resolution).label
+    space = classify(Contacts(points, inward, 0.7), found.model.sensor_resolution).label
     np.testing.assert_array_equal(found.label[rows], space)

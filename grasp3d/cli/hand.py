@@ -32,8 +32,7 @@ def run(command: Hand, report: Report) -> int:
         print_known(report)
         return 0
     from grasp3d.pictures.figures import METADATA, save_as
-    from grasp3d.pictures.grippers import frames_figure, gripper_figure
-    from grasp3d.pictures.hands import hand_figure
+    from grasp3d.pictures.hands import frames_figure, gripper_figure, hand_figure
 
     # The description that was read is replaced only with --overwrite.
     command.check_output(command.output, [".json"], "gripper")

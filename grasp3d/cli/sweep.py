@@ -69,7 +69,7 @@ def run(command: Sweep, report: Report) -> int:
     if shown:
         drawn = sweep_figure(shown, members=members if mean else (), fractions=fractions)
         save_as(drawn, figure)
-    _print_sweeps(report, every, fractions)
+        _print_sweeps(report, every, fractions)
     report.lines(failures.values(), FAILED)
     report.warnings(f"{mesh.name}: {line}" for mesh in swept for line in mesh.warnings)
     if failures:
@@ -108,11 +108,9 @@ def _print_sweeps(report: Report, sweeps: Sequence[Fractions], required: list[fl
 
     Args:
         report: Where to print.
-        sweeps: Of shapes and meshes.
+        sweeps: Of shapes and meshes, at least one.
         required: Area fractions of S for which the required resolution is printed.
     """
-    if not sweeps:
-        return
     resolutions = sweeps[0].sensor_resolution
     some = np.linspace(0, len(resolutions) - 1, min(len(resolutions), COLUMNS)).astype(int)
     headings = [f"S/M/U, %\n{math.degrees(resolutions[one]):.4g}°" for one in some]

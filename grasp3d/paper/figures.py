@@ -1,4 +1,4 @@
-"""Figures 4 to 11 of Wan & Howe 2018, one function each.
+"""Figures 4 to 11 of Wan & Howe 2018, one function each, and their settings.
 
 The scans in space are those of sphere, box, cylinder and a real object, one finger fixed, one
 scanned, which the paper announces as counterparts of its Fig. 7 to 10.
@@ -8,24 +8,19 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
+from matplotlib.figure import Figure
 
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh, load_mesh
-from grasp3d.paper.paper_settings import PaperSettings
+from grasp3d.paper.cones import combinations_figure, cone_figure, tips_figure
+from grasp3d.paper.curves import ceiling_figure, curves_figure, fractions_figure
 from grasp3d.pictures.camera import View
-from grasp3d.pictures.cones import combinations_figure, cone_figure, tips_figure
-from grasp3d.pictures.curves import curves_figure
-from grasp3d.pictures.figures import Drawing
-from grasp3d.pictures.fractions import (
-    ceiling_figure,
-    fractions_figure,
-    surface_figure,
-)
 from grasp3d.planar import Circle, Outline, PlanarScan, Square, scan
 from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
@@ -35,15 +30,22 @@ from grasp3d.surface.scanning import scan_surface
 from grasp3d.surface.sweeps import Sweep, sweep
 from grasp3d.system.context import unreported
 
+WIDEST = 120.0 * DEGREE
+"""Largest resolution of the swept fractions [rad]."""
+STEPS = 480
+"""Steps of the swept resolutions: a quarter of a degree each."""
+COLUMNS = 2
+"""Most resolutions that fit side by side on a page."""
+
 BELOW = (0.0, 0.0, -1.0)
 """Contact point of the first finger on the solids: in the middle underneath, as on the square."""
 
 ELEVATION, ASIDE = 22.0 * DEGREE, 110.0 * DEGREE
 """Camera elevation, and its azimuth from the fixed finger, which is then a little behind the side.
 """
-FROM_BELOW = View(azimuth=38.0 * DEGREE, elevation=ELEVATION)
-UPRIGHT = 0.8
-"""Sine of the elevation of a finger from which it counts as under or on top of the object."""
+UPRIGHT, AZIMUTH = 0.8, 38.0 * DEGREE
+"""Sine of the elevation of a finger from which it counts as under or on top of the object, and the
+camera's azimuth then."""
 
 PIXELS = (720, 720)
 
@@ -56,13 +58,48 @@ COMPARED = 24
 """Equally good contact points that are compared by the area fraction S of their scan."""
 
 
+@dataclass(frozen=True)
+class PaperSettings:
+    """Friction, and the resolutions at which curves and pictures are drawn.
+
+    Attributes:
+        friction: Coulomb coefficient, above 0.
+        sensor_resolutions: Resolutions alpha [rad], one or two, each with a column of the figures.
+    """
+
+    friction: float = 1.0
+    sensor_resolutions: tuple[float, ...] = (30.0 * DEGREE, 15.0 * DEGREE)
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.sensor_resolutions) <= COLUMNS:
+            raise SettingError(
+                f"give one or two sensor resolutions; got {len(self.sensor_resolutions)}"
+            )
+        if len(set(self.sensor_resolutions)) < len(self.sensor_resolutions):
+            degrees = ", ".join(f"{math.degrees(angle):g}" for angle in self.sensor_resolutions)
+            raise SettingError(f"sensor resolutions must be different; got {degrees}")
+        _ = self.models
+
+    @property
+    def models(self) -> tuple[GraspModel, ...]:
+        """Models of the one friction at each resolution."""
+        return tuple(
+            GraspModel(friction=self.friction, sensor_resolution=angle)
+            for angle in self.sensor_resolutions
+        )
+
+    @property
+    def swept(self) -> Floats:
+        """Resolutions over which fractions are drawn [rad], shape (k,)."""
+        return np.linspace(0.0, WIDEST, STEPS + 1)
+
+
 @dataclass(frozen=True, eq=False)
 class ScannedObject:
     """An object with one finger fixed, labelled at each resolution."""
 
     name: str
     scans: tuple[SurfaceLabels, ...]
-    view: View
     closed_form: AngleDistribution | None = None
 
 
@@ -70,9 +107,9 @@ def solids(settings: PaperSettings) -> Iterator[ScannedObject]:
     """Scan the sphere, the box and the cylinder, one after another."""
     sphere = load_mesh(trimesh.creation.icosphere(5), max_edge=4.0)
     box = load_mesh(trimesh.creation.box((2.0, 2.0, 2.0)), max_edge=2.0 / 64.0)
-    yield _scanned("sphere", sphere, BELOW, settings, FROM_BELOW, SphereAngles())
-    yield _scanned("box", box, BELOW, settings, FROM_BELOW)
-    yield _scanned("cylinder", _cylinder(), BELOW, settings, FROM_BELOW)
+    yield _scanned("sphere", sphere, BELOW, settings, closed_form=SphereAngles())
+    yield _scanned("box", box, BELOW, settings)
+    yield _scanned("cylinder", _cylinder(), BELOW, settings)
 
 
 def _cylinder() -> ObjectMesh:
@@ -109,9 +146,7 @@ def real_object(mesh: ObjectMesh, name: str, settings: PaperSettings) -> Scanned
     """
     point = best_contact_point(mesh, settings.models[0])
     with unreported():
-        scan = scan_surface(mesh, settings.models[0], fixed=point)
-        normal = scan.partner_normals[scan.distinct[0], 0]
-        return _scanned(name, mesh, point, settings, view_of(normal))
+        return _scanned(name, mesh, point, settings)
 
 
 def best_contact_point(mesh: ObjectMesh, model: GraspModel) -> Floats:
@@ -146,11 +181,11 @@ def view_of(normal: Floats) -> View:
     """
     outward = -normal
     if abs(outward[2]) > UPRIGHT:
-        return View(FROM_BELOW.azimuth, math.copysign(ELEVATION, -outward[2]))
+        return View(AZIMUTH, math.copysign(ELEVATION, -outward[2]))
     return View(math.atan2(outward[1], outward[0]) + ASIDE, ELEVATION)
 
 
-def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: bool) -> Drawing:
+def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: bool) -> Figure:
     """Draw the labelled surface at each resolution, and the area fractions over all resolutions.
 
     Args:
@@ -160,32 +195,29 @@ def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: 
     """
     from grasp3d.pictures.stills import draw_labels
 
+    exact, first = scanned.closed_form, scanned.scans[0].distinct[0]
+    view = view_of(scanned.scans[0].partner_normals[first, 0])
     images = [
-        draw_labels(scan, view=scanned.view, size=PIXELS, fixed=scan.partners[scan.distinct[0]])
+        draw_labels(scan, view=view, size=PIXELS, fixed=scan.partners[first])
         for scan in scanned.scans
         if pictures
     ]
-    exact = scanned.closed_form
-    return surface_figure(
-        scanned.scans,
-        images,
+    return fractions_figure(
         swept(scanned.scans[0].angle_distribution(), scanned.name, settings),
+        "area fraction",
+        scans=scanned.scans,
+        pictures=images,
         closed_form=None if exact is None else swept(exact, scanned.name, settings),
     )
 
 
 def _scanned(
-    name: str,
-    mesh: ObjectMesh,
-    fixed: ArrayLike,
-    settings: PaperSettings,
-    view: View,
-    closed_form: AngleDistribution | None = None,
+    name: str, mesh: ObjectMesh, fixed: ArrayLike, settings: PaperSettings, **closed: Any
 ) -> ScannedObject:
     first, *others = settings.models
     scan = scan_surface(mesh, first, fixed=fixed)
     scans = [scan.relabel(sensor_resolution=model.sensor_resolution) for model in others]
-    return ScannedObject(name, (scan, *scans), view, closed_form)
+    return ScannedObject(name, (scan, *scans), **closed)
 
 
 def swept(angles: AngleDistribution, name: str, settings: PaperSettings) -> Sweep:
@@ -208,15 +240,13 @@ TIP = Sensor(receptive_field=4.0, fingertip_radius=10.0)
 """The paper's hemispherical tip, with the receptive field that it needs at friction 0.2 [mm]."""
 
 
-FIGURES: dict[str, Callable[[PaperSettings], Drawing]] = {
+FIGURES: dict[str, Callable[[PaperSettings], Figure]] = {
     "figure_04": lambda _: tips_figure(TIP),
     "figure_05": lambda _: cone_figure(CONE_MODEL),
     "figure_06": lambda _: combinations_figure(CONE_MODEL),
-    "figure_07": lambda own: curves_figure(_scans(Circle(), own), over="angle"),
+    "figure_07": lambda own: curves_figure(_scans(Circle(), own)),
     "figure_08": lambda own: fractions_figure(swept(Circle(), "circle", own)),
-    "figure_09": lambda own: curves_figure(
-        _scans(Square(), own), over="position", unit="half sides"
-    ),
+    "figure_09": lambda own: curves_figure(_scans(Square(), own)),
     "figure_10": lambda own: fractions_figure(swept(Square(), "square", own)),
     # The paper's curve is that of the sphere, by area; the others are for comparison.
     "figure_11": lambda own: ceiling_figure(

@@ -4,28 +4,20 @@ Neither pyplot nor matplotlib's global settings are changed.
 """
 
 import warnings
-from collections.abc import Callable, Mapping
-from functools import wraps
 from importlib.resources import files
-from io import BytesIO
 from pathlib import Path
-from typing import Any, ParamSpec, TypeAlias, TypeVar
+from typing import Any
 
+import numpy as np
 from matplotlib import rc_params_from_file, style
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from grasp3d.arrays import Bytes
+from grasp3d.arrays import ArrayLike, Bytes
 from grasp3d.stability.label import COLORS, MEANING, Label
 from grasp3d.system.files import atomic_write, check_suffix
-
-Parameters = ParamSpec("Parameters")
-Made = TypeVar("Made")
-
-Drawing: TypeAlias = Figure
-"""Type of figures for modules that only save them."""
 
 COLUMN = 3.5
 """Width of one column of the paper's journal [inch]."""
@@ -40,15 +32,17 @@ LABEL_COLORS: dict[Label, str] = {
     label: "#{:02X}{:02X}{:02X}".format(*color) for label, color in COLORS.items()
 }
 
-LINES: tuple[dict[str, Any], ...] = (
-    {"color": "#0072B2", "linestyle": "-"},
-    {"color": "#CC79A7", "linestyle": (0, (5, 1.5))},
-    {"color": "#56B4E9", "linestyle": (0, (5, 1.5, 1, 1.5))},
-    {"color": "#7F3C8D", "linestyle": (0, (1, 1.2))},
-    {"color": "#8C6D1F", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
+_COLORS = ("#0072B2", "#CC79A7", "#56B4E9", "#7F3C8D", "#8C6D1F")
+_DASHES: tuple[Any, ...] = (
+    "-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1, 1.2)), (0, (3, 1, 1, 1, 1, 1)),
+)  # fmt: skip
+LINES: tuple[dict[str, Any], ...] = tuple(
+    {"color": _COLORS[number], "linestyle": _DASHES[(number + turn) % len(_DASHES)]}
+    for turn in range(len(_DASHES))
+    for number in range(len(_COLORS))
 )
-"""Styles of curves: distinct in dashes as well, and in colour from the labels."""
-
+"""Styles of curves: the first five are distinct in dashes as well, and all in colour from labels.
+"""
 
 DPI = 300
 
@@ -67,15 +61,8 @@ METADATA: dict[str, dict[str, Any]] = {
 """Metadata of each format: no time, so that files are the same bytes each time."""
 
 
-def styled(make: Callable[Parameters, Made]) -> Callable[Parameters, Made]:
-    """Decorate a function that draws: the figures' style applies while it runs, and only then."""
-
-    @wraps(make)
-    def drawn(*arguments: Parameters.args, **options: Parameters.kwargs) -> Made:
-        with style.context(["default", STYLE]):
-            return make(*arguments, **options)
-
-    return drawn
+styled = style.context(["default", STYLE])
+"""Decorator of functions that draw: the figures' style applies while they run, and only then."""
 
 
 @styled
@@ -91,20 +78,15 @@ def new_figure(width: float = PAGE, height: float = 2.6) -> Figure:
     return figure
 
 
-def label_patches(meaning: dict[Label, str] | None = None) -> list[Patch]:
+def label_patches(meaning: dict[Label, str] = MEANING["scan"]) -> list[Patch]:
     """Legend entries of the labels, S first.
 
     Args:
-        meaning: Description of each label; None: as in scans.
+        meaning: Description of each label.
     """
-    descriptions = MEANING["scan"] if meaning is None else meaning
     return [
-        Patch(
-            facecolor=LABEL_COLORS[label],
-            edgecolor="none",
-            label=f"{label.name}  {descriptions[label]}",
-        )
-        for label in sorted(Label, reverse=True)
+        Patch(color=LABEL_COLORS[one], linewidth=0.0, label=f"{one.name}  {meaning[one]}")
+        for one in sorted(Label, reverse=True)
     ]
 
 
@@ -112,6 +94,28 @@ def bare(axes: Axes) -> None:
     """Hide the axes' lines, ticks and labels, and scale both directions equally."""
     axes.set_axis_off()
     axes.set_aspect("equal")
+
+
+def draw_arrow(
+    axes: Axes, start: ArrayLike, end: ArrayLike, color: str, name: str = "", **options: Any
+) -> None:
+    """Draw an arrow from one point (2,) to another, where its name is written.
+
+    Args:
+        axes: Axes to draw on.
+        start: Its tail.
+        end: Its tip, or the middle of the name.
+        color: Of both.
+        name: Its name.
+        options: Further options of the text.
+    """
+    tail, tip = np.asarray([start, end]).tolist()
+    axes.update_datalim([tail, tip])
+    arrow = {"arrowstyle": "<|-", "color": color, "linewidth": 1.2, "shrinkA": 0.0, "shrinkB": 0.0}
+    axes.annotate(
+        name, tail, tip, color=color, ha="center", va="center", zorder=9, fontsize=7.0,
+        arrowprops={**arrow, "mutation_scale": 7.0}, **options,
+    )  # fmt: skip
 
 
 def show_picture(axes: Axes, picture: Bytes, title: str, below: str) -> None:
@@ -122,16 +126,6 @@ def show_picture(axes: Axes, picture: Bytes, title: str, below: str) -> None:
     axes.spines[:].set_visible(False)
     axes.set_title(title)
     axes.set_xlabel(below)
-
-
-def fractions_text(fractions: Mapping[str, float]) -> str:
-    """Fractions of S, M and U as a line of text."""
-    return "   ".join(f"{name} {100.0 * value:.1f} %" for name, value in fractions.items())
-
-
-def as_text(name: str) -> str:
-    """Escape the bytes of a file name that are not Unicode, which no font can show."""
-    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 @styled
@@ -147,31 +141,7 @@ def save_as(figure: Figure, path: Path) -> None:
     """
     check_suffix(path, METADATA, "figure")
     suffix = path.suffix.lower()
-    with atomic_write(path) as part:
-        _write(figure, part, suffix)
-
-
-def _write(figure: Figure, file: Path | BytesIO, suffix: str) -> None:
-    with style.context(SAVING), warnings.catch_warnings():
+    with atomic_write(path) as part, style.context(SAVING), warnings.catch_warnings():
         # A name in letters that the font lacks is drawn as boxes, without a warning.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        figure.savefig(file, format=suffix[1:], dpi=DPI, metadata=METADATA[suffix])
-
-
-def save(figure: Figure, path: Path) -> tuple[Path, Path]:
-    """Write a figure as vector graphics and as a picture, each atomically.
-
-    Args:
-        figure: The figure.
-        path: Path; a suffix is replaced.
-
-    Returns:
-        The paths, .svg and .png.
-
-    Raises:
-        OutputError: The folder is missing or cannot be written to.
-    """
-    vector, picture = path.with_suffix(".svg"), path.with_suffix(".png")
-    save_as(figure, vector)
-    save_as(figure, picture)
-    return vector, picture
+        figure.savefig(part, format=suffix[1:], dpi=DPI, metadata=METADATA[suffix])

@@ -8,12 +8,12 @@ from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.pictures.figures import PAGE, as_text, label_patches, new_figure, show_picture, styled
+from grasp3d.pictures.figures import PAGE, label_patches, new_figure, show_picture, styled
 from grasp3d.settings.model_text import model_line
 from grasp3d.stability.label import MEANING, Label, Mode
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.counts import short_number
-from grasp3d.system.names import printable
+from grasp3d.system.names import as_unicode, printable
 
 COLUMNS = 4
 HEIGHT, LINE = 1.9, 0.2
@@ -92,5 +92,5 @@ def _sheet(source: str, settings: str, count: int, below: int) -> tuple[Figure, 
 
 def _short(name: str) -> str:
     """A file's name as text; its end if it is too long for the headline."""
-    text = as_text(name)
+    text = as_unicode(name)
     return text if len(text) <= LONGEST else f"…{text[1 - LONGEST :]}"

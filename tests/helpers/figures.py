@@ -25,7 +25,8 @@ def drawn_texts(figure: Figure) -> list[tuple[str, Bbox]]:
 
     def record(text: Text, renderer: Any) -> None:
         if text.get_visible() and text.get_text().strip():
-            texts.append((text.get_text(), text.get_window_extent(renderer)))
+            box = Text.get_window_extent(text, renderer)  # without the arrow of an annotation
+            texts.append((text.get_text(), box))
         draw(text, renderer)
 
     with style.context(["default", STYLE, SAVING]):

@@ -19,8 +19,10 @@ from grasp3d import GraspModel, critical_friction_angle, load_mesh
 from grasp3d.cli import main
 from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import SettingError
+from grasp3d.paper.curves import fractions_figure
 from grasp3d.paper.figures import (
     FIGURES,
+    PaperSettings,
     ScannedObject,
     best_contact_point,
     object_figure,
@@ -29,9 +31,7 @@ from grasp3d.paper.figures import (
     swept,
     view_of,
 )
-from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page, percent, quoted_numbers
-from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.pictures.fractions import surface_figure
+from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page, percent
 from grasp3d.pictures.opengl import WINDOW, can_render
 from tests.helpers import shapes
 from tests.helpers.figures import check_texts
@@ -44,6 +44,7 @@ NAMES = [
     "surface_cylinder",
     "surface_sphere",
 ]
+QUOTED = "The numbers in the text"
 FLAT = len(FIGURES)
 """Number of names of figures without pictures of surfaces, the first ones."""
 
@@ -137,8 +138,8 @@ def test_the_first_curve_of_the_ceilings_is_that_of_the_sphere() -> None:
     np.testing.assert_allclose(height[within], expected, atol=1e-9)
 
 
-def test_numbers_of_the_text_agree_with_their_closed_forms() -> None:
-    rows = rows_of(f"## quoted\n{quoted_numbers()}", "quoted")
+def test_numbers_of_the_text_agree_with_their_closed_forms(page: str) -> None:
+    rows = rows_of(page, QUOTED)
     by_start = {first: row for (first, _), row in rows.items()}
     for friction, radius in ((0.5, 10.0), (0.2, 10.0)):
         alpha = 2.0 * math.atan(friction)
@@ -158,9 +159,8 @@ def test_numbers_of_the_text_agree_with_their_closed_forms() -> None:
     assert differing[4].endswith(f"gives {math.ceil(8.0 / 0.4**2)}")
 
 
-def test_the_fraction_read_from_the_paper_is_quoted_and_compared() -> None:
-    text = quoted_numbers()
-    rows = rows_of(f"## quoted\n{text}", "quoted")
+def test_the_fraction_read_from_the_paper_is_quoted_and_compared(page: str) -> None:
+    rows = rows_of(page, QUOTED)
     ambiguous = {key[0]: row for key, row in rows.items() if key[0].startswith("ambiguous at")}
     circle, square, sphere = ambiguous.values()
     alpha = math.radians(22.6)
@@ -175,8 +175,8 @@ def test_the_fraction_read_from_the_paper_is_quoted_and_compared() -> None:
     assert [number(part) for part in sphere[2].split(" to ")] == pytest.approx(expected, abs=0.05)
 
 
-def test_what_the_paper_expects_of_finer_fingertips_is_beside_ours() -> None:
-    rows = {key[0]: row for key, row in rows_of(f"## q\n{quoted_numbers()}", "q").items()}
+def test_what_the_paper_expects_of_finer_fingertips_is_beside_ours(page: str) -> None:
+    rows = {key[0]: row for key, row in rows_of(page, QUOTED).items()}
     (halved,) = (row for first, row in rows.items() if "→" in first)
     assert halved[0].endswith("(Sec. IV-A)")
     assert halved[1] == "reduced by approximately half"
@@ -349,7 +349,7 @@ def test_pictures_are_drawn_beside_the_fractions() -> None:
     pictures = [np.full((20, 20, 3), shade, np.uint8) for shade in (90, 200)]
     box = scanned()[1]
     fractions = swept(box.scans[0].angle_distribution(), box.name, PAPER)
-    figure = surface_figure(box.scans, pictures, fractions)
+    figure = fractions_figure(fractions, "area fraction", scans=box.scans, pictures=pictures)
     check_texts(figure)
     images = [axes.findobj(AxesImage)[0] for axes in figure.axes[:2]]
     for image, picture in zip(images, pictures, strict=True):

@@ -66,8 +66,8 @@ def test_the_marks_are_where_stability_falls_to_the_fraction() -> None:
     stack_fractions(axes, swept, 1, fractions=(0.5, 0.3, 0.95))  # 95 % are never S
     dots = [line for line in axes.get_lines() if line.get_marker() == "o"]
     required = np.degrees([swept.required_resolution(value)[1] for value in (0.5, 0.3)])
-    found = [dot.get_xydata() for dot in dots]
-    assert np.concatenate(found) == pytest.approx(np.stack([required, [50.0, 30.0]], axis=1))
+    found = [np.asarray(dot.get_xydata())[0] for dot in dots]
+    assert np.stack(found) == pytest.approx(np.stack([required, [50.0, 30.0]], axis=1))
     assert f"{required[0]:.0f}°" in [text.get_text() for text in axes.texts]
 
 

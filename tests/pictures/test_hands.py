@@ -4,10 +4,11 @@ import re
 
 import numpy as np
 import pytest
-from matplotlib.patches import Rectangle
+from matplotlib.collections import PolyCollection
 
 from grasp3d.hand.parallel_gripper import PRESETS, preset
-from grasp3d.pictures.grippers import frames_figure, gripper_figure
+from grasp3d.pictures.hands import frames_figure, gripper_figure
+from tests.helpers.figures import check_texts
 
 
 def numbers(texts: list[str]) -> set[float]:
@@ -34,31 +35,25 @@ def test_both_views_have_one_scale_and_z_points_down() -> None:
     scales = []
     for axes in figure.axes:
         (x, bottom), (right, top) = axes.transData.transform([(0.0, 0.0), (1.0, 1.0)])
-        assert top < bottom
-        scales.append((right - x, bottom - top))
+        scales.append((right - x, top - bottom))
+        (z,) = (text for text in axes.texts if text.get_text() == "z")
+        assert z.get_position()[1] < 0.0
     assert np.allclose(scales, scales[0][0], rtol=1e-3)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PRESETS)
-def test_nothing_is_drawn_outside_the_figure(name: str) -> None:
-    figure = gripper_figure(preset(name))
-    figure.draw_without_rendering()
-    for axes in figure.axes:
-        for artist in (*axes.texts, *axes.patches):
-            box = artist.get_window_extent()
-            assert box.x0 >= figure.bbox.x0
-            assert box.x1 <= figure.bbox.x1
-            assert box.y0 >= figure.bbox.y0
+def test_no_text_is_cut_off_or_hidden(name: str) -> None:
+    check_texts(gripper_figure(preset(name)))
 
 
 def test_fingers_are_drawn_open_and_dashed_when_closed() -> None:
     front = gripper_figure(preset("wsg50")).axes[0]
-    boxes = [patch for patch in front.patches if isinstance(patch, Rectangle)]
-    inner = sorted(
-        (patch.get_linestyle(), round(patch.get_x(), 3)) for patch in boxes if patch.get_x() > 0.0
-    )
-    assert inner == [("--", 2.7), ("solid", 55.0), ("solid", 55.0)]  # closed; finger and pad, open
+    dashed = [1e3 * np.asarray(line.get_xdata()) for line in front.lines if line.is_dashed()]
+    assert sorted(float(x.min()) for x in dashed) == pytest.approx([-18.7, 2.7])
+    (faces,) = (one for one in front.collections if isinstance(one, PolyCollection))
+    x = 1e3 * np.concatenate([np.asarray(path.vertices)[:, 0] for path in faces.get_paths()])
+    assert np.abs(x).min() == pytest.approx(55.0)  # nothing between the open fingers
 
 
 @pytest.mark.parametrize("name", PRESETS)
