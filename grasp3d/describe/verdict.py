@@ -11,20 +11,15 @@ import numpy as np
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.describe.causes import Cause, cause_fractions
 from grasp3d.describe.explanations import finger_words
-from grasp3d.errors import GraspError
 from grasp3d.grasps.best import best_grasps, count_sure, distinct_grasps, has_poses, pool_of
-from grasp3d.grasps.best_poses import PoseSearch
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.ranking import MOST_DISTINCT, ranked_rows
 from grasp3d.grasps.reasons import MISSED, OFF_PADS, UNSURE
 from grasp3d.grasps.robustness import PAYLOAD_RTOL
-from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.scene import Scene
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.loads import Load
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_result import HARD_FINGERS, LoadResult
 from grasp3d.system.context import unreported
@@ -42,9 +37,6 @@ SMALL, WHOLE = math.radians(0.1), 0.995
 """Angle of resolution [rad], and fraction of the surface, from which on they are not rounded to 0
 and to all."""
 
-MOST_JAWS = 16
-"""Grasps of wider jaws that are tested with just the opening that they need."""
-
 FEW = 4
 """Grasps that need least in one respect, with which remedies are tested."""
 
@@ -57,7 +49,6 @@ _CHANGES = {
     "grip_force": "with {} N instead of {} N",
     "mass": "with {} kg instead of {} kg",
     "friction": "with a friction of {:.2f} or more instead of {:.4g}",
-    "max_opening": "with jaws that open {:.4g} mm instead of {:.4g} mm",
 }
 
 
@@ -76,7 +67,7 @@ _NOWHERE = "no grasp holds at all poses that the pose error allows"
 class Remedy:
     """A change of one setting that makes a grasp surely hold, all others being as they are."""
 
-    setting: Literal["sensor_resolution", "grip_force", "mass", "friction", "max_opening"]
+    setting: Literal["sensor_resolution", "grip_force", "mass", "friction"]
     """Of the model, the load or the gripper."""
     value: float
     """What it must be [rad, N, kg, 1 or m]: it suffices as it is, and as it is printed."""
@@ -84,8 +75,8 @@ class Remedy:
     """What it is."""
 
     def __str__(self) -> str:
-        scale = {"sensor_resolution": 180.0 / math.pi, "max_opening": 1000.0}
-        factor, text = scale.get(self.setting, 1.0), _CHANGES[self.setting]
+        factor = 180.0 / math.pi if self.setting == "sensor_resolution" else 1.0
+        text = _CHANGES[self.setting]
         numbers = factor * self.value, factor * self.now
         return text.format(*(map(short_number, numbers) if "{}" in text else numbers))
 
@@ -289,8 +280,7 @@ class Verdict:
 def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
     """Judge whether an object is surely held; computes the scores that rank grasps.
 
-    With a gripper the grasps of a surface are the poses that `best_grasps` names. Without a grasp
-    wider jaws, or more friction, are tried where that may help.
+    With a gripper the grasps of a surface are the poses that `best_grasps` names.
 
     Args:
         grasps: A labelled surface, or a table of grasps or poses.
@@ -318,9 +308,7 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
     if labels is None and not reachable.any():
         return replace(verdict, causes={Cause.COLLIDES: 1.0})
     if labels is not None and code == Label.U and not labels.label.any():
-        causes = cause_fractions(labels)
-        remedies = _other_remedies(labels, next(iter(causes), None))
-        return replace(verdict, causes=causes, remedies=remedies)
+        return replace(verdict, causes=cause_fractions(labels))
     if code == Label.U:
         found = {"remedies": _remedies(tried, load)} if tried.size else {"wrong": _NONE}
         return replace(verdict, **found)
@@ -474,57 +462,3 @@ def _rounded(value: float, digits: int, rounding: Callable[[float], int]) -> flo
 def _degrees(angle: float) -> float:
     """An angle in degrees, rounded down to tenths, so that as much is to spare."""
     return math.floor(round(10.0 * math.degrees(angle), 6)) / 10.0
-
-
-def _other_remedies(labels: SurfaceLabels, cause: Cause | None) -> tuple[Remedy, ...]:
-    """Wider jaws or more friction, where nothing is a grasp: what a search with them yields."""
-    if labels.sampling is None or labels.model.fingers > 2:
-        return ()
-    with unreported():
-        try:
-            if cause in {Cause.TOO_WIDE, Cause.STROKE}:
-                return tuple(_wider_jaws(labels))
-            if cause == Cause.NO_PARTNER:
-                return tuple(_more_friction(labels))
-        except GraspError:  # settings that do not allow it
-            pass
-    return ()
-
-
-def _more_friction(labels: SurfaceLabels) -> list[Remedy]:
-    if has_poses(labels):
-        pool = pool_of(labels)
-        return _friction(pool.take(_candidates(pool))) if pool.size else []
-    found = label_surface(
-        labels.mesh,
-        replace(labels.model, friction=MOST_FRICTION),
-        sampling=labels.sampling,
-        scene=labels.scene,
-        load=labels.load,
-    )
-    more = found.take(found.distinct)
-    if not (more.letter == Label.S).any():
-        return []
-    return _friction(more.take(_candidates(more)).using(model=labels.model))
-
-
-def _wider_jaws(labels: SurfaceLabels) -> list[Remedy]:
-    """Jaws that just open wide enough for a grasp, as a remedy if some do."""
-    scene = labels.scene
-    if scene is None or not has_poses(labels) or not isinstance(scene.hand, ParallelGripper):
-        return []
-    hand = scene.hand
-
-    def opening_to(opening: float) -> Scene:
-        return replace(scene, hand=hand.opening_to(opening))
-
-    search = replace(PoseSearch.of(labels), scene=opening_to(2.0 * labels.mesh.size))
-    pool = search.pool()
-    sure = pool.take(np.flatnonzero(pool.letter == Label.S))
-    for row in np.argsort(sure.opening)[:MOST_JAWS].tolist():
-        needed = sure.opening[row] + 2.0 * hand.clearance
-        opening = 1e-3 * math.ceil(round(1e3 * needed, 6))
-        one = replace(search, scene=opening_to(opening)).evaluated(sure.poses[[row]])
-        if (one.letter == Label.S).all():
-            return [Remedy("max_opening", opening, hand.max_opening)]
-    return []

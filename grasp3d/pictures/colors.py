@@ -125,14 +125,7 @@ class Ramp:
 
 def corner_codes(subject: Subject) -> Bytes:
     """Codes of the labels at the corners of a surface, shape (C,)."""
-    labels, vertices = subject.labels, subject.mesh.corner_normals.vertices
-    worst, best = labels.critical_angle[vertices], labels.critical_angle_best[vertices]
-    # A crease of a scan has no area: each face beside it has its own normal's. Where locations are
-    # uncertain it has those of the whole crease.
-    rows, angles = subject.creases
-    if labels.model.location_error == 0.0:
-        worst[rows] = best[rows] = np.clip(angles, best[rows], worst[rows])
-    return label_codes(subject, worst, best)
+    return labels_at(subject)[subject.mesh.corner_normals.vertices]
 
 
 def corner_values(subject: Subject, paint: Paint) -> Floats:

@@ -5,21 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints, short_repr
-from grasp3d.contact.contacts import Contacts
+from grasp3d.arrays import Floats, short_repr
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, search_cone
-from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason, SearchReport
-
-NO_CREASES = np.zeros(0, dtype=np.int64), np.zeros(0)
 
 NO_LABELS = "the surface has no labels: poses of a hand are shown"
 """Why it cannot be clicked or saved."""
@@ -35,9 +30,6 @@ class Subject:
     """Warnings that concern the labels, one sentence each."""
     searched: float = math.pi
     """Largest friction angle and tilt for which the search went far enough [rad]."""
-    creases: tuple[Ints, Floats] = NO_CREASES
-    """Of a scan: rows of the mesh's corner normals at creases, and the critical angles of the
-    grasps with these normals [rad], shape (k,) each."""
     given: GraspTable | None = None
     """The grasp whose surface it is, one row, shown until a vertex is inspected; None: none."""
     poses: EvaluatedPoses | None = None
@@ -97,39 +89,16 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
         labels.mesh.report.source if name is None else name,
         notes=(*labels.warnings, *labels.mesh.region_notes, *_method_notes(labels)),
         searched=math.pi if scanned else max(labels.search.cone, search_cone(labels.model)),
-        creases=_creases(labels) if scanned else NO_CREASES,
     )
-
-
-def _creases(labels: SurfaceLabels) -> tuple[Ints, Floats]:
-    """Rows of corner normals at creases, and the critical angles of the grasps there."""
-    mesh, corners = labels.mesh, labels.mesh.corner_normals
-    has_grasp = labels.reason == Reason.FOUND
-    has_grasp &= (labels.partner_normals != 0.0).any(axis=2).all(axis=1)
-    creased = (mesh.contact_normals.counts[mesh.canonical] > 1) & has_grasp
-    rows = np.flatnonzero(creased[corners.vertices])
-    vertices, normals = corners.vertices[rows], corners.normals[rows, None]
-    points = np.concatenate([mesh.vertices[vertices, None], labels.partners[vertices]], axis=1)
-    grasps = Contacts(
-        points - mesh.center, np.concatenate([normals, labels.partner_normals[vertices]], axis=1)
-    )
-    return rows, np.asarray(critical_friction_angle(grasps))
 
 
 def _method_notes(labels: SurfaceLabels) -> tuple[str, ...]:
-    """Note on labels that are not thresholds, with the area fraction that differs if known."""
-    if labels.model.method == "exact":
-        return ()
+    """Note on labels that are not thresholds."""
     note = (
         "its labels were computed from wrench hulls at extreme normals; the displayed ones are "
         "thresholds on the critical friction angle, which hold for every normal"
     )
-    if (codes := labels.computed("label")) is not None:
-        worst, best = labels.critical_angle, labels.critical_angle_best
-        differing = codes != label_angles(worst, best, labels.model)
-        fraction = vertex_weights(labels.mesh, "area")[differing].sum()
-        note += f", and differ on {fraction:.1%} of the area"
-    return (note,)
+    return () if labels.model.method == "exact" else (note,)
 
 
 def subject_of_poses(grasps: EvaluatedPoses) -> Subject:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pyvista
 from PIL import Image
-from PIL.PngImagePlugin import PngInfo
 
 from grasp3d.arrays import Bytes
 from grasp3d.errors import GraspError, SettingError
@@ -21,9 +20,6 @@ from grasp3d.system.names import safe_stem
 from grasp3d.viewer.scene import Scene
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.session import Session
-
-SOFTWARE = "grasp3d"
-"""Name in the metadata of pictures."""
 
 POLL_INTERVAL = 0.02
 """Time between two polls of the background job [s]."""
@@ -68,7 +64,7 @@ def save_picture(collection: Collection, settings: ViewSettings, path: Path) -> 
     with open_renderer(collection, settings, 0.95) as renderer:
         picture = Image.fromarray(renderer.picture())
         with atomic_write(path) as part:
-            picture.save(part, format="PNG", optimize=True, pnginfo=_written_by())
+            picture.save(part, format="PNG", optimize=True)
     report_progress(1.0)
 
 
@@ -151,10 +147,3 @@ def _choose_grasp(session: Session) -> None:
     if gripped and are_named(subject.labels):
         session.step_best(1)
         _wait(session)
-
-
-def _written_by() -> PngInfo:
-    """Metadata of a picture that name the program."""
-    metadata = PngInfo()
-    metadata.add_text("Software", SOFTWARE)
-    return metadata

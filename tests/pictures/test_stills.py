@@ -90,13 +90,3 @@ def test_every_pixel_of_a_labelled_sphere_agrees_with_the_closed_form(
     near = np.abs(critical + turn - model.friction_angle + model.tilt) < 0.02
     near |= np.abs(critical - turn - model.friction_angle - model.tilt) < 0.02
     assert (found == expected[inside])[~near[inside]].all()
-
-
-@needs_opengl
-def test_a_face_is_coloured_up_to_its_creases_in_a_scan() -> None:
-    model = GraspModel(friction=1.0, sensor_resolution=math.radians(15.0))
-    scanned = scan_surface(box_mesh(max_edge=0.25), model, fixed=(0.0, 0.0, -1.0))
-    image = draw_labels(scanned, view=View(azimuth=0.0, elevation=math.pi / 2.0), size=(SIZE, SIZE))
-    full = image[image.min(axis=2) < 80].astype(float)  # not blended with the background
-    assert (nearest_label(full) == Label.S).mean() > 0.999
-    assert set(scanned.label[np.abs(scanned.mesh.vertices[:, :2]).max(axis=1) > 0.999]) != {Label.S}
