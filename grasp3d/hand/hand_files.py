@@ -10,8 +10,14 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.parallel_gripper import ALIASES, FORMAT, KEYS, PRESETS, gripper_of
-from grasp3d.hand.parallel_gripper import preset as known_gripper
+from grasp3d.hand.parallel_gripper import (
+    ALIASES,
+    FORMAT,
+    KEYS,
+    PRESETS,
+    ParallelGripper,
+    gripper_of,
+)
 from grasp3d.hand.robot_files import FORMAT as ARTICULATED
 from grasp3d.hand.robot_files import NAMES, made_of, read_json
 from grasp3d.hand.robot_files import SUFFIXES as MODELS
@@ -105,7 +111,7 @@ def read_hand(
         raise SettingError(printable(f"{given}: for URDF and MuJoCo files; {name!r} is none"))
     is_file_name = suffix in SUFFIXES or len(path.parts) > 1 or is_file(path) or folder
     if name in {"", *PRESETS, *ALIASES} or not is_file_name:
-        return known_gripper(name)
+        return ParallelGripper.preset(name)
     if suffix not in SUFFIXES and not folder:
         raise SettingError(unsupported(path, SUFFIXES, "gripper"))
     if suffix != ".json":

@@ -102,6 +102,9 @@ class Reach:
 CHUNK = 256
 """Grasps that a thread tests in one call."""
 
+ANGLES = 32
+"""Angles of the approach about the closing axis that are tested."""
+
 
 class NormalizedScene(NamedTuple):
     """A gripper and what is around it, in the mesh's normalised frame, as the kernels take them."""
@@ -173,7 +176,7 @@ def reach_grasps(
         grip: +1 external grasps, -1 internal ones (the fingers inside, pushing outward), one
             number or shape (b,).
         table: What the object stands on; None: nothing.
-        approach: Approach angles and allowed directions; None: 32 angles, any direction.
+        approach: Allowed directions; None: any.
 
     Raises:
         SettingError: The mesh has no unit, or flat pads are given more than two contacts.
@@ -195,9 +198,8 @@ def reach_grasps(
         ('REACHED', 0.04)
     """
     hand.check_fingers(points.shape[1])
-    approach, signs = approach or Approach(), np.full(len(points), grip, dtype=np.int8)
-    scene = NormalizedScene.of(mesh, hand, table, approach)
-    tips, angles = points.shape[1] > 2, approach.angles
+    signs, tips = np.full(len(points), grip, dtype=np.int8), points.shape[1] > 2
+    scene = NormalizedScene.of(mesh, hand, table, approach or Approach())
     inner = np.ascontiguousarray((points - mesh.center) / mesh.size)
     normals = np.ascontiguousarray(unit_rows(normals))
     results, explain = gripper_parts.no_results(len(points)), True
@@ -214,8 +216,8 @@ def reach_grasps(
                 scene.tree, workspace, *(array[rows] for array in results),
             )  # fmt: skip
 
-    in_threads(work, len(points), CHUNK, lambda: make_workspace(1 if tips else angles))
-    return Reach.of(mesh, results, 0 if tips else angles)
+    in_threads(work, len(points), CHUNK, lambda: make_workspace(1 if tips else ANGLES))
+    return Reach.of(mesh, results, 0 if tips else ANGLES)
 
 
 def collides(

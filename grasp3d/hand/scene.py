@@ -72,8 +72,7 @@ class Scene:
         table = given_table(mesh, settings.table, settings.up, settings.resting_pose)
         down = -np.array(AXES[settings.up]) if table is None else -table.normal
         within = settings.approach_within if table is None else min(settings.approach_within, LEVEL)
-        approach = Approach(down, within=within, angles=settings.approach_angles)
-        return cls(settings.hand, table, approach, settings.pose_error)
+        return cls(settings.hand, table, Approach(down, within), settings.pose_error)
 
     @classmethod
     def given(
@@ -183,7 +182,6 @@ def scene_settings(scene: Scene | None) -> dict[str, str | float | int | None]:
         "table": "none" if table is None else _line([*table.normal, table.offset]),
         "approach_direction": "none" if direction is None else _line(direction),
         "approach_within": approach.within,
-        "approach_angles": approach.angles,
         "pose_error": str(scene.pose_error),
     }
 

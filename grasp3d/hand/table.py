@@ -8,8 +8,9 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.hand.choices import AXES, Axis, Standing, check_approach
+from grasp3d.hand.choices import AXES, Axis, Standing
 from grasp3d.settings import check_choice
+from grasp3d.settings.checks import check_range
 
 if TYPE_CHECKING:
     from grasp3d.mesh import ObjectMesh
@@ -127,14 +128,12 @@ class Approach:
     any direction where there is no table."""
     within: float = math.pi
     """Largest angle between it and the approach direction [rad]."""
-    angles: int = 32
-    """Angles about the closing axis that are tested, 8 to 64."""
 
     def __post_init__(self) -> None:
         if self.direction is not None:
             direction = _unit_vector(self.direction, "an approach direction")
             object.__setattr__(self, "direction", direction)
-        check_approach(self.within, self.angles)
+        check_range("approach_within", self.within, 0.0, math.pi, ends="(]", degrees=True)
 
 
 def best_approach(table: Table | None, approach: Approach) -> Floats | None:

@@ -27,7 +27,7 @@ from grasp3d.batch.report import thumbnail, write_report
 from grasp3d.batch.report.thumbnails import ELEVATIONS, HEIGHT, WIDTH
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.storage.folder import Folder
-from grasp3d.hand.parallel_gripper import preset
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
@@ -215,7 +215,9 @@ def test_the_page_lists_the_settings_as_files_hold_them(tmp_path: Path) -> None:
         model,
         Sampling(max_opening="8cm"),
         MeshOptions(center_of_mass="1mm,0,0", max_edge=0.01),
-        reach=ReachSettings(hand=preset("franka"), table="stable", pose_error="5mm,3deg"),
+        reach=ReachSettings(
+            hand=ParallelGripper.preset("franka"), table="stable", pose_error="5mm,3deg"
+        ),
         load=load,
     )
     found = settings_of(page_of(tmp_path, [], settings))

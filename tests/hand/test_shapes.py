@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import grasp3d
 from grasp3d.hand.gripper_pose import GripperPose
-from grasp3d.hand.parallel_gripper import PRESETS, preset
+from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper
 from grasp3d.hand.table import Table
 from grasp3d.hand.triangles import Part, Triangles, approach_triangles, table_triangles
 
@@ -23,7 +23,7 @@ def part(shape: Triangles, which: Part) -> trimesh.Trimesh:
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_parts_have_the_lengths_of_the_description(name: str) -> None:
-    gripper = preset(name)
+    gripper = ParallelGripper.preset(name)
     opening = 0.6 * gripper.max_opening
     shape = gripper.shape(opening)
     palm, fingers = part(shape, Part.PALM), part(shape, Part.FINGER)
@@ -47,7 +47,7 @@ def test_parts_have_the_lengths_of_the_description(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["franka", "tactile"])
 def test_parts_are_closed_and_face_outward(name: str) -> None:
-    shape = preset(name).shape(0.03)
+    shape = ParallelGripper.preset(name).shape(0.03)
     for which in set(shape.parts.tolist()):
         mesh = part(shape, Part(which))
         assert mesh.is_watertight
@@ -55,9 +55,9 @@ def test_parts_are_closed_and_face_outward(name: str) -> None:
 
 
 def test_poses_move() -> None:
-    here = preset("franka").shape(0.04)
+    here = ParallelGripper.preset("franka").shape(0.04)
     pose = GripperPose(POSE, 0.04, math.nan, math.nan, math.nan)
-    there = pose.triangles(preset("franka"))
+    there = pose.triangles(ParallelGripper.preset("franka"))
     assert np.allclose(there.vertices, trimesh.transform_points(here.vertices, POSE))
     assert (there.faces == here.faces).all()
 

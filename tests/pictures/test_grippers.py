@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.patches import Rectangle
 
-from grasp3d.hand.parallel_gripper import PRESETS, preset
+from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper
 from grasp3d.pictures.grippers import frames_figure, gripper_figure
 
 
@@ -16,7 +16,7 @@ def numbers(texts: list[str]) -> set[float]:
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_the_figure_states_every_length(name: str) -> None:
-    gripper = preset(name)
+    gripper = ParallelGripper.preset(name)
     front, side = gripper_figure(gripper).axes
     texts = [[text.get_text() for text in axes.texts] for axes in (front, side)]
     names = "max_opening finger_thickness finger_length palm_thickness palm_length base_to_tcp"
@@ -29,7 +29,7 @@ def test_the_figure_states_every_length(name: str) -> None:
 
 
 def test_both_views_have_one_scale_and_z_points_down() -> None:
-    figure = gripper_figure(preset("franka"))
+    figure = gripper_figure(ParallelGripper.preset("franka"))
     figure.draw_without_rendering()
     scales = []
     for axes in figure.axes:
@@ -42,7 +42,7 @@ def test_both_views_have_one_scale_and_z_points_down() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PRESETS)
 def test_nothing_is_drawn_outside_the_figure(name: str) -> None:
-    figure = gripper_figure(preset(name))
+    figure = gripper_figure(ParallelGripper.preset(name))
     figure.draw_without_rendering()
     for axes in figure.axes:
         for artist in (*axes.texts, *axes.patches):
@@ -53,7 +53,7 @@ def test_nothing_is_drawn_outside_the_figure(name: str) -> None:
 
 
 def test_fingers_are_drawn_open_and_dashed_when_closed() -> None:
-    front = gripper_figure(preset("wsg50")).axes[0]
+    front = gripper_figure(ParallelGripper.preset("wsg50")).axes[0]
     boxes = [patch for patch in front.patches if isinstance(patch, Rectangle)]
     inner = sorted(
         (patch.get_linestyle(), round(patch.get_x(), 3)) for patch in boxes if patch.get_x() > 0.0
@@ -63,7 +63,7 @@ def test_fingers_are_drawn_open_and_dashed_when_closed() -> None:
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_all_axes_of_frames_are_inside_their_drawing(name: str) -> None:
-    for axes in frames_figure(preset(name)).axes:
+    for axes in frames_figure(ParallelGripper.preset(name)).axes:
         labels = [text for text in axes.texts if text.get_text()]
         assert {text.get_text() for text in labels} == set("xyz")
         for text in labels:

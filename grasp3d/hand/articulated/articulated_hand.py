@@ -285,7 +285,7 @@ class ArticulatedHand:
     """It has no opening: 0 is all."""
     max_force = None
     """Not stated: what its fingers press depends on the posture."""
-    resolution = None
+    sensor_resolution = None
     """Not one for all fingertips: see `sensors`."""
     touch_area = 0.0
     """Not stated: 0."""
