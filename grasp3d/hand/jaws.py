@@ -204,16 +204,13 @@ class Jaws:
         return pose
 
     def check_fingers(self, count: int) -> None:
-        """Refuse grasps of so many fingers if they cannot be tested.
+        """Refuse grasps of so many fingers.
 
         Raises:
-            SettingError: Three fingers and more with flat pads.
+            SettingError: They are not two.
         """
-        if count > 2 and not self.round_tips:
-            raise SettingError(
-                f"gripper {self.name!r} has two fingers with flat pads; for "
-                f"{count} fingers only round tips (tip_radius) can be tested"
-            )
+        if count != 2:
+            raise SettingError(f"gripper {self.name!r} has two fingers, not {count}: leave it out")
 
     @property
     def touch_area(self) -> float:

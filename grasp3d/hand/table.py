@@ -1,7 +1,7 @@
 """The plane that an object stands on, and the directions from which a gripper may approach."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self, TypeAlias
 
 import numpy as np
@@ -28,10 +28,9 @@ class Table:
     """Probability that the object, dropped, comes to rest like this; None: not computed."""
 
     def __post_init__(self) -> None:
-        normal = _unit_vector(self.normal, "a table's normal")
         if not math.isfinite(self.offset):
             raise SettingError(f"a table's offset must be a finite length; got {self.offset:g}")
-        object.__setattr__(self, "normal", normal)
+        object.__setattr__(self, "normal", _unit_vector(self.normal, "a table's normal"))
         object.__setattr__(self, "offset", float(self.offset))
 
     @classmethod
@@ -78,7 +77,7 @@ class Table:
             )
         row = order[number - 1]
         table = cls.below(mesh, transforms[row][2, :3])
-        return cls(table.normal, table.offset, float(probabilities[row]))
+        return replace(table, probability=float(probabilities[row]))
 
 
 GivenTable: TypeAlias = Table | Standing | None

@@ -100,11 +100,11 @@ def test_limits_outside_the_stroke_are_refused() -> None:
         Scene(HAND).within_stroke(BOX, Sampling(min_opening="77mm"))
 
 
-def test_three_fingers_need_round_tips() -> None:
-    TIPS.check_fingers(3)
-    HAND.check_fingers(2)
-    with pytest.raises(SettingError, match="flat pads"):
-        HAND.check_fingers(3)
+def test_grippers_make_no_grasps_of_three_fingers() -> None:
+    for hand in (HAND, TIPS):
+        hand.check_fingers(2)
+        with pytest.raises(SettingError, match="has two fingers, not 3: leave it out"):
+            hand.check_fingers(3)
 
 
 @pytest.mark.parametrize(

@@ -62,25 +62,17 @@ def test_poses_move() -> None:
     assert (there.faces == here.faces).all()
 
 
-@given(st.floats(-3.0, 3.0), st.floats(0.01, 3.0))
-def test_the_fan_covers_the_angles_where_the_gripper_stands(low: float, width: float) -> None:
+@given(st.floats(0.005, 3.0))
+def test_the_fan_covers_the_angles_where_the_gripper_stands(margin: float) -> None:
     """Turned by an angle of the arc, the palm's side of the gripper is in the fan."""
-    fan = approach_triangles(np.eye(4), [(low, low + width)], radius=2.0, inner=0.5)
+    fan = approach_triangles(POSE, margin, radius=2.0, inner=0.5)
     mesh = trimesh.Trimesh(fan.vertices, fan.faces, process=False)
-    area = 0.5 * width * (2.0**2 - 1.0**2)
+    area = margin * (2.0**2 - 1.0**2)
     assert mesh.area == pytest.approx(area, rel=1e-3)
-    for angle in (low, low + width):
+    for angle in (-margin, margin):
         turn = trimesh.transformations.rotation_matrix(angle, [1.0, 0.0, 0.0])
-        behind = (turn @ [0.0, 0.0, -2.0, 1.0])[:3]
+        behind = (POSE @ turn @ [0.0, 0.0, -2.0, 1.0])[:3]
         assert np.linalg.norm(fan.vertices - behind, axis=1).min() < 1e-9
-
-
-def test_fans_of_several_arcs_and_of_none() -> None:
-    both = approach_triangles(POSE, [(-0.1, 0.1), (2.0, 2.5)], radius=1.0)
-    alone = [approach_triangles(POSE, [arc], radius=1.0) for arc in ((-0.1, 0.1), (2.0, 2.5))]
-    corners = np.concatenate([one.vertices[one.faces] for one in alone])
-    assert np.allclose(both.vertices[both.faces], corners)
-    assert approach_triangles(POSE, [], radius=1.0).faces.shape == (0, 3)
 
 
 @pytest.mark.parametrize("up", ["z", "-y", [1.0, 1.0, 0.5]])

@@ -127,7 +127,7 @@ class ReachSearch(ABC):
             explain_pairs(*pairs, self.domain, beside, self.results.codes)
 
         self._in_chunks(work, len(missing))
-        return Reach.of(self.mesh, self.results, ANGLES)
+        return Reach.of(self.mesh, self.results)
 
     def _keep(self, pairs: Pairs, reached: BestPairs) -> None:
         """Keep those of some grasps that are reached and better than the known ones."""
