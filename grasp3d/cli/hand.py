@@ -22,8 +22,8 @@ JOINTS = ("joint", "moves", "from,\n°", "to,\n°", "open,\n°", "closes", "torq
 FRAME = "the TCP, midway between pads or tips; x: closing axis, to finger 2; z: approach direction"
 
 NOT_STATED = "not stated"
-OTHER_NUMBERS = {"max_force", "sensor_resolution", "receptive_field"}
-"""Numbers of a gripper that are no lengths, or follow from others."""
+OTHER_NUMBERS = {"max_force", "sensor_resolution"}
+"""Numbers of a gripper that are no lengths."""
 
 
 def run(command: Hand, report: Report) -> int:
@@ -94,7 +94,7 @@ def _fields(gripper: ParallelGripper) -> Iterator[tuple[str, str]]:
         yield "joint", f"{name} = {closed:.6g} {scale:+.6g} x opening [m]"
     yield "opening of a grasp", " to ".join(map(_mm, gripper.limits))
     yield "max force", NOT_STATED if gripper.max_force is None else f"{gripper.max_force:g} N"
-    alpha = gripper.resolution
+    alpha = gripper.sensor_resolution
     yield "sensor resolution", NOT_STATED if alpha is None else f"{math.degrees(alpha):.4g}°"
     yield "frame", FRAME
     source, _, assumed = gripper.source.partition("; assumed: ")

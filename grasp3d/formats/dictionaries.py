@@ -35,8 +35,8 @@ Content = Sequence[Rows]
 ALL_STAGES = {"pregrasp": "pregrasp_", "grasp": "", "squeeze": "squeeze_"}
 """In the order in which files have them, and how names of fields begin."""
 
-POSE = 7
-"""Numbers of a pose: x, y, z [m] and the quaternion w, x, y, z."""
+POSE, ORDER = 7, [0, 1, 2, 4, 5, 6, 3]
+"""Numbers of a pose: x, y, z [m] and the quaternion w, x, y, z; those of x, y, z and w last."""
 
 SAME = 1e-6
 """Largest difference of poses and scales of one object."""
@@ -94,6 +94,12 @@ def _of_file(path: Path, name: str) -> list[Rows]:
     return [{**one, "name": name} for one in rows]
 
 
+def rows_in(value: Any, what: str) -> Floats:
+    """Rows of numbers of a value of a dictionary, shape (n, p). Raises ContactError."""
+    values = numbers_in(value, what)
+    return values.reshape(-1, values.shape[-1])
+
+
 def numbers_in(value: Any, what: str, deep: int = 0) -> Floats:
     """Numbers of a value of a dictionary, also in lists. Raises ContactError."""
     is_nested = isinstance(value, list) and any(type(one) not in (int, float) for one in value)
@@ -117,11 +123,6 @@ def texts_in(rows: Rows, key: str) -> list[str]:
     listed = value.ravel().tolist() if isinstance(value, np.ndarray) else value
     listed = listed if isinstance(listed, list) else [listed]
     return [str(one) for one in listed] if all(isinstance(one, str) for one in listed) else []
-
-
-def flat(values: Floats) -> Floats:
-    """Rows of numbers, shape (n, p)."""
-    return values.reshape(-1, values.shape[-1])
 
 
 def grasps_in(
@@ -149,7 +150,7 @@ def grasps_in(
     for stage, start in ALL_STAGES.items():
         if all(stage in part for part in parts):
             values = np.concatenate([part[stage] for part in parts])
-            fields[f"{start}poses"] = to_object @ _matrices(values[:, :POSE])
+            fields[f"{start}poses"] = to_object @ from_quaternions(values[:, ORDER])
             fields[f"{start}posture"] = values[:, POSE:]
     joints, wrist = columns - POSE, wrist_of(given.hand)
     names = _only({tuple(texts_in(rows, "joint_names")) for rows in content}, "lists of joints")
@@ -171,8 +172,8 @@ def grasps_in(
         gripper_frame=FRAMES["hand"] if is_whole else GripperFrame(link=root),
         settings={} if is_known else {"frame": f"of the scene {elsewhere[-1]}"},
     )  # fmt: skip
-    poses = _of_one_scale(poses, content, counts, given.object_scale)
-    return matched(poses, given.hand, wrist=wrist.joints)
+    scales = np.repeat([_scale(rows) for rows in content], counts)
+    return matched(_of_one_scale(poses, scales, given.object_scale), given.hand, wrist=wrist.joints)
 
 
 def _of_each(content: Content, counts: Sequence[int], key: str) -> Floats:
@@ -186,11 +187,6 @@ def _of_each(content: Content, counts: Sequence[int], key: str) -> Floats:
     return np.concatenate(values)
 
 
-def _matrices(values: Floats, where: str = "") -> Floats:
-    """Poses (n, 4, 4) of x, y, z and the quaternion w, x, y, z, shape (n, 7)."""
-    return from_quaternions(values[:, :3], np.roll(values[:, 3:], -1, axis=1), where)
-
-
 def _object_poses(content: Content, counts: Sequence[int]) -> tuple[Floats, ObjectPose | None]:
     """What takes poses of each grasp to those of the file, and the pose of the object there.
 
@@ -198,21 +194,18 @@ def _object_poses(content: Content, counts: Sequence[int]) -> tuple[Floats, Obje
     """
     unmoved = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
     stated = (unmoved if rows.get("obj_pose") is None else rows["obj_pose"] for rows in content)
-    at = [flat(numbers_in(one, "obj_pose"))[0] for one in stated]
+    at = [rows_in(one, "obj_pose")[0] for one in stated]
     if other := [len(one) for one in at if len(one) != POSE]:
         raise ContactError(f"obj_pose must have {POSE} numbers; got {other[0]}")
-    poses = _matrices(np.stack(at), "obj_pose: ")
+    poses = from_quaternions(np.stack(at)[:, ORDER], "obj_pose: ")
     if np.abs(poses - poses[0]).max() < SAME:
         same = np.abs(poses[0] - np.eye(4)).max() < SAME
         return np.eye(4), None if same else ObjectPose.of(poses[0])
     return np.asarray(np.linalg.inv(poses)).repeat(counts, axis=0), None
 
 
-def _of_one_scale(
-    poses: GraspPoses, content: Content, counts: Sequence[int], wanted: float | None
-) -> GraspPoses:
+def _of_one_scale(poses: GraspPoses, scales: Floats, wanted: float | None) -> GraspPoses:
     """The grasps of the object at one scale, with this. Raises ContactError."""
-    scales = np.repeat([_scale(rows) for rows in content], counts)
     known = np.unique(np.round(scales[np.isfinite(scales)], 9))
     if not len(known):
         return poses
@@ -242,7 +235,7 @@ def _scale(rows: Rows) -> float:
 
 def qpos_of(poses: Floats, posture: Floats) -> Floats:
     """Rows of a pose and joints, shape (k, 7 + p)."""
-    return np.hstack([poses[:, :3, 3], np.roll(quaternions(poses), 1, axis=1), posture])
+    return np.hstack([poses[:, :3, 3], quaternions(poses)[:, [3, 0, 1, 2]], posture])
 
 
 def stages_of(poses: GraspPoses) -> dict[str, Floats]:

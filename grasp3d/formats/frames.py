@@ -85,15 +85,14 @@ def quaternions(poses: Floats) -> Floats:
     return np.asarray(values, dtype=np.float64).reshape(-1, 4)
 
 
-def from_quaternions(positions: Floats, xyzw: Floats, where: str = "") -> Floats:
-    """Poses (k, 4, 4) of positions (k, 3) and quaternions (k, 4). Raises ContactError."""
-    for what, values in (("position", positions), ("quaternion", xyzw)):
-        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-        if len(bad):
-            raise ContactError(f"{where}grasp {bad[0] + 1}: its {what} is not finite")
-    poses = np.tile(np.eye(4), (len(positions), 1, 1))
-    poses[:, :3, :3] = Rotation.from_quat(checked_quaternions(xyzw, where)).as_matrix()
-    poses[:, :3, 3] = positions
+def from_quaternions(values: Floats, where: str = "") -> Floats:
+    """Poses (k, 4, 4) of positions and quaternions, x y z x y z w (k, 7). Raises ContactError."""
+    for row, column in np.argwhere(~np.isfinite(values)):
+        what = "position" if column < 3 else "quaternion"
+        raise ContactError(f"{where}grasp {row + 1}: its {what} is not finite")
+    poses = np.tile(np.eye(4), (len(values), 1, 1))
+    poses[:, :3, :3] = Rotation.from_quat(checked_quaternions(values[:, 3:], where)).as_matrix()
+    poses[:, :3, 3] = values[:, :3]
     return poses
 
 
@@ -105,7 +104,7 @@ def as_read_again(poses: Floats) -> Floats:
     """Poses (k, 4, 4) that files of quaternions give back bit for bit; nearly the given ones."""
     nudged = Rotation.from_rotvec([NUDGE, 0.0, 0.0]).as_matrix()
     for step in range(1, 10 * STEPS):
-        again = from_quaternions(poses[:, :3, 3], quaternions(poses))
+        again = from_quaternions(np.hstack([poses[:, :3, 3], quaternions(poses)]))
         changed = (again != poses).any(axis=(1, 2))
         if not changed.any():
             break

@@ -1,7 +1,7 @@
 """The project's own formats, JSON, CSV and Parquet: contacts, and what they state of poses."""
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from grasp3d.errors import ContactError, OutputError, SettingError
 from grasp3d.formats import checks
 from grasp3d.formats.checks import Values, outcomes_of
 from grasp3d.formats.format import Given
-from grasp3d.formats.poses import STAGES, VECTOR_COLUMNS, GraspPoses
+from grasp3d.formats.poses import OWN_NAMES, STAGES, VECTOR_COLUMNS, GraspPoses
 from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_of
@@ -161,40 +161,31 @@ def table_of(poses: GraspPoses, **stated: npt.NDArray[Any]) -> dict[str, npt.NDA
 
 
 def poses_of(
-    table: Mapping[str, Values],
-    header: Mapping[str, Any],
-    given: Given,
-    *,
-    further: Iterable[str],
-    pose: Callable[[str], Floats | None],
-    posture: Callable[[str, tuple[str, ...]], tuple[tuple[str, ...], Floats] | None],
+    table: Mapping[str, Values], joints: tuple[str, ...], header: Mapping[str, Any], given: Given
 ) -> GraspPoses:
     """Poses of the columns of a file of any kind, and of what states the same of all grasps.
 
     Args:
-        table: Values of each grasp by name.
+        table: Values of each grasp by name, as `table_of` returns them; contacts are not read.
+        joints: Names of the joints of postures.
         header: What applies to all.
         given: What is given beside the file.
-        further: Names of the columns that have no meaning of their own.
-        pose: The poses whose name has such a start, of `STAGES`, shape (k, 4, 4); None:
-            there are none.
-        posture: The same of postures, shape (k, p), with the names of their joints, which are
-            known from the second one on.
 
     Raises:
         ContactError: Values are missing or wrong.
     """
-    fields: dict[str, Any] = {}
-    for start in STAGES:
-        if (placed := pose(start)) is not None:
-            fields[f"{start}poses"] = placed
-        if (found := posture(start, fields.get("joint_names", ()))) is not None:
-            fields["joint_names"], fields[f"{start}posture"] = found
+    placed = {"pose": "poses", "posture": "posture"}
+    fields: dict[str, Any] = {
+        f"{stage}{field}": table[f"{stage}{name}"]
+        for stage in STAGES for name, field in placed.items() if f"{stage}{name}" in table
+    }  # fmt: skip
     for name in filter(table.__contains__, ("opening", "pregrasp_opening", "score")):
         fields[name.replace("score", "scores")] = checks.numbers(table[name], (), name)
-    fields["columns"] = {name: table[name] for name in further}
+    known = {*OWN_NAMES, *VECTOR_COLUMNS}
+    fields["columns"] = {name: one for name, one in table.items() if name not in known}
     named = enumerate(table.get("name", ()), 1)
     return GraspPoses(
+        joint_names=joints,
         outcome=outcomes_of(given.outcome, len(fields["poses"]), table, table.__getitem__),
         names=tuple(f"grasp_{k}" if name is None else str(name) for k, name in named),
         **fields,

@@ -49,14 +49,6 @@ def _power(column: str) -> int:
     return POWERS.get(column, int(column.startswith(GAP) or column == "contacts"))
 
 
-def _unknown() -> Floats:
-    return np.array(np.nan)
-
-
-def _none() -> Floats:
-    return np.zeros((0, 0))
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GraspPoses:
     """Poses of a gripper in the frame of an object.
@@ -76,26 +68,26 @@ class GraspPoses:
 
     poses: Floats
     """TCP frame to the object's frame, translations in `unit`, shape (k, 4, 4); (4, 4) for one."""
-    opening: Floats = field(default_factory=_unknown)
+    opening: Floats = field(default_factory=lambda: np.array(np.nan))
     """Distance of the contacts at the grasp [unit], shape (k,); nan: not known."""
-    pregrasp_opening: Floats = field(default_factory=_unknown)
+    pregrasp_opening: Floats = field(default_factory=lambda: np.array(np.nan))
     """Opening with which the gripper approaches [unit], shape (k,); nan: not known."""
-    posture: Floats = field(default_factory=_none)
+    posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     """Values of the hand's further joints [rad or m], shape (k, p); p is 0 for a parallel
     gripper."""
     joint_names: tuple[str, ...] = ()
     """Names of these joints; empty: not stated, they are in the order of the hand's."""
-    pregrasp_posture: Floats = field(default_factory=_none)
+    pregrasp_posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     """Posture with which the hand approaches, shape (k, p), nan: not known; p is 0: of no pose."""
-    squeeze_posture: Floats = field(default_factory=_none)
+    squeeze_posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     """Posture that is commanded to press, the same."""
     pregrasp_poses: Floats | None = None
     """Poses with which the hand approaches, as `poses`; None: those."""
     squeeze_poses: Floats | None = None
     """Poses that are commanded to press; None: `poses`."""
-    scores: Floats = field(default_factory=_unknown)
+    scores: Floats = field(default_factory=lambda: np.array(np.nan))
     """Confidence or another quality, larger is better, shape (k,); nan: not known."""
-    outcome: Floats = field(default_factory=_unknown)
+    outcome: Floats = field(default_factory=lambda: np.array(np.nan))
     """1: the grasp held, 0: it failed, nan: not tried, shape (k,)."""
     names: tuple[str, ...] = ()
     """A name of each grasp; empty: grasp_1, grasp_2 and so on."""
@@ -140,7 +132,8 @@ class GraspPoses:
         }
         for name in ("opening", "pregrasp_opening"):
             one = values[name]
-            _refuse((one < 0.0) | np.isinf(one), one, f"{name} must be a length of at least 0")
+            what, unit = f"{name} must be a length of at least 0", f" {self.unit or ''}".rstrip()
+            _refuse((one < 0.0) | np.isinf(one), one, what, unit)
         outcome = values["outcome"]
         bad = ~(np.isnan(outcome) | (outcome == 0.0) | (outcome == 1.0))
         _refuse(bad, outcome, "outcome must be 1 (held), 0 (failed) or nan (not tried)")
@@ -212,9 +205,7 @@ class GraspPoses:
         Args:
             change: From poses to others, shape (k, 4, 4) each.
         """
-        changed: dict[str, Any] = {
-            name: change(poses) for name, poses in self.of_stages("poses").items()
-        }
+        changed: Any = {name: change(one) for name, one in self.of_stages("poses").items()}
         return replace(self, **changed)
 
     def of_stages(self, name: str) -> dict[str, Any]:
@@ -235,12 +226,12 @@ class GraspPoses:
         """
         transform = transform.copy()
         transform[:3, 3] /= self._metres_per_unit()
-        vectors = [name for name in VECTOR_COLUMNS if name in self.columns]
-        turned = {name: self.columns[name] @ transform[:3, :3].T for name in vectors}
-        if "contacts" in turned:
-            turned["contacts"] += transform[:3, 3]
-        moved = self.changed(lambda poses: transform @ poses)
-        return replace(moved, columns={**self.columns, **turned})
+        columns = dict(self.columns)
+        for name in filter(columns.__contains__, VECTOR_COLUMNS):
+            columns[name] = columns[name] @ transform[:3, :3].T
+            if name == "contacts":
+                columns[name] += transform[:3, 3]
+        return replace(self.changed(lambda poses: transform @ poses), columns=columns)
 
     def poses_in(self, object_pose: ObjectPose | str | ArrayLike) -> Floats:
         """The poses in the frame of a robot, shape (k, 4, 4), translations in metres.
@@ -288,7 +279,7 @@ class GraspPoses:
                 shape = f"({count}, joints); got {posture.shape}"
                 raise ContactError(f"the {name} must be numbers of shape {shape}")
             _refuse(np.isinf(posture) if stage else ~np.isfinite(posture), posture,
-                    f"its {name} must be finite")  # fmt: skip
+                    f"its {name} must be finite [rad or m]")  # fmt: skip
             values[name] = locked(posture)
             joints = values["posture"].shape[1]
             if posture.shape[1] not in {0, joints}:
@@ -303,11 +294,11 @@ class GraspPoses:
         return values
 
 
-def _refuse(bad: npt.NDArray[np.bool_], values: Floats, what: str) -> None:
+def _refuse(bad: npt.NDArray[np.bool_], values: Floats, what: str, unit: str = "") -> None:
     """Name the first grasp with a bad value. Raises ContactError."""
     for row, *joint in np.argwhere(bad)[:1]:
         where = f"value {joint[0] + 1} of " if joint else ""
-        raise ContactError(f"grasp {row + 1}: {where}{what}; got {values[row, *joint]:g}")
+        raise ContactError(f"grasp {row + 1}: {where}{what}; got {values[row, *joint]:g}{unit}")
 
 
 def _unprintable(texts: Iterable[object]) -> list[int]:

@@ -221,12 +221,10 @@ def _of_shadow(hand: ArticulatedHand) -> dict[str, tuple[str, float]]:
 
 def _difference(surplus: Sequence[str], missing: Sequence[str], hand: str) -> str:
     """A sentence on joints that are unknown or missing."""
-    parts = []
-    if surplus:
-        are = "is no joint" if len(surplus) == 1 else "are no joints"
-        parts.append(f"{_listed(surplus)} {are} of {hand}")
-    if missing:
-        parts.append(f"{_listed(missing)} of {hand} {'is' if len(missing) == 1 else 'are'} missing")
+    are, is_ = ("is no joint" if len(surplus) == 1 else "are no joints",
+                "is" if len(missing) == 1 else "are")  # fmt: skip
+    parts = [f"{_listed(surplus)} {are} of {hand}"] * bool(surplus)
+    parts += [f"{_listed(missing)} of {hand} {is_} missing"] * bool(missing)
     close = [f"{one} for {like}" for one in surplus for like in get_close_matches(one, missing, 1)]
     hint = f" (misspelt: {', '.join(close[:MOST_LISTED])}?)" if close else ""
     return f"joints of the postures: {', and '.join(parts)}{hint}"

@@ -76,15 +76,13 @@ def has_poses(labels: SurfaceLabels) -> bool:
         scene is not None
         and scene.jaws is not None
         and labels.mode == "label"
-        and labels.model.fingers in scene.hand.fingers
         and not _internal(labels.sampling)
     )
 
 
 def are_named(labels: SurfaceLabels) -> bool:
     """Whether best grasps can be named: internal ones of a gripper are labelled only."""
-    scene = labels.scene
-    return scene is None or scene.jaws is None or not _internal(labels.sampling)
+    return labels.scene is None or labels.scene.jaws is None or not _internal(labels.sampling)
 
 
 def check_external(sampling: Sampling | None) -> None:
@@ -118,10 +116,9 @@ def pool_of(labels: SurfaceLabels) -> JawGrasps:
     Args:
         labels: Labels with a gripper; see `has_poses`.
     """
-    found = _POOLS.get(labels)
-    if found is None:
-        found = _POOLS[labels] = PoseSearch.of(labels).pool()
-    return found
+    if labels not in _POOLS:
+        _POOLS[labels] = PoseSearch.of(labels).pool()
+    return _POOLS[labels]
 
 
 def distinct_grasps(labels: SurfaceLabels, *, unstable: bool = False) -> GraspTable:

@@ -9,12 +9,12 @@ lose none.
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
+from grasp3d.arrays import Bools, Floats, Ints, locked, unit_rows
 from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.reach import collides
 from grasp3d.hand.scene import Scene
@@ -64,8 +64,7 @@ DEPTHS = (-0.3, 0.3)
 """Places of the contacts on the pads, in pad heights from their middle."""
 
 
-@dataclass(frozen=True, eq=False)
-class OpposedPlaces:
+class OpposedPlaces(NamedTuple):
     """Pairs of places on a surface between which jaws may close, normalised: (p, 3) each."""
 
     starts: Floats
@@ -73,11 +72,9 @@ class OpposedPlaces:
     angles: Floats
     """The larger angle of both normals from the line through the places [rad], shape (p,)."""
 
-    __repr__ = short_repr
-
     def take(self, rows: Ints) -> "OpposedPlaces":
         """The chosen pairs."""
-        return OpposedPlaces(self.starts[rows], self.ends[rows], self.angles[rows])
+        return OpposedPlaces(*(one[rows] for one in self))
 
     def spread(self, cell: float) -> Ints:
         """Rows of the best opposed pair of each pair of cells of such a size, either way round."""
@@ -217,12 +214,7 @@ def _opposed(mesh: ObjectMesh) -> OpposedPlaces:
         angles = np.arccos(np.minimum(cosines, 1.0))
         found.append(OpposedPlaces(starts, ends, angles).take(kept))
         along[going] += STEP
-    return OpposedPlaces(
-        *(
-            locked(np.concatenate(parts))
-            for parts in zip(*map(dict.values, map(vars, found)), strict=True)
-        )
-    )
+    return OpposedPlaces(*(locked(np.concatenate(parts)) for parts in zip(*found, strict=True)))
 
 
 def _spread(mesh: ObjectMesh) -> tuple[Ints, Floats]:

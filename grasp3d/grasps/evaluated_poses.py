@@ -46,6 +46,8 @@ class EvaluatedPoses(LabelledGrasps):
 
     given: GraspPoses
     """The poses as they were given, with their outcomes [m]."""
+    load_result = None
+    """What the hand holds is in `payload`, of grippers also in `grip_force`."""
 
     if TYPE_CHECKING:  # fields and attributes of the classes that have this base
 
@@ -57,6 +59,11 @@ class EvaluatedPoses(LabelledGrasps):
         def reachable(self) -> Bools: ...  # noqa: D102
         @property
         def state(self) -> Bytes: ...  # noqa: D102
+
+    @property
+    def letter(self) -> Bytes:
+        """The same as `label`."""
+        return self.label
 
     @property
     def closed(self) -> Bools:
@@ -138,10 +145,8 @@ class EvaluatedPoses(LabelledGrasps):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What may make the results wrong, one sentence each."""
-        mesh, toward, hand = self.mesh, self.given.poses.copy(), self.hand
-        toward[:, :3, 2] = toward[:, :3, :3] @ getattr(hand, "approach", (0.0, 0.0, 1.0))
         wrong = str(self.reading) if self.reading else None
-        wrong = wrong or pose_warning(toward, mesh, reach=hand.size)
+        wrong = wrong or pose_warning(self.poses, self.mesh, reach=self.hand.size)
         tilted = self.scene.tilt_warning(self.given.object_pose)
         return (*super().warnings, *filter(None, (wrong, tilted, *self._warnings())))
 

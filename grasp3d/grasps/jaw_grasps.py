@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import cycle
 from typing import Any, Self
 
 import numpy as np
@@ -75,8 +76,6 @@ class JawGrasps(GraspRows, EvaluatedPoses):
     collision, and from an allowed direction, shape (k,)."""
 
     load_result = None
-    """What the patches hold is in `payload` and `grip_force`."""
-
     __repr__ = short_repr
 
     @classmethod
@@ -210,11 +209,6 @@ class JawGrasps(GraspRows, EvaluatedPoses):
         """
         return locked(np.where(self.reachable, self.robustness.label, np.uint8(Label.U)))
 
-    @property
-    def letter(self) -> Bytes:
-        """The same as `label`."""
-        return self.label
-
     @cached_property
     def reasons(self) -> GripperReasons:
         """Why poses are not S; computed when first read."""
@@ -304,12 +298,10 @@ class JawGrasps(GraspRows, EvaluatedPoses):
         )
 
     def _table_columns(self) -> Arrays:
-        columns = super()._table_columns()
-        outward = 0.0 - self.jaws.normals
-        for jaw in range(outward.shape[1]):
-            for k, axis in enumerate("xyz"):
-                columns[f"{axis}{jaw + 1}"] = self.jaws.points[:, jaw, k]
-                columns[f"n{axis}{jaw + 1}"] = outward[:, jaw, k]
+        columns, jaws = super()._table_columns(), self.jaws
+        for (jaw, k), axis in zip(np.ndindex(jaws.points.shape[1:]), cycle("xyz"), strict=False):
+            columns[f"{axis}{jaw + 1}"] = jaws.points[:, jaw, k]
+            columns[f"n{axis}{jaw + 1}"] = 0.0 - jaws.normals[:, jaw, k]
         return columns
 
     @property

@@ -73,8 +73,6 @@ class LinkGrasps(EvaluatedPoses):
     load: Load | None = None
     """What each grasp must hold; None: nothing is stated."""
 
-    load_result = None
-
     __repr__ = short_repr
 
     @classmethod
@@ -218,11 +216,6 @@ class LinkGrasps(EvaluatedPoses):
         held = codes if motors is None else motors.label(codes)
         return locked(np.where(self.reachable, held, np.uint8(Label.U)))
 
-    @property
-    def letter(self) -> Bytes:
-        """The same as `label`."""
-        return self.label
-
     @cached_property
     def quality(self) -> Floats:
         """How far each grasp is from failing, shape (k,); see `quality_of_contacts`.
@@ -298,8 +291,8 @@ class LinkGrasps(EvaluatedPoses):
 
         0: all of them are inside; nan: none touches.
         """
-        gaps = np.where(self.touching, np.maximum(self.contacts.gaps, 0.0), -math.inf).max(axis=1)
-        return locked(np.where(np.isinf(gaps), math.nan, gaps))
+        gaps = np.where(self.touching, np.maximum(self.contacts.gaps, 0.0), math.nan)
+        return locked(np.fmax.reduce(gaps, axis=1))
 
     @property
     def penetration(self) -> Floats:

@@ -15,7 +15,6 @@ from grasp3d.hand.closing import MEANING, Closing, close_jaws
 from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.reach import collides
 from grasp3d.hand.scene import LEVEL, Scene
-from grasp3d.hand.table import best_approach
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.mesh.surface_points import contains, nearest_surface_points
 from grasp3d.stability.label import Label
@@ -64,6 +63,12 @@ class Reasons:
         return f"{millimetres:.2g} mm" if millimetres < 10.0 else f"{millimetres:.0f} mm"
 
 
+def _aside(angle: float, limit: float) -> str:
+    """An approach at an angle [rad] from the best direction, beyond the limit."""
+    angle, limit = math.degrees(angle), math.degrees(limit)
+    return f"comes {angle:.0f}° from the approach direction, more than {limit:.0f}°"
+
+
 PARTS = ("finger 1", "finger 2", "palm")
 """Parts of a gripper by their numbers."""
 
@@ -103,11 +108,9 @@ class GripperReasons(Reasons):
     def _add_direction(self) -> None:
         poses, scene = self._poses, self._poses.scene
         wrong = ~scene.allows(poses.poses)
-        limit = math.degrees(scene.approach.within)
-        self.add("comes from another direction", wrong, [
-            f"comes {math.degrees(angle):.0f}° from the approach direction, more than {limit:.0f}°"
-            for angle in scene.approach_angles(poses.poses[wrong])
-        ])  # fmt: skip
+        angles = scene.approach_angles(poses.poses[wrong])
+        texts = [_aside(angle, scene.approach.within) for angle in angles]
+        self.add("comes from another direction", wrong, texts)
 
     def _add_wide(self, hand: Jaws) -> None:
         """Add where fingers start in an object that is wider than the stroke."""
@@ -355,17 +358,10 @@ class HandReasons(Reasons):
         return wrong, [f"{self.length(value)} below the table" for value in depth[wrong]]
 
     def _approach(self, scene: Scene) -> tuple[Bools, list[str]]:
-        direction, within = best_approach(scene.table, scene.approach), scene.approach.within
+        within, angles = scene.approach.within, scene.approach_angles(self._contacts.poses)
         # The table itself is what keeps hands from coming from below.
-        if direction is None or within >= LEVEL:
-            return np.zeros_like(self.impossible), []
-        angles = angles_between(self._contacts.poses[:, :3, :3] @ self._hand.approach, direction)
-        wrong = np.asarray(angles > within + BEYOND)
-        return wrong, [
-            f"comes {math.degrees(angle):.0f}° from the approach direction, more than "
-            f"{math.degrees(within):.0f}°"
-            for angle in angles[wrong]
-        ]
+        wrong = np.asarray((angles > within + BEYOND) & (within < LEVEL))
+        return wrong, [_aside(angle, within) for angle in angles[wrong]]
 
     def _name(self, link: str) -> str:
         return "palm" if link == self._hand.palm else link

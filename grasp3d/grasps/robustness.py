@@ -8,10 +8,10 @@ the lengths of a jaw's forces).
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import ConvexHull
@@ -48,14 +48,11 @@ LOST = -1.0
 """Score of a pose at which the jaws do not close on the object."""
 
 
-@dataclass(frozen=True, eq=False)
-class ClosedNumbers:
+class ClosedNumbers(NamedTuple):
     """Numbers of grasps where jaws are closed, shape (...) each."""
 
     closes: Bools
     """Whether the jaws close on the object."""
-    clear: Bools
-    """Whether they do, and no finger started in it (`ClosedJaws.shift` is 0)."""
     label: Bytes
     """`Label` codes of the pose; U where the jaws do not close. See `Robustness.label`."""
     margin: Floats
@@ -68,8 +65,6 @@ class ClosedNumbers:
     known, for 1 kg; inf: no force suffices, or the jaws do not close."""
     score: Floats
     """See `Robustness.score`."""
-
-    __repr__ = short_repr
 
     @classmethod
     def of(
@@ -109,15 +104,15 @@ class ClosedNumbers:
         clear = closes & (jaws.shift == 0.0)
         # Where a finger started in the object it may hold, but this is not sure.
         label = np.where(clear, label, np.minimum(label, Label.M))
-        return cls(closes, clear, label, margin, held, force, score)
+        return cls(closes, label, margin, held, force, score)
 
     def reshaped(self, *shape: int) -> "ClosedNumbers":
         """The same in another shape."""
-        return ClosedNumbers(**{name: one.reshape(shape) for name, one in vars(self).items()})
+        return ClosedNumbers._make(one.reshape(shape) for one in self)
 
     def take(self, rows: Any) -> "ClosedNumbers":
         """The chosen rows."""
-        return ClosedNumbers(**{name: rows_of(one, rows) for name, one in vars(self).items()})
+        return ClosedNumbers._make(locked(one[rows]) for one in self)
 
     def tried(self, rows: Ints, others: "ClosedNumbers") -> "ClosedNumbers":
         """These of one pose each, (k, 1), with t others of some rows; elsewhere t times the same.
@@ -126,20 +121,10 @@ class ClosedNumbers:
             rows: The rows, shape (r,).
             others: Numbers of their other poses, shape (r, t).
         """
-        every = {}
-        for name, one in vars(self).items():
-            added = vars(others)[name]
-            every[name] = np.repeat(one, 1 + added.shape[1], axis=1)
-            every[name][rows, 1:] = added
-        return ClosedNumbers(**every)
-
-    @staticmethod
-    def joined(parts: "Sequence[ClosedNumbers]") -> "ClosedNumbers":
-        """Several as one."""
-        names = vars(parts[0])
-        return ClosedNumbers(
-            **{name: np.concatenate([vars(one)[name] for one in parts]) for name in names}
-        )
+        every: list[Any] = [np.repeat(one, 1 + others.score.shape[1], axis=1) for one in self]
+        for one, added in zip(every, others, strict=True):
+            one[rows, 1:] = added
+        return ClosedNumbers._make(every)
 
 
 @dataclass(frozen=True, eq=False)
@@ -392,7 +377,7 @@ def _tried(
         with unreported():
             jaws = close(moved.reshape(-1, 4, 4))
             parts.append(ClosedNumbers.of(mesh, jaws, model, case).reshaped(-1, count))
-    return ClosedNumbers.joined(parts)
+    return ClosedNumbers._make(map(np.concatenate, zip(*parts, strict=True)))
 
 
 def _to_border(closed: ClosedJaws, pads: Jaws) -> Floats:

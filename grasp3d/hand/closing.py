@@ -196,12 +196,10 @@ def jaw_of(gripper: Jaws, scale: float) -> Jaw:
         row[: len(face)] = _edges(face)
     points = np.concatenate(faces)[:, 1:]
     return Jaw(
-        planes=np.stack(
-            [  # coefficients of x = a + b y + c z, by least squares
-                np.linalg.lstsq(np.column_stack([np.ones(len(face)), face[:, 1:]]), face[:, 0])[0]
-                for face in faces
-            ]
-        ),
+        planes=np.stack([  # coefficients of x = a + b y + c z, by least squares
+            np.linalg.lstsq(np.column_stack([np.ones(len(face)), face[:, 1:]]), face[:, 0])[0]
+            for face in faces
+        ]),
         edges=edges,
         bounds=np.concatenate([points.min(axis=0), points.max(axis=0)]),
         radius=gripper.tip_radius * scale,
@@ -209,7 +207,7 @@ def jaw_of(gripper: Jaws, scale: float) -> Jaw:
         thickness=(gripper.tip_thickness or gripper.finger_thickness) * scale,
         compliance=gripper.compliance * scale,
         footprint=FOOTPRINT * min(gripper.pad_width, gripper.pad_height) * scale,
-    )
+    )  # fmt: skip
 
 
 def inner_faces(gripper: Jaws) -> tuple[Corners, ...]:

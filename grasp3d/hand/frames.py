@@ -16,7 +16,6 @@ from grasp3d.system.documents import parse_json
 if TYPE_CHECKING:
     from grasp3d.arrays import ArrayLike, Floats
     from grasp3d.hand.hand import Hand
-    from grasp3d.hand.jaws import Jaws
 
 Origin = Literal["tcp", "base", "ends"]
 """The tool centre point, the origin of the hand's own frame, or the ends of the fingers."""
@@ -111,12 +110,11 @@ class GripperFrame:
             return np.array(self.matrix)
         if self.link:
             return np.asarray(np.linalg.inv(self._link_pose(hand)))
-        joints, jaws = hasattr(hand, "link_poses"), None
-        own = "x", "z"
+        joints, jaws, names = hasattr(hand, "link_poses"), None, ("x", "z")
         if self.origin == "ends" or not (joints or (self.approach and self.origin == "tcp")):
             jaws = self._jaws(hand)
-            own = jaws.base_axes
-        names = (self.closing, self.approach) if self.approach else own
+            names = jaws.base_axes
+        names = (self.closing, self.approach) if self.approach else names
         unturned, approach = (np.array(AXES[name]) for name in names)
         side = np.cross(approach, unturned)
         closing = math.cos(self.turn) * unturned + math.sin(self.turn) * side
@@ -142,10 +140,9 @@ class GripperFrame:
         poses = hand.link_poses(np.zeros((1, len(hand.joint_names))))  # type: ignore[union-attr]
         return np.asarray(poses[0, links.index(self.link)])
 
-    def _jaws(self, hand: Any) -> "Jaws":
+    def _jaws(self, hand: Any) -> Any:
         if hasattr(hand, "base_to_tcp"):
-            jaws: Jaws = hand
-            return jaws
+            return hand
         raise SettingError(
             f"poses in the frame {str(self)!r} need the lengths of a parallel gripper: give it "
             "(--hand, in Python hand=...)"

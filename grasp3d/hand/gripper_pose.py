@@ -1,6 +1,5 @@
 """The pose in which a gripper, or a hand with joints, holds one grasp."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -65,9 +64,3 @@ class GripperPose:
         """The shape of the gripper there, in the frame of the mesh."""
         shape = hand.shape(self.opening, self.posture)
         return replace(shape, vertices=transform_points(shape.vertices, self.pose))
-
-    @property
-    def arcs(self) -> list[tuple[float, float]]:
-        """Free approach angles about the pose's x-axis, low and high [rad]; none if unknown."""
-        margin = self.approach_margin
-        return [(-margin, margin)] if math.isfinite(margin) and margin > 0.0 else []

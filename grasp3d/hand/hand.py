@@ -54,7 +54,7 @@ class Hand(Protocol):
         """Greatest force of each finger [N]; None: not stated."""
 
     @property
-    def resolution(self) -> float | None:
+    def sensor_resolution(self) -> float | None:
         """Sensor resolution alpha of the fingertips [rad]; None: not stated."""
 
     @property
@@ -142,5 +142,5 @@ def touching(hand: Hand, model: GraspModel) -> GraspModel:
         hand: The hand.
         model: Friction and sensor resolution.
     """
-    alpha = hand.resolution
+    alpha = hand.sensor_resolution
     return model if alpha is None else replace(model, sensor_resolution=alpha)

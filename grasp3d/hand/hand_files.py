@@ -10,8 +10,14 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.parallel_gripper import ALIASES, FORMAT, KEYS, PRESETS, gripper_of
-from grasp3d.hand.parallel_gripper import preset as known_gripper
+from grasp3d.hand.parallel_gripper import (
+    ALIASES,
+    FORMAT,
+    KEYS,
+    PRESETS,
+    ParallelGripper,
+    gripper_of,
+)
 from grasp3d.hand.robot_files import FORMAT as ARTICULATED
 from grasp3d.hand.robot_files import NAMES, made_of, read_json
 from grasp3d.hand.robot_files import SUFFIXES as MODELS
@@ -105,7 +111,7 @@ def read_hand(
         raise SettingError(printable(f"{given}: for URDF and MuJoCo files; {name!r} is none"))
     is_file_name = suffix in SUFFIXES or len(path.parts) > 1 or is_file(path) or folder
     if name in {"", *PRESETS, *ALIASES} or not is_file_name:
-        return known_gripper(name)
+        return ParallelGripper.preset(name)
     if suffix not in SUFFIXES and not folder:
         raise SettingError(unsupported(path, SUFFIXES, "gripper"))
     if suffix != ".json":
@@ -120,10 +126,7 @@ def read_hand(
 
 
 def _of_links(
-    tree: "LinkTree",
-    fingers: tuple[str, str] | None,
-    palm: str | None,
-    tcp: float | None,
+    tree: "LinkTree", fingers: tuple[str, str] | None, palm: str | None, tcp: float | None
 ) -> Hand:
     """The hand of a URDF or MuJoCo model. Raises SettingError."""
     from grasp3d.hand.articulated.hand_json import proposed_hand
@@ -172,23 +175,21 @@ def hand_of(content: object) -> Hand:
     Raises:
         SettingError: It is none, or of no known format.
     """
-    stated = content.get("format") if isinstance(content, dict) else None
-    if stated is None and isinstance(content, dict) and "max_opening" in content:
-        stated = FORMAT
+    keys = content if isinstance(content, dict) else {}
+    stated = keys.get("format", FORMAT if "max_opening" in keys else None)
     if str(stated) not in READERS:
         raise SettingError(
             f'is no gripper or hand: expected an object with "format": "{FORMAT}", of two jaws, '
             f'or "{ARTICULATED}", of fingers with joints; got {described(stated)}'
         )
-    return READERS[str(stated)](content)
+    return READERS[str(stated)](keys)
 
 
 def hand_line(hand: Hand) -> str:
     """A description in one line, as settings of labels have it: grippers without their format."""
-    content = dict(hand.description())
-    if content["format"] == FORMAT:
-        content = {name: value for name, value in content.items() if name not in KEYS}
-    return json.dumps(content)
+    content = hand.description()
+    hidden = KEYS if content["format"] == FORMAT else ()
+    return json.dumps({name: value for name, value in content.items() if name not in hidden})
 
 
 def hand_of_line(line: str) -> Hand:

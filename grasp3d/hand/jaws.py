@@ -1,19 +1,19 @@
 """Lengths and abilities of a parallel gripper: two fingers that move along one axis, a palm."""
 
+import json
 import math
 from collections.abc import Iterator
 from dataclasses import MISSING, dataclass, fields, replace
 from itertools import chain
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self, get_type_hints
 
 import numpy as np
 
 from grasp3d.arrays import Floats
-from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
 from grasp3d.hand.choices import AXES
 from grasp3d.settings import GraspModel, Radians
-from grasp3d.system.documents import check_text, described, number_of
+from grasp3d.system.documents import check_text, typed
 
 if TYPE_CHECKING:
     from grasp3d.settings.sampling import Grip
@@ -42,6 +42,16 @@ AT_MOST = (
 UNIFORM_PRESSURE = 2.0 / 3.0
 """Torsional moment of an evenly pressed disc, per friction, normal force and radius."""
 
+_KINDS: dict[Any, str] = {
+    str: "a text",
+    float: "a number",
+    float | None: "a number or null",
+    tuple[str, ...]: "a list of texts",
+    tuple[str, str]: "a list of two texts",
+    tuple[float, ...]: "a list of numbers",
+    tuple[Corners, ...]: "a list of faces, each a list of corners [x, y, z]",
+}
+"""Descriptions of the types of fields."""
 
 IN_METRES = "hands and grippers are given in metres"
 """Why the unit of a mesh must be known where there is one, for errors."""
@@ -72,7 +82,6 @@ class Jaws:
     clearance: float = 0.002
     max_force: float | None = None
     sensor_resolution: Radians | None = None
-    receptive_field: float | None = None
     base_to_tcp: float = 0.0
     base_axes: tuple[str, str] = ("x", "z")
     joint_names: tuple[str, ...] = ()
@@ -86,47 +95,54 @@ class Jaws:
         return replace(self, max_opening=opening, palm_thickness=palm)
 
     def __post_init__(self) -> None:
+        for name, kind in get_type_hints(Jaws).items():
+            try:
+                object.__setattr__(self, name, typed(value := getattr(self, name), kind))
+            except (TypeError, OverflowError) as error:
+                got = json.dumps(value, default=repr)[:40]
+                problem = f"gripper {self.name!r}: {name} must be {_KINDS[kind]}; got {got}"
+                raise SettingError(problem) from error
         for problem in chain(self._wrong_sizes(), self._wrong_tips(), self._wrong_frame()):
             raise SettingError(f"gripper {self.name!r}: {problem}")
-        if self.receptive_field is not None:
-            Sensor(self.receptive_field, self.tip_radius)
         if self.sensor_resolution is not None:
             GraspModel(sensor_resolution=self.sensor_resolution)
 
     def _wrong_sizes(self) -> Iterator[str]:
-        """Sizes that cannot be, or contradict each other, one sentence each."""
+        """Lengths that cannot be, or contradict each other, one sentence each."""
         for field in (one for one in fields(self) if one.type is float):
-            needed = field.default is MISSING
-            yield from _problems_of_length(field.name, getattr(self, field.name), positive=needed)
+            name, metres = field.name, getattr(self, field.name)
+            if not 0.0 <= metres < math.inf:
+                yield f"{name} must be a length in metres of at least 0; got {metres:g}"
+            if metres == 0.0 and field.default is MISSING:
+                yield f"{name} must be above 0"
+            if metres > LARGEST:
+                largest = f"in metres, at most {LARGEST:g}; got {metres:g}"
+                yield f"{name} must be {largest}: is it in millimetres?"
         for small, large in AT_MOST:
             few, most = getattr(self, small), getattr(self, large)
             if few > most:
-                yield f"{small} ({few:g}) must be at most {large} ({most:g})"
+                yield f"{small} ({few:g} m) must be at most {large} ({most:g} m)"
         stroke, least = self.max_opening - self.min_opening, f"2 x {self.clearance:g} m"
         if not 2.0 * self.clearance < stroke:
             least = f"larger than the clearance on both sides, {least}"
             yield f"the stroke of {stroke:g} m must be {least}"
-        thick, tip = self.finger_thickness, self.tip_thickness
-        if tip is not None and not 0 < tip <= thick:
-            yield f"tip_thickness must be above 0 and at most finger_thickness ({thick:g} m)"
-        diameter = 2.0 * self.tip_radius
-        if self.round_tips and thick > diameter:
-            limit = f"the diameter of the round tips, {diameter:g}"
-            yield f"finger_thickness ({thick:g}) must be at most {limit}"
 
     def _wrong_tips(self) -> Iterator[str]:
         """What fingertips cannot be, one sentence each."""
-        flat = not self.round_tips
-        if flat != (self.pad_width > 0.0 and self.pad_height > 0.0):
+        thick, tip, diameter = self.finger_thickness, self.tip_thickness, 2.0 * self.tip_radius
+        if tip is not None and not 0 < tip <= thick:
+            yield f"tip_thickness must be above 0 and at most finger_thickness ({thick:g} m)"
+        if self.round_tips and thick > diameter:
+            limit = f"the diameter of the round tips, {diameter:g} m"
+            yield f"finger_thickness ({thick:g} m) must be at most {limit}"
+        if self.round_tips == (self.pad_width > 0.0 and self.pad_height > 0.0):
             yield "it needs either flat pads (pad_width and pad_height) or round tips (tip_radius)"
-        if not flat and self.inner_faces:
+        if self.round_tips and self.inner_faces:
             yield "inner_faces are those of flat pads; round tips have none"
         for number, face in enumerate(self.inner_faces, start=1):
             yield from (f"face {number} of inner_faces {one}" for one in _problems_of_face(face))
         if self.max_force is not None and not 0.0 < self.max_force < math.inf:
-            yield f"max_force must be a finite force above 0 [N]; got {self.max_force:g}"
-        if self.receptive_field is not None and (flat or self.sensor_resolution is not None):
-            yield "a receptive_field needs round tips (tip_radius), and replaces sensor_resolution"
+            yield f"max_force must be a finite force above 0 N; got {self.max_force:g}"
 
     def _wrong_frame(self) -> Iterator[str]:
         """Texts that are none, axes that are no frame, joints without numbers."""
@@ -136,7 +152,7 @@ class Jaws:
             except ValueError as error:
                 yield str(error)
         axes, count = self.base_axes, len(self.joint_names)
-        if len(axes) != 2 or len({axis[-1] for axis in axes if axis in AXES}) != 2:
+        if len({axis[-1] for axis in axes if axis in AXES}) != 2:
             yield f"base_axes must be two axes at right angles of {', '.join(AXES)}; got {[*axes]}"
         if not len(self.joint_scale) == len(self.joint_closed) == count:
             numbers = f"a number for each of the {count} joint_names"
@@ -188,16 +204,13 @@ class Jaws:
         return pose
 
     def check_fingers(self, count: int) -> None:
-        """Refuse grasps of so many fingers if they cannot be tested.
+        """Refuse grasps of so many fingers.
 
         Raises:
-            SettingError: Three fingers and more with flat pads.
+            SettingError: They are not two.
         """
-        if count > 2 and not self.round_tips:
-            raise SettingError(
-                f"gripper {self.name!r} has two fingers with flat pads; for "
-                f"{count} fingers only round tips (tip_radius) can be tested"
-            )
+        if count != 2:
+            raise SettingError(f"gripper {self.name!r} has two fingers, not {count}: leave it out")
 
     @property
     def touch_area(self) -> float:
@@ -217,19 +230,6 @@ class Jaws:
         """
         radius = math.sqrt(self.pad_width * self.pad_height / math.pi)
         return UNIFORM_PRESSURE * friction * radius
-
-
-def _problems_of_length(name: str, value: object, *, positive: bool) -> Iterator[str]:
-    """Why a value is no length of a gripper, in metres; positive: nor may it be 0."""
-    metres = math.nan if isinstance(value, str) else number_of(value)
-    if not 0.0 <= metres < math.inf:
-        yield f"{name} must be a length in metres of at least 0; got {described(value)}"
-    if positive and metres == 0.0:
-        yield f"{name} must be above 0"
-    if metres > LARGEST:
-        yield (
-            f"{name} must be in metres, at most {LARGEST:g}; got {metres:g}: is it in millimetres?"
-        )
 
 
 def _problems_of_face(face: Corners) -> Iterator[str]:

@@ -118,8 +118,6 @@ class LinkTree:
     """The joint that moves each link, by the name of the link; the root has none."""
     shapes: Callable[[str], tuple[LinkShape, ...]]
     """Collision geometry of a link, by its name."""
-    pulled: frozenset[str] = frozenset()
-    """Joints that tendons, or motors that turn them one way, pull, and no motor turns."""
     masses: Mapping[str, LinkMass] = field(default_factory=dict)
     """By links, where the file states them."""
     closures: tuple[str, ...] = ()

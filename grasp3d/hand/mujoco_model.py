@@ -1,7 +1,7 @@
 """Links and joints of a robot as MuJoCo reads them, from a URDF or a model of its own."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -20,6 +20,9 @@ from grasp3d.system.names import printable, reason_of
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
 """Given to moving links that state none, which MuJoCo would refuse [kg, kg m^2]."""
+
+FAR = 1e3
+"""Largest length and distance [m]."""
 
 JOINTS: dict[str, JointKind] = {"mjJNT_SLIDE": "slides", "mjJNT_HINGE": "turns"}
 """Kinds of joints by their names in MuJoCo."""
@@ -49,17 +52,21 @@ def read_links(path: Path) -> LinkTree:
 
 
 def _compiled(path: Path, urdf: Urdf | None) -> mj.MjModel:
-    mj.set_mju_user_warning(lambda _: None)  # otherwise it writes a log into the working folder
+    warnings = list[str]()  # otherwise they are in a log in the working folder
+    mj.set_mju_user_warning(warnings.append)
     try:
         spec = mj.MjSpec.from_string(urdf.text) if urdf else mj.MjSpec.from_file(str(path))
         spec.compiler.boundmass, spec.compiler.boundinertia = LEAST_MASS, LEAST_INERTIA
         spec.compiler.balanceinertia = True
-        return spec.compile()
+        model = spec.compile()
     except (ValueError, RuntimeError, mj.FatalError, mj.UnexpectedError) as error:
         reason = " ".join(str(error).split())
         raise SettingError(printable(f"{path}: MuJoCo cannot read it ({reason})")) from error
     finally:
         mj.set_mju_user_warning(None)
+    if any("NaN" in one for one in warnings):
+        raise SettingError(printable(f"{path}: one of its numbers is NaN"))
+    return model
 
 
 class _Reader:
@@ -72,14 +79,12 @@ class _Reader:
         self.names = [model.joint(one).name or f"joint {one}" for one in joints]
         self.paired = {*model.pair_geom1.tolist(), *model.pair_geom2.tolist()}
         self.follows, self.closures = self._equations()
-        self.efforts, self.pulled = self._motors() if urdf is None else ({}, frozenset[str]())
+        self.efforts = self._motors() if urdf is None else {}
 
     def tree(self) -> LinkTree:
         """Its links, with their masses and shapes."""
         model, urdf = self.model, self.urdf
-        joints = {
-            link: joint for body in range(1, model.nbody) for link, joint in self._joints_of(body)
-        }
+        joints = dict(one for body in range(1, model.nbody) for one in self._joints_of(body))
         root, links = self.links[0], (self.links[0], *joints)
         if urdf is None:
             seen = sorted({*model.geom_bodyid.tolist()} - {0})
@@ -99,7 +104,7 @@ class _Reader:
             order = {name: number for number, name in enumerate(urdf.limits)}
             joints = dict(sorted(joints.items(), key=lambda one: order.get(one[1].name, -1)))
         return LinkTree(
-            str(self.path), links, joints, self.shapes, self.pulled, masses, self.closures,
+            str(self.path), links, joints, self.shapes, masses, self.closures,
             tuple(unseen),
         )  # fmt: skip
 
@@ -109,7 +114,7 @@ class _Reader:
         Of several, all but the last one move links of their own without geometry.
         """
         model, name = self.model, self.links[body]
-        pose = _pose(model.body_pos[body], model.body_quat[body])
+        pose = self._pose(name, model.body_pos[body], model.body_quat[body])
         parent, first = self.links[model.body_parentid[body]], int(model.body_jntadr[body])
         numbers = range(first, first + int(model.body_jntnum[body]))
         if not numbers:
@@ -159,35 +164,23 @@ class _Reader:
                 others.append(model.equality(number).name or f"equality {number}")
         return follows, tuple(others)
 
-    def _motors(self) -> tuple[dict[int, float], frozenset[str]]:
-        """Greatest torque or force of the motors at joints, and joints that are pulled alone.
+    def _motors(self) -> dict[int, float]:
+        """Greatest torque or force of the motors at joints, where it is known.
 
-        Tendons, and motors with a force of one sign, pull. What holds a joint with a spring is not
-        known.
+        It is not where a spring holds the joint, or a motor turns it one way only.
         """
         model, efforts = self.model, dict[int, float]()
-        driven, pulled = set[int](), set[int]()
-        for number in range(model.nu):
-            kind, target = model.actuator_trntype[number], int(model.actuator_trnid[number, 0])
-            low, high = self._forces(number)
-            one_way = math.isfinite(high - low) and low < high and low * high >= 0.0
-            if kind == mj.mjtTrn.mjTRN_TENDON:
-                start = model.tendon_adr[target]
-                wraps = slice(start, start + model.tendon_num[target])
-                over = model.wrap_type[wraps] == mj.mjtWrap.mjWRAP_JOINT
-                pulled.update(map(int, model.wrap_objid[wraps][over]))
-            if kind != mj.mjtTrn.mjTRN_JOINT:
-                continue
-            (pulled if one_way else driven).add(target)
-            if model.actuator_forcelimited[number] and not one_way:
+        unknown = {*np.flatnonzero(model.jnt_stiffness).tolist()}
+        for number in np.flatnonzero(model.actuator_trntype == mj.mjtTrn.mjTRN_JOINT).tolist():
+            joint, (low, high) = int(model.actuator_trnid[number, 0]), self._forces(number)
+            if not low < 0.0 < high:
+                unknown.add(joint)
+            elif model.actuator_forcelimited[number]:
                 gear = abs(float(model.actuator_gear[number, 0]))
-                efforts.setdefault(target, gear * max(abs(low), abs(high)))
-        pulled -= driven
-        for joint in {*np.flatnonzero(model.jnt_actfrclimited).tolist()} - pulled:
+                efforts.setdefault(joint, gear * max(-low, high))
+        for joint in np.flatnonzero(model.jnt_actfrclimited).tolist():
             efforts[joint] = float(np.abs(model.jnt_actfrcrange[joint]).max())
-        for joint in np.flatnonzero(model.jnt_stiffness).tolist():
-            efforts.pop(joint, None)
-        return efforts, frozenset(self.names[joint] for joint in pulled)
+        return {joint: effort for joint, effort in efforts.items() if joint not in unknown}
 
     def _forces(self, number: int) -> tuple[float, float]:
         """Smallest and largest force of an actuator; infinite: none is stated."""
@@ -208,6 +201,17 @@ class _Reader:
         collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
         return [one for one in range(first, first + count) if collides[one] or one in self.paired]
 
+    def _pose(
+        self, link: str, position: Floats, quaternion: Floats, size: Sequence[float] = ()
+    ) -> Floats:
+        """The pose (4, 4) of a position and a quaternion (w, x, y, z). Raises SettingError."""
+        pose = np.array(transformations.quaternion_matrix(quaternion), dtype=np.float64)
+        pose[:3, 3] = position
+        if not np.abs([*position, *size]).max() <= FAR:
+            problem = f"{self.path}: {link} or its geometry is more than {FAR:,.0f} m large or away"
+            raise SettingError(printable(f"{problem}; is it in mm?"))
+        return pose
+
     def shapes(self, link: str) -> tuple[LinkShape, ...]:
         """Collision geometry of a link, by its name."""
         if link not in self.links:  # between joints of one body
@@ -217,35 +221,24 @@ class _Reader:
 
     def _shape(self, geom: int, link: str, number: int) -> LinkShape:
         model, kind = self.model, mj.mjtGeom(self.model.geom_type[geom]).name
-        pose = _pose(model.geom_pos[geom], model.geom_quat[geom])
         size = tuple(model.geom_size[geom].tolist())
+        pose = self._pose(link, model.geom_pos[geom], model.geom_quat[geom], size)
         if kind in SHAPES and (self.urdf is None or (link, number) not in self.urdf.meshes):
             name, count = SHAPES[kind]
             return LinkShape(name, pose, size[:count])
         if self.urdf is not None:
             triangles = mesh_triangles(self.urdf.meshes[link, number], link, self.path)
         elif kind == "mjGEOM_MESH":
-            triangles = _mesh(model, int(model.geom_dataid[geom]))
+            mesh = model.mesh(model.geom_dataid[geom])
+            start, first = mesh.vertadr[0], mesh.faceadr[0]
+            vertices = model.mesh_vert[start : start + mesh.vertnum[0]].astype(np.float64)
+            triangles = vertices[model.mesh_face[first : first + mesh.facenum[0]]]
         elif kind == "mjGEOM_ELLIPSOID":
             triangles = np.asarray(creation.icosphere().triangles * size)
         else:  # a plane or a height field
             problem = f"{self.path}: collision geometry of {link} is of no finite shape"
             raise SettingError(printable(problem))
         return LinkShape("mesh", pose, surface=locked(triangles))
-
-
-def _mesh(model: mj.MjModel, number: int) -> Floats:
-    start, count = model.mesh_vertadr[number], model.mesh_vertnum[number]
-    first, faces = model.mesh_faceadr[number], model.mesh_facenum[number]
-    vertices = np.asarray(model.mesh_vert[start : start + count], np.float64)
-    return np.asarray(vertices[model.mesh_face[first : first + faces]])
-
-
-def _pose(position: Floats, quaternion: Floats) -> Floats:
-    """The pose (4, 4) of a position and a quaternion (w, x, y, z)."""
-    pose = np.array(transformations.quaternion_matrix(quaternion), dtype=np.float64)
-    pose[:3, 3] = position
-    return pose
 
 
 def mesh_triangles(mesh: Element, link: str, path: Path) -> Floats:
@@ -276,9 +269,8 @@ def _collada(file: Path) -> Floats:
     """Triangles of a COLLADA file [m], shape (n, 3, 3). Raises MeshError."""
     try:
         scene = load_scene(file)
-        return np.asarray(
-            scene.to_mesh().triangles * unit_conversion(scene.units or "meters", "meters")
-        )
+        scale = unit_conversion(scene.units or "meters", "meters")
+        return np.asarray(scene.to_mesh().triangles * scale)
     except Exception as error:  # of any class
         raise MeshError(f"{file}: cannot be read as COLLADA ({reason_of(error)})") from error
 
@@ -287,11 +279,10 @@ def mesh_file(name: str, path: Path) -> Path | None:
     """The mesh that a URDF names; None: there is none."""
     scheme, _, rest = name.rpartition("://")
     folders = path.absolute().parents
+    candidates = [folders[0] / rest]  # an absolute path stays what it is
     if scheme in {"package", "model"}:
         package, _, inside = rest.partition("/")
         inside = inside.lstrip("/")  # some have two
         candidates = [folder / package / inside for folder in folders]
         candidates += [folder / inside for folder in folders if folder.name == package]
-    else:
-        candidates = [path.absolute().parent / rest]  # an absolute path stays what it is
     return next(filter(is_file, candidates), None)

@@ -1,21 +1,17 @@
 """Grippers of two fingers that move along one axis."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import MISSING, asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Bools, Floats
-from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
-from grasp3d.hand.hand import touching
-from grasp3d.hand.jaws import Corners, Jaws
+from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.robot_files import check_keys, read_json
 from grasp3d.system.context import unreported
-from grasp3d.system.documents import typed
 from grasp3d.system.names import unknown
 
 if TYPE_CHECKING:
@@ -24,25 +20,12 @@ if TYPE_CHECKING:
     from grasp3d.hand.table import Table
     from grasp3d.hand.triangles import Triangles
     from grasp3d.mesh import ObjectMesh
-    from grasp3d.settings import GraspModel
 
 FORMAT, VERSION = "grasp3d gripper", 1
 """What the keys `format` and `version` of a file contain."""
 
 KEYS = ("format", "version", "unit")
 """Keys that files have besides the fields of a gripper; people may leave them out."""
-
-_KINDS: dict[Any, str] = {
-    str: "a text",
-    float: "a number",
-    float | None: "a number or null",
-    tuple[str, ...]: "a list of texts",
-    tuple[str, str]: "a list of two texts",
-    tuple[float, ...]: "a list of numbers",
-    tuple[Corners, ...]: "a list of faces, each a list of corners [x, y, z]",
-}
-"""Descriptions of the types of fields."""
-
 
 ROUNDING = 1e-9
 """Fraction of the stroke by which a limit may be exceeded through rounding."""
@@ -88,8 +71,6 @@ class ParallelGripper(Jaws):
         clearance: Distance between each finger and the object before the fingers close [m].
         max_force: Greatest force of each finger [N]; None: not stated.
         sensor_resolution: Resolution alpha of the fingertips [rad]; None: not stated.
-        receptive_field: Length of the arc within which round tips do not distinguish contacts [m],
-            from which alpha follows; None: not stated.
         base_to_tcp: From the origin of the hand's own frame to the TCP, along z [m].
         base_axes: The closing and the approach axis as axes of the hand's own frame, that
             of its robot description, such as ("-y", "z").
@@ -123,19 +104,19 @@ class ParallelGripper(Jaws):
 
         Raises:
             SettingError: No preset has that name.
+
+        Example:
+            >>> from grasp3d.hand.parallel_gripper import ParallelGripper
+            >>> ParallelGripper.preset("robotiq_2f85").max_opening
+            0.085
+            >>> ParallelGripper.preset("nope")
+            Traceback (most recent call last):
+                ...
+            grasp3d.errors.SettingError: no gripper is called 'nope'; known: franka (panda), ...
         """
-        return preset(name)
-
-    @property
-    def resolution(self) -> float | None:
-        """Sensor resolution alpha [rad]; None: not stated."""
-        if self.receptive_field is not None:
-            return Sensor(self.receptive_field, self.tip_radius).resolution
-        return self.sensor_resolution
-
-    def touching(self, model: "GraspModel") -> "GraspModel":
-        """A model with the gripper's sensor resolution, if it states one."""
-        return touching(self, model)
+        if (key := ALIASES.get(name, name)) in PRESETS:
+            return PRESETS[key]
+        raise SettingError(unknown("gripper", name, [*PRESETS, *ALIASES], preset_names()))
 
     def shape(self, opening: float, posture: ArrayLike = ()) -> "Triangles":
         """Palm, fingers and tips in its own frame [m]; see `jaw_triangles`."""
@@ -233,14 +214,7 @@ def gripper_of(content: Mapping[str, Any]) -> ParallelGripper:
     needed = [name for name, field in known.items() if field.default is MISSING]
     if missing := [name for name in needed if name not in content]:
         raise SettingError(f"{', '.join(missing)} missing; every gripper needs it")
-    kinds, values = get_type_hints(ParallelGripper), dict[str, Any]()
-    for name in (one for one in known if one in content):
-        try:
-            values[name] = typed(content[name], kinds[name])
-        except TypeError as error:
-            got = json.dumps(content[name])[:40]
-            raise SettingError(f"{name} must be {_KINDS[kinds[name]]}; got {got}") from error
-    return ParallelGripper(**values)
+    return ParallelGripper(**{name: content[name] for name in known if name in content})
 
 
 FOLDER = Path(__file__).with_name("presets")
@@ -259,30 +233,6 @@ The JSON file of each gripper has notes on where its numbers come from.
 
 ALIASES = {"panda": "franka"}
 """Other names of presets."""
-
-
-def preset(name: str) -> ParallelGripper:
-    """A gripper that is known by name.
-
-    Args:
-        name: Its name or alias.
-
-    Raises:
-        SettingError: No preset has that name.
-
-    Example:
-        >>> from grasp3d.hand.parallel_gripper import preset
-        >>> preset("robotiq_2f85").max_opening
-        0.085
-        >>> preset("nope")
-        Traceback (most recent call last):
-            ...
-        grasp3d.errors.SettingError: no gripper is called 'nope'; known: franka (panda), ...
-    """
-    key = ALIASES.get(name, name)
-    if key in PRESETS:
-        return PRESETS[key]
-    raise SettingError(unknown("gripper", name, [*PRESETS, *ALIASES], preset_names()))
 
 
 def preset_names() -> list[str]:

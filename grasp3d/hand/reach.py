@@ -9,7 +9,7 @@ import numpy as np
 
 from grasp3d._kernels.jaws import gripper_parts
 from grasp3d._kernels.jaws.gripper_parts import ApproachLimits, GripperShape, make_workspace
-from grasp3d._kernels.jaws.reaching import collide_poses, reach_pairs, reach_tips
+from grasp3d._kernels.jaws.reaching import collide_poses, reach_pairs
 from grasp3d._kernels.surface.box_tree import BoxTree
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr, unit_rows
 from grasp3d.hand.jaws import IN_METRES, Jaws
@@ -17,6 +17,9 @@ from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.hand.table import Approach, Table, best_approach
 from grasp3d.mesh import ObjectMesh
 from grasp3d.system.context import in_threads
+
+ANGLES = 32
+"""Angles of the approach about the closing axis that are tested."""
 
 
 class Reachability(IntEnum):
@@ -67,18 +70,17 @@ class Reach:
         return np.asarray(self.state == Reachability.REACHED)
 
     @classmethod
-    def of(cls, mesh: ObjectMesh, results: gripper_parts.ReachResults, angles: int) -> Self:
+    def of(cls, mesh: ObjectMesh, results: gripper_parts.ReachResults) -> Self:
         """Arrange the results of the kernels, which are in the normalised frame.
 
         Args:
             mesh: The object.
             results: Codes, masks of free angles, and poses with the numbers behind them.
-            angles: Number of approach angles.
         """
         rows = results.found
         poses = rows[:, :16].reshape(-1, 4, 4)
         poses[:, :3, 3] = mesh.from_normalized(poses[:, :3, 3])
-        bits = (results.free[:, None] >> np.arange(angles, dtype=np.uint64)) & np.uint64(1)
+        bits = (results.free[:, None] >> np.arange(ANGLES, dtype=np.uint64)) & np.uint64(1)
         margin, free = rows[:, gripper_parts.MARGIN], bits.astype(np.bool_)
         lengths = rows[:, [gripper_parts.OPENING, gripper_parts.PREGRASP, gripper_parts.DEPTH]].T
         return cls(*map(locked, (results.codes, poses, margin, *lengths * mesh.size, free)))
@@ -92,10 +94,9 @@ class Reach:
         every = {}
         for name, values in vars(self).items():
             empty = math.nan if values.dtype.kind == "f" else 0
+            empty = Reachability.NO_GRASP if name == "state" else empty
             every[name] = np.full((count, *values.shape[1:]), empty, dtype=values.dtype)
             every[name][rows] = values
-        others = np.setdiff1d(np.arange(count), rows)
-        every["state"][others] = Reachability.NO_GRASP
         return Reach(**{name: locked(values) for name, values in every.items()})
 
 
@@ -130,15 +131,13 @@ class NormalizedScene(NamedTuple):
             lengths["pad_height"] = 0.0
         direction = best_approach(table, approach)
         limited = direction is not None and approach.within < math.pi
-        normal, offset = np.zeros(3), -math.inf
-        if table is not None:
-            normal = np.array(table.normal)
-            offset = float((table.offset - mesh.center @ table.normal) / mesh.size)
+        normal = np.zeros(3) if table is None else np.array(table.normal)
+        height = -math.inf if table is None else table.offset - mesh.center @ normal
         limits = ApproachLimits(
             direction=np.zeros(3) if direction is None else np.array(direction),
             least_cosine=math.cos(approach.within) if limited else -2.0,
             table_normal=normal,
-            table_offset=offset,
+            table_offset=float(height / mesh.size),
         )
         return cls(GripperShape(**lengths), limits, mesh.boxes)
 
@@ -162,21 +161,18 @@ def reach_grasps(
     the pose. With flat pads the contacts are at the pads' centres, or else up to 0.4 pad heights
     away from them along z, where that makes the widest arc. Angles between those tested are not.
 
-    Of three to five fingers only round tips are tested, each as a ball: that it touches nothing
-    else, and is above the table. Poses, margins and openings are nan then, and no approach is.
-
     Args:
         mesh: The object; its unit must be known.
-        points: Contacts, in the mesh's frame, shape (b, n, 3).
-        normals: Inward unit normals there, shape (b, n, 3).
+        points: Contacts, in the mesh's frame, shape (b, 2, 3).
+        normals: Inward unit normals there, shape (b, 2, 3).
         hand: The gripper, in metres.
         grip: +1 external grasps, -1 internal ones (the fingers inside, pushing outward), one
             number or shape (b,).
         table: What the object stands on; None: nothing.
-        approach: Approach angles and allowed directions; None: 32 angles, any direction.
+        approach: Allowed directions; None: any.
 
     Raises:
-        SettingError: The mesh has no unit, or flat pads are given more than two contacts.
+        SettingError: The mesh has no unit, or there are more than two contacts.
 
     Example:
         >>> import numpy as np, trimesh, grasp3d
@@ -195,27 +191,20 @@ def reach_grasps(
         ('REACHED', 0.04)
     """
     hand.check_fingers(points.shape[1])
-    approach, signs = approach or Approach(), np.full(len(points), grip, dtype=np.int8)
-    scene = NormalizedScene.of(mesh, hand, table, approach)
-    tips, angles = points.shape[1] > 2, approach.angles
+    signs = np.full(len(points), grip, dtype=np.int8)
+    scene = NormalizedScene.of(mesh, hand, table, approach or Approach())
     inner = np.ascontiguousarray((points - mesh.center) / mesh.size)
     normals = np.ascontiguousarray(unit_rows(normals))
     results, explain = gripper_parts.no_results(len(points)), True
 
     def work(rows: slice, workspace: Any) -> None:
-        if tips:
-            reach_tips(
-                inner[rows], normals[rows], scene.shape, scene.limits, scene.tree, workspace,
-                results.codes[rows],
-            )  # fmt: skip
-        else:
-            reach_pairs(
-                inner[rows], normals[rows], signs[rows], scene.shape, scene.limits, explain,
-                scene.tree, workspace, *(array[rows] for array in results),
-            )  # fmt: skip
+        reach_pairs(
+            inner[rows], normals[rows], signs[rows], scene.shape, scene.limits, explain,
+            scene.tree, workspace, *(array[rows] for array in results),
+        )  # fmt: skip
 
-    in_threads(work, len(points), CHUNK, lambda: make_workspace(1 if tips else angles))
-    return Reach.of(mesh, results, 0 if tips else angles)
+    in_threads(work, len(points), CHUNK, lambda: make_workspace(ANGLES))
+    return Reach.of(mesh, results)
 
 
 def collides(

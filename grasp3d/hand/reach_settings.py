@@ -5,9 +5,10 @@ from dataclasses import dataclass, fields
 from typing import Annotated
 
 from grasp3d.errors import SettingError
-from grasp3d.hand.choices import Axis, Standing, check_approach
+from grasp3d.hand.choices import Axis, Standing
 from grasp3d.hand.hand import Hand, touching
 from grasp3d.settings import GraspModel, Radians, check_choice, whole_number
+from grasp3d.settings.checks import check_range
 from grasp3d.settings.parsing import IN_PYTHON, Settings
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
 
@@ -26,7 +27,6 @@ class ReachSettings(Settings):
         resting_pose: Table stable: which of the resting poses; 1: the most probable one.
         approach_within: Largest angle between the approach direction and straight down, above 0, up
             to 180 degrees; with a table at most 90: never from below.
-        approach_angles: Number of approach angles about the closing axis that are tested, 8 to 64.
         pose_error: Error of the gripper's pose: how far the true one may be from the stated one,
             as the radius of a ball, the largest turn, or both: 5mm,3deg. The jaws are also closed
             at poses that are wrong by so much and less.
@@ -37,7 +37,6 @@ class ReachSettings(Settings):
     up: Axis = "z"
     resting_pose: Annotated[int, IN_PYTHON] = 1
     approach_within: Radians = math.pi
-    approach_angles: Annotated[int, IN_PYTHON] = 32
     pose_error: PoseErrorField = PoseErrorField(PoseError())
 
     def __post_init__(self) -> None:
@@ -49,7 +48,7 @@ class ReachSettings(Settings):
         check_choice("table", self.table, Standing)
         check_choice("axis", self.up, Axis)
         whole_number("resting pose", self.resting_pose, 1)
-        check_approach(self.approach_within, self.approach_angles)
+        check_range("approach_within", self.approach_within, 0.0, math.pi, ends="(]", degrees=True)
         changed = [
             one.name
             for one in fields(self)

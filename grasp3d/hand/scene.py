@@ -14,13 +14,7 @@ from grasp3d.hand.hand_files import GivenHand, given_hand, hand_line
 from grasp3d.hand.jaws import IN_METRES, Jaws
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.hand.table import (
-    Approach,
-    GivenTable,
-    Table,
-    best_approach,
-    given_table,
-)
+from grasp3d.hand.table import Approach, GivenTable, Table, best_approach, given_table
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import Sampling
 from grasp3d.settings.pose_error import PoseError
@@ -72,8 +66,7 @@ class Scene:
         table = given_table(mesh, settings.table, settings.up, settings.resting_pose)
         down = -np.array(AXES[settings.up]) if table is None else -table.normal
         within = settings.approach_within if table is None else min(settings.approach_within, LEVEL)
-        approach = Approach(down, within=within, angles=settings.approach_angles)
-        return cls(settings.hand, table, approach, settings.pose_error)
+        return cls(settings.hand, table, Approach(down, within), settings.pose_error)
 
     @classmethod
     def given(
@@ -114,6 +107,11 @@ class Scene:
         """The hand if it is a parallel gripper, for which kernels search pairs; else None."""
         return self.hand if isinstance(self.hand, Jaws) else None
 
+    def directions(self, poses: Floats) -> Floats:
+        """Approach directions of poses (k, 4, 4) in the frame of the mesh, shape (k, 3)."""
+        toward: Floats | None = getattr(self.hand, "approach", None)
+        return poses[:, :3, 2] if toward is None else np.asarray(poses[:, :3, :3] @ toward)
+
     def approach_angles(self, poses: Floats) -> Floats:
         """Angles of the approaches of poses (k, 4, 4) from the best direction [rad], shape (k,).
 
@@ -122,7 +120,7 @@ class Scene:
         direction = best_approach(self.table, self.approach)
         if direction is None:
             return np.zeros(len(poses))
-        return np.arccos(np.clip(poses[:, :3, 2] @ direction, -1.0, 1.0))
+        return np.arccos(np.clip(self.directions(poses) @ direction, -1.0, 1.0))
 
     def allows(self, poses: Floats) -> Bools:
         """Whether the approach of each pose (k, 4, 4) is allowed, shape (k,)."""
@@ -159,12 +157,9 @@ class Scene:
         """
         mesh.needs_metres(IN_METRES)
         least, most = self.hand.distances(sampling.grip)
+        low, high = max(sampling.min_opening, least), min(sampling.max_opening, most)
         try:
-            return replace(
-                sampling,
-                min_opening=max(sampling.min_opening, least),
-                max_opening=min(sampling.max_opening, most),
-            )
+            return replace(sampling, min_opening=low, max_opening=high)
         except SettingError as error:
             raise SettingError(
                 f"gripper {self.hand.name!r} opens from {least:.4g} to {most:.4g} m, "
@@ -183,7 +178,6 @@ def scene_settings(scene: Scene | None) -> dict[str, str | float | int | None]:
         "table": "none" if table is None else _line([*table.normal, table.offset]),
         "approach_direction": "none" if direction is None else _line(direction),
         "approach_within": approach.within,
-        "approach_angles": approach.angles,
         "pose_error": str(scene.pose_error),
     }
 

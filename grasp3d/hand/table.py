@@ -1,15 +1,16 @@
 """The plane that an object stands on, and the directions from which a gripper may approach."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self, TypeAlias
 
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.hand.choices import AXES, Axis, Standing, check_approach
+from grasp3d.hand.choices import AXES, Axis, Standing
 from grasp3d.settings import check_choice
+from grasp3d.settings.checks import check_range
 
 if TYPE_CHECKING:
     from grasp3d.mesh import ObjectMesh
@@ -27,10 +28,9 @@ class Table:
     """Probability that the object, dropped, comes to rest like this; None: not computed."""
 
     def __post_init__(self) -> None:
-        normal = _unit_vector(self.normal, "a table's normal")
         if not math.isfinite(self.offset):
             raise SettingError(f"a table's offset must be a finite length; got {self.offset:g}")
-        object.__setattr__(self, "normal", normal)
+        object.__setattr__(self, "normal", _unit_vector(self.normal, "a table's normal"))
         object.__setattr__(self, "offset", float(self.offset))
 
     @classmethod
@@ -77,7 +77,7 @@ class Table:
             )
         row = order[number - 1]
         table = cls.below(mesh, transforms[row][2, :3])
-        return cls(table.normal, table.offset, float(probabilities[row]))
+        return replace(table, probability=float(probabilities[row]))
 
 
 GivenTable: TypeAlias = Table | Standing | None
@@ -127,14 +127,12 @@ class Approach:
     any direction where there is no table."""
     within: float = math.pi
     """Largest angle between it and the approach direction [rad]."""
-    angles: int = 32
-    """Angles about the closing axis that are tested, 8 to 64."""
 
     def __post_init__(self) -> None:
         if self.direction is not None:
             direction = _unit_vector(self.direction, "an approach direction")
             object.__setattr__(self, "direction", direction)
-        check_approach(self.within, self.angles)
+        check_range("approach_within", self.within, 0.0, math.pi, ends="(]", degrees=True)
 
 
 def best_approach(table: Table | None, approach: Approach) -> Floats | None:

@@ -1,7 +1,6 @@
 """Shapes of hands, of their free approaches and of tables as triangles, for pictures."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
@@ -64,9 +63,9 @@ def triangles_of(
 ) -> Triangles:
     """Triangles with arrays that are locked; without parts or links all are of number 0."""
     none = np.zeros(len(np.asarray(faces)), np.uint8)
-    numbers = none if parts is None else parts
     return Triangles(
-        locked(vertices, np.float64), locked(faces, np.int64), locked(numbers),
+        locked(vertices, np.float64), locked(faces, np.int64),
+        locked(none if parts is None else parts),
         locked(none if links is None else links, np.int64),
     )  # fmt: skip
 
@@ -107,15 +106,13 @@ def jaw_triangles(jaws: Jaws, opening: float) -> Triangles:
     return triangles_of(whole.vertices, whole.faces, parts)
 
 
-def _box(ends: tuple[float, float], half: float, heights: tuple[float, float]) -> trimesh.Trimesh:
+def _box(ends: tuple[float, float], half: float, heights: tuple[float, float]) -> Any:
     """A box between two x in any order, about y = 0, and between two z."""
-    (left, right), (low, high) = sorted(ends), heights
-    box: trimesh.Trimesh = trimesh.creation.box(bounds=[(left, -half, low), (right, half, high)])
-    return box
+    return trimesh.creation.box(bounds=np.transpose([sorted(ends), (-half, half), heights]))
 
 
 def approach_triangles(
-    pose: Floats, arcs: Sequence[tuple[float, float]], *, radius: float, inner: float = 0.8
+    pose: Floats, margin: float, *, radius: float, inner: float = 0.8
 ) -> Triangles:
     """The free approach angles of a grasp as a fan about its closing axis.
 
@@ -124,8 +121,7 @@ def approach_triangles(
 
     Args:
         pose: Matrix of the grasp whose approach is the angle 0, shape (4, 4).
-        arcs: Intervals of approach angles (low, high) about the pose's x-axis [rad]; the approach
-            margin h of a pose in the middle of its arc is the interval (-h, h).
+        margin: Half-width of the free angles about the pose's x-axis [rad].
         radius: Outer radius of the fan.
         inner: Its inner radius, as a fraction of the outer one.
 
@@ -135,22 +131,17 @@ def approach_triangles(
     Example:
         >>> import numpy as np
         >>> from grasp3d.hand.triangles import approach_triangles
-        >>> fan = approach_triangles(np.eye(4), [(-0.5, 0.5)], radius=2.0)
+        >>> fan = approach_triangles(np.eye(4), 0.5, radius=2.0)
         >>> bool(fan.vertices[:, 0].any()), bool(np.all(fan.vertices[:, 2] < 0.0))
         (False, True)
     """
-    points: list[Floats] = []
-    faces: list[Ints] = []
-    for low, high in arcs:
-        steps = max(1, math.ceil((high - low) / ARC_STEP))
-        angles = np.linspace(low, high, steps + 1)
-        rim = np.stack([0.0 * angles, np.sin(angles), -np.cos(angles)], axis=1)
-        start = 2 * np.arange(steps) + sum(map(len, points))
-        points.append((radius * np.stack([inner * rim, rim], axis=1)).reshape(-1, 3))
-        faces.append(np.stack([start, start + 1, start + 3, start, start + 3, start + 2], axis=1))
-    vertices = trimesh.transform_points(np.concatenate([np.zeros((0, 3)), *points]), pose)
-    triangles = np.concatenate([np.zeros((0, 6), np.int64), *faces]).reshape(-1, 3)
-    return triangles_of(vertices, triangles)
+    steps = max(1, math.ceil(2.0 * margin / ARC_STEP))
+    angles = np.linspace(-margin, margin, steps + 1)
+    rim = np.stack([0.0 * angles, np.sin(angles), -np.cos(angles)], axis=1)
+    points = (radius * np.stack([inner * rim, rim], axis=1)).reshape(-1, 3)
+    start = 2 * np.arange(steps)
+    faces = np.stack([start, start + 1, start + 3, start, start + 3, start + 2], axis=1)
+    return triangles_of(trimesh.transform_points(points, pose), faces.reshape(-1, 3))
 
 
 def table_triangles(table: Table, mesh: ObjectMesh) -> Triangles:

@@ -6,7 +6,6 @@ What is left for MuJoCo are links, joints and shapes; meshes are balls there, wi
 import math
 import re
 from dataclasses import dataclass, field
-from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError, SubElement, fromstring, tostring
 
@@ -15,20 +14,8 @@ from grasp3d.hand.link_tree import LinkMass
 from grasp3d.system.documents import file_bytes, number_of, numbers_of
 from grasp3d.system.names import printable
 
-NUMBERS = {
-    "origin": {"xyz": 3, "rpy": 3}, "axis": {"xyz": 3}, "limit": {"lower": 1, "upper": 1},
-    "mimic": {"multiplier": 1, "offset": 1},
-}  # fmt: skip
-"""Numbers that elements may state, and how many."""
-
-SIZES = {
-    "box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1},
-    "capsule": {"radius": 1, "length": 1}, "mesh": {},
-}  # fmt: skip
-"""Lengths that shapes must state."""
-
-FAR = 1e3
-"""Largest length and distance [m]."""
+KEPT = {"parent", "child", "origin", "axis", "limit", "mimic"}
+"""Elements of joints that MuJoCo reads."""
 
 
 @dataclass
@@ -72,17 +59,22 @@ def _prepared(root: Element) -> Urdf:
     found, robot = Urdf(), Element("robot", name="robot")
     SubElement(SubElement(robot, "mujoco"), "compiler", fusestatic="false")  # links stay links
     links, joints = (_by_name(root, kind) for kind in ("link", "joint"))
-    _check_tree(links, joints)
     for name, joint in joints.items():
-        _check(joint, f"joint {name}")
         _read_joint(joint, name, joints, found)
         kept = SubElement(robot, "joint", joint.attrib)
-        kept.extend(part for part in joint if part.tag in {"parent", "child", *NUMBERS})
+        kept.extend(part for part in joint if part.tag in KEPT)
     for name, link in links.items():
         kept, collisions = SubElement(robot, "link", name=name), link.findall("collision")
         for number, collision in enumerate(collisions):
-            if (mesh := _mesh(collision, f"link {name}")) is not None:
+            for geometry in collision.findall("geometry[mesh]"):
+                mesh = next(iter(geometry))
                 found.meshes[name, number] = mesh
+                scale = mesh.get("scale", "1")
+                if 0.0 in numbers_of(scale, 1 if len(scale.split()) == 1 else 3):
+                    raise ValueError(f"link {name}: scale of mesh must not be 0")
+                geometry.remove(mesh)
+                SubElement(geometry, "sphere", radius="1")
+            collision.set("name", f"{name} {number}")  # for errors of MuJoCo
             kept.append(collision)
         if (mass := _mass(link)) is not None:
             found.masses[name] = mass
@@ -93,60 +85,13 @@ def _prepared(root: Element) -> Urdf:
 
 
 def _by_name(root: Element, kind: str) -> dict[str, Element]:
-    found: dict[str, Element] = {}
-    for element in root.findall(kind):
-        name = _text(element, "name")
-        if name in found:
+    """The elements of a kind; those without a name have an empty one, which MuJoCo refuses."""
+    elements = root.findall(kind)
+    found = {element.get("name", ""): element for element in elements}
+    for element in elements:
+        if found[name := element.get("name", "")] is not element:
             raise ValueError(f"two {kind}s are called {name}")
-        found[name] = element
     return found
-
-
-def _text(element: Element, name: str) -> str:
-    text = element.get(name)
-    if text is None:
-        raise ValueError(f"{element.tag} has no {name}")
-    return text
-
-
-def _check(owner: Element, of: str) -> None:
-    """Refuse numbers that are none, or that no hand has."""
-    for element in owner.iter():
-        sizes = SIZES.get(element.tag, {})
-        for name, count in (NUMBERS.get(element.tag, {}) | sizes).items():
-            if name not in element.attrib and name not in sizes:
-                continue
-            what = f"{of}: {name} of {element.tag}"
-            try:
-                numbers = numbers_of(_text(element, name), count)
-            except ValueError as error:
-                text = f"{what} {error}" if name in element.attrib else f"{of}: {error}"
-                raise ValueError(text) from error
-            if sizes and min(numbers) <= 0.0:
-                raise ValueError(f"{what} must be above 0; got {element.get(name)}")
-            if (sizes or name == "xyz") and max(map(abs, numbers)) > FAR:
-                raise ValueError(f"{what} is more than {FAR:,.0f} m; is it in mm?")
-
-
-def _mesh(collision: Element, of: str) -> Element | None:
-    """Check a piece of collision geometry, and return its mesh, which becomes a ball there."""
-    geometry = collision.find("geometry")
-    shape = None if geometry is None else next(iter(geometry), None)
-    if geometry is None or shape is None or shape.tag not in SIZES:
-        raise ValueError(f"collision geometry of {of} is of no known kind")
-    _check(collision, of)
-    if shape.tag != "mesh":
-        return None
-    words = shape.get("scale", "1")
-    try:
-        scale = numbers_of(words, 1 if len(words.split()) == 1 else 3)
-    except ValueError as error:
-        raise ValueError(f"{of}: scale of mesh {error}") from error
-    if not all(scale):
-        raise ValueError(f"{of}: scale of mesh must not be 0")
-    geometry.remove(shape)
-    SubElement(geometry, "sphere", radius="1")
-    return shape
 
 
 def _mass(link: Element) -> LinkMass | None:
@@ -162,19 +107,17 @@ def _mass(link: Element) -> LinkMass | None:
 
 def _read_joint(joint: Element, name: str, joints: dict[str, Element], found: Urdf) -> None:
     """Keep limits and effort of a joint. Raises ValueError."""
-    limit, axis, mimic = (joint.find(part) for part in ("limit", "axis", "mimic"))
-    moves, ends = joint.get("type") != "fixed", (-math.inf, math.inf)
-    if axis is not None and moves and not any(numbers_of(_text(axis, "xyz"), 3)):
-        raise ValueError(f"joint {name} has the axis 0 0 0")
+    limit, mimic, ends = joint.find("limit"), joint.find("mimic"), (-math.inf, math.inf)
     if mimic is not None:
-        source = joints.get(_text(mimic, "joint"))
+        source = joints.get(mimic.get("joint", ""))
         if source is None or source.get("type") == "fixed" or source is joint:
             raise ValueError(f"joint {name} follows {mimic.get('joint')}, which it cannot")
+        numbers_of(f"{mimic.get('multiplier', 1)} {mimic.get('offset', 0)}", 2)
     if limit is not None and math.isfinite(effort := number_of(limit.attrib.pop("effort", "nan"))):
         found.efforts[name] = effort
     if joint.get("type") in {"revolute", "prismatic"}:
         if limit is not None and {"lower", "upper"} <= {*limit.keys()}:
-            ends = float(_text(limit, "lower")), float(_text(limit, "upper"))
+            ends = number_of(limit.get("lower")), number_of(limit.get("upper"))
         stated = "no limits" if limit is None else f"limits from {ends[0]:g} to {ends[1]:g}"
         if not ends[0] <= ends[1] or (math.isinf(ends[0]) and mimic is None):
             raise ValueError(
@@ -182,19 +125,3 @@ def _read_joint(joint: Element, name: str, joints: dict[str, Element], found: Ur
                 "has none (continuous)"
             )
     found.limits[name] = ends
-
-
-def _check_tree(links: dict[str, Element], joints: dict[str, Element]) -> None:
-    """Refuse links that joints join in other ways than a tree. Raises ValueError."""
-    above: dict[str, tuple[str, str]] = {}
-    for name, joint in joints.items():
-        ends = [joint.find(end) for end in ("parent", "child")]
-        parent, child = ("" if end is None else end.get("link", "") for end in ends)
-        if child in above or not {parent, child} <= {*links} or child == "world":
-            raise ValueError(f"joint {name} joins no two links of its own")
-        above[child] = name, parent
-    try:
-        TopologicalSorter({child: [parent] for child, (_, parent) in above.items()}).prepare()
-    except CycleError as error:
-        first, _ = above[error.args[1][0]]
-        raise ValueError(f"joint {first} is part of a loop of joints") from error

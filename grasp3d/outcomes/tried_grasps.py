@@ -16,7 +16,7 @@ from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluation import in_stated_scale
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.jaws import IN_METRES
-from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, preset
+from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, ParallelGripper
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.quality.loads import Load
 from grasp3d.settings import MeshOptions
@@ -198,7 +198,7 @@ def _gripper(poses: GraspPoses, hand: Hand | None, name: str) -> tuple[Hand, str
     if isinstance(stated, Hand):
         return stated, "as the file states"
     if stated is not None and ALIASES.get(stated, stated) in PRESETS:
-        return preset(stated), f"as the file states ({stated})"
+        return ParallelGripper.preset(stated), f"as the file states ({stated})"
     reason = "states no gripper" if stated is None else f"states the gripper {stated!r}, unknown"
     raise SettingError(f"{name}: {reason}; give it with --hand NAME|FILE")
 

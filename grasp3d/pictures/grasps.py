@@ -49,8 +49,7 @@ def grasp_figure(
     figure, grid = _sheet(grasps.mesh.report.source, settings, len(pictures), below)
     for row, (axes, picture) in enumerate(zip(grid, pictures, strict=True)):
         label = Label(int(grasps.letter[row]))
-        score = math.floor(100.0 * grasps.score[row]) / 100.0  # 1 is no score of a grasp
-        title = rf"$\bf{{{row + 1}}}$  {label.name}   {score:.2f}"
+        title = rf"$\bf{{{row + 1}}}$  {label.name}   {grasps.score[row]:.3f}"
         show_picture(axes, picture, title, "\n".join(texts[row]))
     figure.legend(
         handles=label_patches(MEANING[mode]), loc="outside lower center", ncols=len(Label)

@@ -115,9 +115,9 @@ def gripper_figure(gripper: ParallelGripper) -> Figure:
         gripper: The gripper.
 
     Example:
-        >>> from grasp3d.hand.parallel_gripper import preset
+        >>> from grasp3d.hand.parallel_gripper import ParallelGripper
         >>> from grasp3d.pictures.hands import gripper_figure
-        >>> figure = gripper_figure(preset("franka"))
+        >>> figure = gripper_figure(ParallelGripper.preset("franka"))
         >>> [axes.get_title() for axes in figure.axes]
         ['front', 'side']
     """
@@ -202,9 +202,9 @@ def frames_figure(gripper: ParallelGripper) -> Figure:
         gripper: The gripper.
 
     Example:
-        >>> from grasp3d.hand.parallel_gripper import preset
+        >>> from grasp3d.hand.parallel_gripper import ParallelGripper
         >>> from grasp3d.pictures.hands import frames_figure
-        >>> [axes.get_title() for axes in frames_figure(preset("franka")).axes][:2]
+        >>> [axes.get_title() for axes in frames_figure(ParallelGripper.preset("franka")).axes][:2]
         ['tcp', 'hand, isaac, moveit,\npanda_hand']
     """
     frames: dict[tuple[float, ...], list[str]] = {}

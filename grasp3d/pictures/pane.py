@@ -235,9 +235,9 @@ class Pane:
             palm = hand.link_names.index(hand.palm)
             framed = (parts != Part.PALM) | (solid.links == palm)
         self.hand_points = solid.vertices[np.unique(solid.faces[framed])]
-        if pose.arcs:
-            radius = ARC_RADIUS * hand.finger_length
-            arc = approach_triangles(pose.pose, pose.arcs, radius=radius, inner=ARC_INNER)
+        if pose.approach_margin > 0.0:
+            radius, margin = ARC_RADIUS * hand.finger_length, pose.approach_margin
+            arc = approach_triangles(pose.pose, margin, radius=radius, inner=ARC_INNER)
             layers.show("arc", surface_of(arc))
 
     def _show_marks(self, grasp: MarkedContacts, hand: Hand | None, fixed: Floats) -> None:

@@ -183,7 +183,7 @@ def label_surface(
         sampling: How grasps are searched for, or a dict of fields; None: the defaults.
         hand: The gripper that must reach each grasp, also its name or file: the best grasp is that
             of the reachable ones, and openings are limited to its stroke; None: ideal point
-            contacts. For three fingers and more only its round tips are tested.
+            contacts.
         table: What the object stands on, which the gripper must not enter, also as-is (below the
             object as it is, z up) or stable (below it in its most probable resting pose); None:
             nothing.

@@ -62,7 +62,7 @@ def _pose(column: int) -> Callable[[GraspRows], Array | None]:
 
 
 def _free_angles(labels: GraspRows) -> Array | None:
-    """Free approach angles as bits; None: none are tested, as for three round tips and more."""
+    """Free approach angles as bits; None: none are tested."""
     free = None if labels.reach is None else labels.reach.free
     return None if free is None or not free.shape[1] else packed_bits(free)
 

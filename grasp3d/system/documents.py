@@ -108,10 +108,10 @@ def numbers_of(text: str, count: int) -> list[float]:
 
 
 def typed(value: Any, hint: Any) -> Any:
-    """A value of JSON in the type of a hint, lists as tuples. Raises TypeError if it is no such."""
+    """A value, as of JSON, in the type of a hint, lists as tuples. Raises TypeError: it is none."""
     kinds = get_args(hint)
     if get_origin(hint) is tuple:
-        if type(value) is not list or (... not in kinds and len(value) != len(kinds)):
+        if type(value) not in {list, tuple} or (... not in kinds and len(value) != len(kinds)):
             raise TypeError(f"{value!r:.50} is no list of so many values")
         return tuple(typed(item, kinds[0]) for item in value)
     if type(value) is dict and get_origin(hint) is dict:
@@ -121,7 +121,7 @@ def typed(value: Any, hint: Any) -> Any:
         return hint(**{name: typed(one, types.get(name)) for name, one in value.items()})
     if kinds and get_origin(hint) is not dict:  # a value that may be none
         return None if value is None else typed(value, kinds[0])
-    if hint is float and type(value) is int:
+    if hint is float and isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     if type(value) is not hint:
         raise TypeError(f"{value!r:.50} is not of type {hint}")

@@ -26,7 +26,7 @@ from grasp3d.batch.row import COLUMNS, Outcome, Row
 from grasp3d.batch.storage.folder import Folder
 from grasp3d.describe import facts
 from grasp3d.grasps.best import best_grasps
-from grasp3d.hand.parallel_gripper import preset
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
@@ -134,7 +134,9 @@ def test_the_page_lists_the_settings_as_files_hold_them(tmp_path: Path) -> None:
         model,
         Sampling(max_opening="8cm"),
         MeshOptions(center_of_mass="1mm,0,0", max_edge=0.01),
-        reach=ReachSettings(hand=preset("franka"), table="stable", pose_error="5mm,3deg"),
+        reach=ReachSettings(
+            hand=ParallelGripper.preset("franka"), table="stable", pose_error="5mm,3deg"
+        ),
         load=load,
     )
     found = settings_of(page_of(tmp_path, [], settings))
@@ -310,7 +312,7 @@ def test_a_library_has_pages_up_to_a_number_of_meshes(
         trimesh.creation.box([0.08, 0.05, 0.03]).export(tmp_path / "in" / f"{name}.stl")
     settings = BatchSettings(
         MODEL, COARSE, MeshOptions(unit="m", max_edge=0.02), best=2,
-        reach=ReachSettings(hand=preset("franka")),
+        reach=ReachSettings(hand=ParallelGripper.preset("franka")),
     )  # fmt: skip
     monkeypatch.setattr("grasp3d.batch.library.MOST_PAGES", 1)
     label_library([tmp_path / "in"], tmp_path / "many", settings)

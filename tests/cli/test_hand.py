@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from grasp3d.hand.hand_files import read_hand
-from grasp3d.hand.parallel_gripper import PRESETS, preset
+from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper
 from tests.hand.test_robot_descriptions import mjcf, urdf
 from tests.helpers.commands import printed, refusal
 from tests.helpers.commands import run_here as grasp3d
@@ -22,7 +22,7 @@ def test_without_a_gripper_the_presets_are_listed(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_lengths_frame_force_and_touch_are_printed(tmp_path: Path, name: str) -> None:
-    gripper = preset(name)
+    gripper = ParallelGripper.preset(name)
     text = printed("hand", name, cwd=tmp_path, columns=200)
     lines = dict(re.findall(r"^(\w[\w ]*?)  +(\S.*?) *$", text, re.MULTILINE))
     for length in ("min_opening", "max_opening", "finger_thickness", "base_to_tcp"):
@@ -36,7 +36,7 @@ def test_lengths_frame_force_and_touch_are_printed(tmp_path: Path, name: str) ->
 def test_json_and_picture_are_written_and_read_again(tmp_path: Path) -> None:
     run = grasp3d("hand", "panda", "-o", "g.json", "--picture", "g.png", cwd=tmp_path)
     assert run.stdout.endswith("written: g.json, g.png\n")
-    assert read_hand(tmp_path / "g.json") == preset("franka")
+    assert read_hand(tmp_path / "g.json") == ParallelGripper.preset("franka")
     assert (tmp_path / "g.png").read_bytes().startswith(b"\x89PNG")
     # It may have been written by hand.
     assert "exists; name another file" in refusal("hand g.json -q -o g.json", tmp_path)

@@ -9,7 +9,7 @@ import trimesh
 from grasp3d import GraspModel, Load, best_grasps, label_surface, load_mesh
 from grasp3d.describe import facts
 from grasp3d.describe.grasp_facts import position_text
-from grasp3d.hand.parallel_gripper import preset
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.surface.fields import NONE, OF_ONE, Field
 
 LOAD = Load(mass=0.5, grip_force=20.0)
@@ -17,7 +17,9 @@ LOAD = Load(mass=0.5, grip_force=20.0)
 
 def test_each_declared_number_that_is_known_is_listed_with_its_unit() -> None:
     mesh = load_mesh(trimesh.creation.box([0.08, 0.05, 0.03]), unit="m", max_edge=0.02)
-    labels = label_surface(mesh, GraspModel(torsion_radius="3mm"), load=LOAD, hand=preset("franka"))
+    labels = label_surface(
+        mesh, GraspModel(torsion_radius="3mm"), load=LOAD, hand=ParallelGripper.preset("franka")
+    )
     grasps = labels.take(labels.distinct)
     assert grasps.reach is not None
     assert grasps.load_result is not None
@@ -40,7 +42,7 @@ def test_equal_angles_are_listed_once_and_those_of_poses_by_the_same_declaration
     assert "β* of the best normals" not in facts(grasps, 0)
     held = best_grasps(label_surface(load_mesh(
         trimesh.creation.box([0.08, 0.05, 0.03]), unit="m"
-    ), hand=preset("franka")), 1)  # fmt: skip
+    ), hand=ParallelGripper.preset("franka")), 1)  # fmt: skip
     names = {field.listed or field.heading for field in held.fields}  # type: ignore[union-attr]
     assert set(facts(held, 0)) <= names
 

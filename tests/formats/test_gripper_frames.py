@@ -15,11 +15,11 @@ from grasp3d.formats import read_poses, write_grasps
 from grasp3d.formats.format import formats
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES, GripperFrame
-from grasp3d.hand.parallel_gripper import preset
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from tests.docs.field_tables import FRAME_SOURCES
 from tests.hand.test_articulated_hand import hand_of
 
-FRANKA = preset("franka")
+FRANKA = ParallelGripper.preset("franka")
 WRITTEN = [name for name, form in formats().items() if form.hands != ("articulated",)]
 
 TCP = [[0, 1, 0, 0.1], [1, 0, 0, 0.2], [0, 0, -1, 0.3], [0, 0, 0, 1]]

@@ -18,7 +18,7 @@ from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import matched, wrist_of
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.parallel_gripper import preset
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from tests.formats.test_poses import random_poses, with_joints
 from tests.hand.test_articulated_hand import hand_of, random_postures
 from tests.helpers import shapes
@@ -305,9 +305,9 @@ def test_joints_are_not_ignored_where_the_hand_is_a_gripper(tmp_path: Path, form
     box = load_mesh(shapes.box((9.0, 9.0, 9.0)), unit="m")
     words = r"values of 16 joints \(joint_0.0, .* but franka is a gripper of two jaws, which"
     with pytest.raises(ContactError, match=words):
-        read_poses(path, hand=preset("franka"))
+        read_poses(path, hand=ParallelGripper.preset("franka"))
     with pytest.raises(ContactError, match=words):
-        evaluate_grasps(box, poses, hand=preset("franka"))
+        evaluate_grasps(box, poses, hand=ParallelGripper.preset("franka"))
 
 
 def test_another_number_of_joints_is_refused_with_both() -> None:
@@ -519,7 +519,7 @@ def test_hands_without_joints_and_grasps_without_postures_are_refused(tmp_path: 
     with pytest.raises(ContactError, match="DexGraspBench files have postures of a hand with joi"):
         read_poses(path)
     with pytest.raises(ContactError, match="'franka' is none: give its description"):
-        read_poses(path, hand=preset("franka"))
+        read_poses(path, hand=ParallelGripper.preset("franka"))
     bare = GraspPoses(poses=poses.poses, unit="m", hand=poses.hand)
     with pytest.raises(OutputError, match="the poses have no values of them"):
         write_grasps(path, bare, format="dexgraspnet")

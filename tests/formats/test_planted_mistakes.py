@@ -16,10 +16,10 @@ from grasp3d.formats import Format, GraspPoses, read_poses, write_grasps
 from grasp3d.formats.format import formats
 from grasp3d.grasps.audit import audit_poses
 from grasp3d.hand.frames import FRAMES
-from grasp3d.hand.parallel_gripper import preset
+from grasp3d.hand.parallel_gripper import ParallelGripper
 
 Floats = Any
-HAND: Any = preset("franka")
+HAND: Any = ParallelGripper.preset("franka")
 MESHES = Path(__file__).parents[2] / "meshes"
 OF_GRIPPERS = [one for one in formats().values() if one.hands != ("articulated",)]
 

@@ -22,7 +22,7 @@ from grasp3d.formats.checks import numbers
 from grasp3d.formats.own import read_contacts
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.hand.parallel_gripper import ParallelGripper, preset
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.pose_checks import pose_warning
 from grasp3d.settings.units import Unit
 from grasp3d.system import limited_reading
@@ -532,7 +532,9 @@ def test_a_space_may_follow_each_comma_of_a_table(tmp_path: Path) -> None:
     assert found.unit == dense.unit == "m"
     equal(found.poses, dense.poses)
     mesh = load_mesh(path.with_name("box.stl"), unit="m")
-    assert evaluate_grasps(mesh, found, hand=preset("franka")).label.tolist() == [Label.S]
+    assert evaluate_grasps(mesh, found, hand=ParallelGripper.preset("franka")).label.tolist() == [
+        Label.S
+    ]
 
 
 def test_the_unit_of_a_file_without_one_is_given_and_another_one_is_refused(

@@ -19,7 +19,7 @@ from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.object_pose import ObjectPose
-from grasp3d.hand.parallel_gripper import preset
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach import collides
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
@@ -30,7 +30,7 @@ from tests.helpers.hands import HANDS
 from tests.helpers.random_search import random_poses_on
 
 Floats = Any
-HAND = preset("franka")
+HAND = ParallelGripper.preset("franka")
 MESHES = Path(__file__).parents[2] / "meshes"
 INCH = 1.0 / 0.0254
 QUARTER = np.array(

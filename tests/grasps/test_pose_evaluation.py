@@ -25,7 +25,7 @@ from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.hand.closing import Closing
-from grasp3d.hand.parallel_gripper import preset
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.table import Approach, Table
 from grasp3d.quality import critical_friction_angle
 from grasp3d.stability.classification import classify
@@ -271,7 +271,7 @@ def test_published_poses_on_a_mug() -> None:
     has turned.
     """
     folder = shapes.shared("datasets", "acronym")
-    hand = preset("franka")
+    hand = ParallelGripper.preset("franka")
     poses = read_poses(next(folder.glob("*.h5")), hand=hand)
     solid = trimesh.load_mesh(next(folder.glob("*.obj")), process=False)
     mesh = load_mesh((solid.vertices, solid.faces), max_edge=1e9)

@@ -93,40 +93,36 @@ MODEL = """<mujoco model="finger"><compiler angle="radian"/><worldbody>
 </mujoco>"""
 
 
-def test_joints_that_tendons_pull_have_no_motor_and_those_with_springs_no_stated_one(
-    tmp_path: Path,
-) -> None:
+def test_torques_of_springs_tendons_and_motors_of_one_way_are_not_stated(tmp_path: Path) -> None:
     path = tmp_path / "finger.xml"
     path.write_text(MODEL, encoding="utf-8")
     hand = grasp3d.read_hand(path)
     assert isinstance(hand, ArticulatedHand)
-    np.testing.assert_array_equal(hand.torques, [np.nan, 0.0])
-    assert "joints that only tendons pull have no motor: bend" in hand.assumed
-    with pytest.raises(SettingError, match="no torque of the motor of knuckle: state it"):
+    np.testing.assert_array_equal(hand.torques, [np.nan, np.nan])
+    with pytest.raises(SettingError, match="no torque of the motor of knuckle, bend: state it"):
         torques_of(hand)
-    np.testing.assert_array_equal(torques_of(hand, 0.2), [0.2, np.nan])
+    np.testing.assert_array_equal(torques_of(hand, 0.2), [0.2, 0.2])
 
 
-def test_models_whose_limits_are_wider_than_one_way_have_no_motors_there(tmp_path: Path) -> None:
-    """A joint's limit of what acts on it is no motor, and a range of forces allows no control."""
+def test_limits_of_what_acts_on_a_joint_are_those_of_its_motor(tmp_path: Path) -> None:
+    """But not where the motor turns it one way only; a range of forces allows no control."""
     path = tmp_path / "finger.xml"
 
-    def read(old: str, new: str) -> ArticulatedHand:
+    def torques(old: str, new: str) -> list[float]:
         text = MODEL.replace('stiffness="0.2"', "")
         assert text.count(old) == 1
         path.write_text(text.replace(old, new), encoding="utf-8")
         hand = grasp3d.read_hand(path)
         assert isinstance(hand, ArticulatedHand)
-        return hand
+        return np.nan_to_num(hand.torques, nan=-1.0).tolist()
 
     limit = 'actuatorfrcrange="-0.4 0.4" actuatorfrclimited="true" name='
-    np.testing.assert_array_equal(read('name="bend"', limit + '"bend"').torques, [0.3, 0.0])
-    found = read('name="knuckle"', limit + '"knuckle"').torques
-    np.testing.assert_array_equal(found, [0.4, 0.0])
-    pulled = 'ctrlrange="-15 0" ctrllimited="true"'
-    for forces in (-30, -10):
-        hand = read(pulled, f'{pulled} forcerange="{forces} 30" forcelimited="true"')
-        np.testing.assert_array_equal(hand.torques, [0.3, 0.0])
+    assert torques('name="bend"', limit + '"bend"') == [0.3, -1.0]
+    assert torques('name="knuckle"', limit + '"knuckle"') == [0.4, -1.0]
+    one_way = 'forcerange="0.1 0.4" forcelimited="true"'
+    assert torques(one_way, 'forcerange="-0.1 0.4" forcelimited="true"') == [0.3, 0.2]
+    control = 'ctrlrange="0 1" ctrllimited="true"'
+    assert torques(one_way, f'{control} forcerange="-1 1" forcelimited="true"') == [0.3, -1.0]
     both = 'joint="knuckle" forcerange="-0.3 0.3"'
-    small = read(both, both + ' ctrlrange="-0.2 0.1" ctrllimited="true"')
-    np.testing.assert_array_equal(small.torques, [0.2, 0.0])
+    small = both + ' ctrlrange="-0.2 0.1" ctrllimited="true"'
+    assert torques(both, small) == [0.2, -1.0]

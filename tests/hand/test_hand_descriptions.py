@@ -345,6 +345,17 @@ def test_a_prefix_of_all_names_is_found(tmp_path: Path) -> None:
     assert hand.joint_names[0] == "rh_finger_1_prox_joint"
 
 
+@pytest.mark.slow
+def test_a_prefix_does_not_change_keys_that_are_called_as_a_link(tmp_path: Path) -> None:
+    text = hand_file("shadow").read_text(encoding="utf-8")
+    text = re.sub(r'(?<!file)(name|link|joint)="', r'\1="rh_', text)
+    path = tmp_path / "hand.urdf"
+    folder = hand_file("shadow").parent.as_posix()
+    path.write_text(text.replace('filename="', f'filename="{folder}/'), encoding="utf-8")
+    hand = read(path)
+    assert (hand.name, hand.palm) == ("shadow", "rh_palm")
+
+
 def test_names_of_known_hands_need_a_file() -> None:
     for name in NAMES:
         with pytest.raises(SettingError, match=f"{name} is a hand with joints, known without"):

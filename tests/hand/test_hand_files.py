@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.hand_files import read_hand, write_hand
-from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper, preset
+from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper
 
 LENGTHS = st.floats(1e-4, 0.05)
 
@@ -56,7 +56,7 @@ def test_what_is_written_is_read_again(tmp_path: Path, gripper: ParallelGripper)
 
 
 def test_every_field_is_in_the_file(tmp_path: Path) -> None:
-    write_hand(tmp_path / "g.json", preset("tactile"))
+    write_hand(tmp_path / "g.json", ParallelGripper.preset("tactile"))
     found = json.loads((tmp_path / "g.json").read_text(encoding="utf-8"))
     names = {field.name for field in fields(ParallelGripper)}
     assert set(found) == names | {"format", "version", "unit"}
@@ -69,7 +69,11 @@ def test_fields_with_defaults_may_be_missing(tmp_path: Path) -> None:
                    joint_closed=None)  # fmt: skip
     gripper = read_hand(path)
     expected = replace(
-        preset("franka"), compliance=0.001, joint_names=(), joint_scale=(), joint_closed=()
+        ParallelGripper.preset("franka"),
+        compliance=0.001,
+        joint_names=(),
+        joint_scale=(),
+        joint_closed=(),
     )
     assert gripper == expected
 
@@ -88,7 +92,7 @@ def test_a_person_writes_lengths_and_a_name(tmp_path: Path) -> None:
 def changed(folder: Path, **values: Any) -> Path:
     """A file of the Franka hand with other values; those that are None are left out."""
     path = folder / "g.json"
-    write_hand(path, preset("franka"))
+    write_hand(path, ParallelGripper.preset("franka"))
     content = json.loads(path.read_text(encoding="utf-8")) | values
     removed = {name for name, value in values.items() if value is None}
     kept = {name: value for name, value in content.items() if name not in removed}
@@ -125,7 +129,7 @@ def test_a_name_is_a_preset_and_a_path_a_file(
     monkeypatch.chdir(tmp_path)
     for name, gripper in PRESETS.items():
         assert read_hand(name) is gripper
-    write_hand("mine.json", replace(preset("franka"), name="mine"))
+    write_hand("mine.json", replace(ParallelGripper.preset("franka"), name="mine"))
     assert read_hand("mine.json").name == "mine"
     assert read_hand(tmp_path / "mine.json").name == "mine"
     with pytest.raises(SettingError, match="no gripper is called 'mine'; known"):

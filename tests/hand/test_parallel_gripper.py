@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from grasp3d.errors import SettingError
 from grasp3d.hand.choices import AXES
 from grasp3d.hand.hand import touching
-from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, ParallelGripper, preset
+from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, ParallelGripper
 from grasp3d.settings import GraspModel
 
 FLAT: dict[str, Any] = {
@@ -35,17 +35,19 @@ ROUND = FLAT | {"name": "round", "pad_width": 0.0, "pad_height": 0.0, "tip_radiu
         ({"max_opening": 0.0}, "max_opening must be above 0"),
         ({"max_opening": 80.0}, "is it in millimetres"),
         ({"min_opening": 0.078}, "larger than the clearance on both sides"),
-        ({"pad_width": 0.03}, "pad_width (0.03) must be at most finger_width (0.02)"),
-        ({"palm_thickness": 0.07}, "must be at most palm_thickness (0.07)"),
+        ({"pad_width": 0.03}, "pad_width (0.03 m) must be at most finger_width (0.02 m)"),
+        ({"palm_thickness": 0.07}, "must be at most palm_thickness (0.07 m)"),
         ({"tip_radius": 0.01}, "either flat pads"),
-        ({"receptive_field": 0.004}, "needs round tips"),
+        ({"name": 3}, "name must be a text; got 3"),
+        ({"pad_width": "2 cm"}, 'pad_width must be a number; got "2 cm"'),
+        ({"inner_faces": 5}, "inner_faces must be a list of faces"),
         ({"max_force": 0.0}, "max_force must be a finite force above 0"),
         ({"joint_names": ("one",)}, "a number for each of the 1 joint_names"),
         ({"base_axes": ("x", "-x")}, "two axes at right angles"),
     ],
 )
 def test_impossible_grippers_are_refused(changed: dict[str, Any], words: str) -> None:
-    with pytest.raises(SettingError, match=r"gripper 'flat'|sensor resolution") as refused:
+    with pytest.raises(SettingError, match=r"gripper ('flat'|3)|sensor resolution") as refused:
         ParallelGripper(**(FLAT | changed))
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
@@ -56,10 +58,9 @@ def test_fingers_thicker_than_their_round_tips_are_refused() -> None:
         ParallelGripper(**(ROUND | {"tip_radius": 0.009, "finger_thickness": 0.019}))
 
 
-def test_the_resolution_of_round_tips_follows_from_the_receptive_field() -> None:
-    gripper = ParallelGripper(**ROUND, receptive_field=0.004)
-    assert gripper.resolution == pytest.approx(0.4)
-    assert touching(gripper, GraspModel()).sensor_resolution == gripper.resolution
+def test_the_resolution_of_a_gripper_replaces_that_of_the_model() -> None:
+    gripper = ParallelGripper(**ROUND, sensor_resolution=0.4)
+    assert touching(gripper, GraspModel()).sensor_resolution == 0.4
     assert touching(ParallelGripper(**ROUND), GraspModel()) == GraspModel()
 
 
@@ -100,7 +101,7 @@ PUBLISHED = {  # stroke [mm] and greatest force [N], from the data sheets
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_have_the_published_stroke_and_force(name: str) -> None:
-    gripper = preset(name)
+    gripper = ParallelGripper.preset(name)
     assert (round(1e3 * gripper.max_opening), gripper.max_force) == PUBLISHED[name]
     assert gripper.name == name
     assert gripper.source
@@ -109,7 +110,7 @@ def test_presets_have_the_published_stroke_and_force(name: str) -> None:
 @pytest.mark.parametrize("name", PRESETS)
 def test_joints_close_and_open(name: str) -> None:
     """At most one metre or radian from closed to open, and the same for both fingers."""
-    gripper = preset(name)
+    gripper = ParallelGripper.preset(name)
     values = [
         [closed + scale * opening for opening in (0.0, gripper.max_opening)]
         for closed, scale in zip(gripper.joint_closed, gripper.joint_scale, strict=True)
@@ -120,7 +121,7 @@ def test_joints_close_and_open(name: str) -> None:
 
 
 def test_both_fingers_of_the_franka_hand_move_by_half_of_the_opening() -> None:
-    gripper = preset("franka")
+    gripper = ParallelGripper.preset("franka")
     assert gripper.joint_names == ("panda_finger_joint1", "panda_finger_joint2")
     assert gripper.joint_scale == (0.5, 0.5)
     assert gripper.base_to_tcp == 0.1034
@@ -128,18 +129,18 @@ def test_both_fingers_of_the_franka_hand_move_by_half_of_the_opening() -> None:
 
 def test_robotiq_joints_are_0_when_open() -> None:
     for name in ("robotiq_2f85", "robotiq_2f140"):
-        gripper = preset(name)
+        gripper = ParallelGripper.preset(name)
         value = gripper.joint_closed[0] + gripper.joint_scale[0] * gripper.max_opening
         assert value == pytest.approx(0.0, abs=1e-12)
 
 
 def test_the_tactile_gripper_has_the_tips_of_the_paper() -> None:
-    gripper = preset("tactile")
+    gripper = ParallelGripper.preset("tactile")
     assert gripper.tip_radius == 0.01
-    assert math.degrees(gripper.resolution) == pytest.approx(22.9, abs=0.05)
+    assert math.degrees(gripper.sensor_resolution) == pytest.approx(22.9, abs=0.05)
 
 
 def test_aliases_are_other_names_of_presets() -> None:
     assert set(ALIASES.values()) <= set(PRESETS)
     assert not set(ALIASES) & set(PRESETS)
-    assert preset("panda") is PRESETS["franka"]
+    assert ParallelGripper.preset("panda") is PRESETS["franka"]

@@ -27,7 +27,7 @@ def read(path: Path, given: Given) -> GraspPoses:
     rows = np.loadtxt(path, ndmin=2)
     if rows.shape[1] != 7:
         raise ContactError(f"a line must have 7 numbers; got {rows.shape[1]}")
-    return GraspPoses(poses=from_quaternions(rows[:, :3], rows[:, 3:]))
+    return GraspPoses(poses=from_quaternions(rows))
 
 
 def write(path: Path, poses: GraspPoses) -> None:

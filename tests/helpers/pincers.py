@@ -26,7 +26,7 @@ class Pincers:
     max_opening: float = 0.1
     fingers = (2,)
     finger_length = 0.05
-    max_force, resolution, touch_area = 20.0, None, 1e-6
+    max_force, sensor_resolution, touch_area = 20.0, None, 1e-6
     fitting = "both points touch the object"
 
     @property

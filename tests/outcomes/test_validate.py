@@ -196,7 +196,7 @@ def test_a_gripper_that_states_its_resolution_is_believed() -> None:
     tips = ParallelGripper.preset("tactile")
     found = validate_grasps(tried(held), mesh=mesh(), hand=tips)
     (file,) = found.files
-    assert file.model.sensor_resolution == tips.resolution != GraspModel().sensor_resolution
+    assert file.model.sensor_resolution == tips.sensor_resolution != GraspModel().sensor_resolution
     model = GraspModel(friction=0.8, sensor_resolution=0.2, location_error="1mm")
     given = validate_grasps(tried(held), model, mesh=mesh(), hand=tips)
     assert given.files[0].model == model

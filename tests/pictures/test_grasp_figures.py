@@ -39,7 +39,7 @@ def test_text_fits_and_vertex_graspsare_numbered(count: int) -> None:
     assert len(titles) == len(lines) == count
     for number, (head, title) in enumerate(zip(titles, lines, strict=True)):
         assert rf"\bf{{{number + 1}}}" in head
-        assert f"{grasps().score[number]:.2f}" in head
+        assert f"{grasps().score[number]:.3f}" in head
         angle = math.degrees(grasps().critical_angle[number])
         assert f"{angle:.1f}°" in title
         assert f"{grasps().epsilon[number]:.3f}" in title

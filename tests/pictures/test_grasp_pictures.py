@@ -9,7 +9,7 @@ import trimesh
 
 from grasp3d import GraspModel, Label, Sampling, label_surface, load_mesh
 from grasp3d.grasps.best import best_grasps
-from grasp3d.hand.parallel_gripper import preset
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
 from grasp3d.hand.triangles import ARC_COLOR
@@ -39,7 +39,7 @@ def test_the_table_is_below_the_object_and_the_approach_is_drawn(
 ) -> None:
     mesh = boot()
     labels = label_surface(
-        mesh, GraspModel(), sampling=Sampling(rays=8), hand=preset("franka"),
+        mesh, GraspModel(), sampling=Sampling(rays=8), hand=ParallelGripper.preset("franka"),
         table=Table.below(mesh, "-z"),
     )  # fmt: skip
     grasps = best_grasps(labels, COUNT)
@@ -78,7 +78,7 @@ def test_the_gripper_is_drawn_at_each_grasp() -> None:
     check_texts(figure)
     texts = " ".join(text for text, _ in drawn_texts(figure))
     for row in range(COUNT):
-        assert f"{Label(int(grasps.letter[row])).name}   {grasps.score[row]:.2f}" in texts
+        assert f"{Label(int(grasps.letter[row])).name}   {grasps.score[row]:.3f}" in texts
         assert f"approach ±{math.degrees(grasps.approach_margin[row]):.0f}°" in texts
 
 

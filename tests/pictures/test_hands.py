@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
 
-from grasp3d.hand.parallel_gripper import PRESETS, preset
+from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper
 from grasp3d.pictures.hands import frames_figure, gripper_figure
 from tests.helpers.figures import check_texts
 
@@ -17,7 +17,7 @@ def numbers(texts: list[str]) -> set[float]:
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_the_figure_states_every_length(name: str) -> None:
-    gripper = preset(name)
+    gripper = ParallelGripper.preset(name)
     front, side = gripper_figure(gripper).axes
     texts = [[text.get_text() for text in axes.texts] for axes in (front, side)]
     names = "max_opening finger_thickness finger_length palm_thickness palm_length base_to_tcp"
@@ -30,7 +30,7 @@ def test_the_figure_states_every_length(name: str) -> None:
 
 
 def test_both_views_have_one_scale_and_z_points_down() -> None:
-    figure = gripper_figure(preset("franka"))
+    figure = gripper_figure(ParallelGripper.preset("franka"))
     figure.draw_without_rendering()
     scales = []
     for axes in figure.axes:
@@ -44,11 +44,11 @@ def test_both_views_have_one_scale_and_z_points_down() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PRESETS)
 def test_no_text_is_cut_off_or_hidden(name: str) -> None:
-    check_texts(gripper_figure(preset(name)))
+    check_texts(gripper_figure(ParallelGripper.preset(name)))
 
 
 def test_fingers_are_drawn_open_and_dashed_when_closed() -> None:
-    front = gripper_figure(preset("wsg50")).axes[0]
+    front = gripper_figure(ParallelGripper.preset("wsg50")).axes[0]
     dashed = [1e3 * np.asarray(line.get_xdata()) for line in front.lines if line.is_dashed()]
     assert sorted(float(x.min()) for x in dashed) == pytest.approx([-18.7, 2.7])
     (faces,) = (one for one in front.collections if isinstance(one, PolyCollection))
@@ -58,7 +58,7 @@ def test_fingers_are_drawn_open_and_dashed_when_closed() -> None:
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_all_axes_of_frames_are_inside_their_drawing(name: str) -> None:
-    for axes in frames_figure(preset(name)).axes:
+    for axes in frames_figure(ParallelGripper.preset(name)).axes:
         labels = [text for text in axes.texts if text.get_text()]
         assert {text.get_text() for text in labels} == set("xyz")
         for text in labels:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grasp3d import Approach, ObjectMesh, SurfaceLabels, label_surface, load_mesh, read_hand
+from grasp3d import ObjectMesh, SurfaceLabels, label_surface, load_mesh, read_hand
 from grasp3d.arrays import Floats
 from grasp3d.hand.reach import reach_grasps
 
@@ -47,8 +47,9 @@ def best_reached(labels: SurfaceLabels, vertex: int, below: float) -> float:
     for first in range(0, len(pairs), AT_ONCE):
         rows = slice(first, first + AT_ONCE)
         for count in ANGLES:
-            approach = Approach(angles=count)
-            reach = reach_grasps(mesh, pairs[rows], both[rows], jaws, approach=approach)
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr("grasp3d.hand.reach.ANGLES", count)
+                reach = reach_grasps(mesh, pairs[rows], both[rows], jaws)
             if reach.reached.any():
                 return float(angles[rows][reach.reached].min())
     return math.inf

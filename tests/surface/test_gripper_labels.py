@@ -122,17 +122,6 @@ def test_a_gripper_of_no_size_changes_nothing(name: str, grip: Grip, hand: Paral
 
 
 @pytest.mark.slow
-def test_tips_of_no_size_change_nothing_for_three_fingers() -> None:
-    model, sampling = replace(MODEL, fingers=3), Sampling(candidates=8)
-    vertices, faces = shapes.sphere(1)
-    mesh = load_mesh((vertices * (20, 25, 30), faces), unit="mm", max_edge="100mm")
-    ideal = label_surface(mesh, model, sampling=sampling)
-    real = label_surface(mesh, model, sampling=sampling, hand=NO_TIPS)
-    for array in ARRAYS:
-        np.testing.assert_array_equal(getattr(real, array), getattr(ideal, array), err_msg=array)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("hand", [HAND, TIPS], ids=lambda hand: hand.name)
 def test_every_grasp_of_a_vertex_is_reached(hand: ParallelGripper) -> None:
     """By testing it again, alone, and by moving the gripper step by step."""

@@ -16,7 +16,7 @@ import grasp3d
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.formats import holds_poses, read_object_pose, read_poses
 from grasp3d.hand.hand_files import hand_of_line, read_hand
-from grasp3d.hand.parallel_gripper import preset
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.outcomes.tried_grasps import MeshFolder
 from grasp3d.system.documents import LONGEST_NUMBER, parse_json
 from grasp3d.viewer.session.collection import open_collection
@@ -31,7 +31,7 @@ ISAAC = (
     "format: isaac_grasp\nformat_version: 1.0\ngrasps:\n  a: {position: [0, 0, %s], "
     "orientation: {w: 0, xyz: [1, 0, 0]}, confidence: 1}\n"
 )
-HAND = json.dumps(preset("franka").description())
+HAND = json.dumps(ParallelGripper.preset("franka").description())
 
 
 def gripper(name: str, value: str) -> str:
@@ -62,15 +62,19 @@ NUMBERS: dict[str, tuple[str, Reader, str]] = {
     ),
     "GraspGen": (
         "p.json",
-        lambda path: read_poses(path, hand=preset("franka")),
+        lambda path: read_poses(path, hand=ParallelGripper.preset("franka")),
         f'{{"grasps": {{"transforms": [{POSE}], "object_in_gripper": [%s]}}}}',
     ),
     "moveit": (
         "p.json",
-        lambda path: read_poses(path, hand=preset("franka")),
+        lambda path: read_poses(path, hand=ParallelGripper.preset("franka")),
         MESSAGE.replace("%s", '"a"', 1),
     ),
-    "isaac": ("p.yaml", lambda path: read_poses(path, hand=preset("franka")), ISAAC),
+    "isaac": (
+        "p.yaml",
+        lambda path: read_poses(path, hand=ParallelGripper.preset("franka")),
+        ISAAC,
+    ),
     "contacts": ("c.json", grasp3d.read_grasps, "[[[0, 0, %s], [0, 0, 1]]]"),
     "object's pose": ("o.json", read_object_pose, "[[%s, 0, 0, 0], [], [], []]"),
     "object's pose in YAML": ("o.yaml", read_object_pose, "[[%s, 0, 0, 0], [], [], []]"),
@@ -137,9 +141,9 @@ def test_whole_characters_and_large_numbers_are_read() -> None:
     "make",
     [
         lambda: grasp3d.ParallelGripper(**json.loads(HAND) | {"name": "\ud800"}),
-        lambda: preset("franka").__class__(**fields(max_opening=10**400)),
-        lambda: preset("franka").__class__(**fields(source="a\udcff")),
-        lambda: preset("franka").__class__(**fields(joint_names=("a\udcff", "b"))),
+        lambda: ParallelGripper.preset("franka").__class__(**fields(max_opening=10**400)),
+        lambda: ParallelGripper.preset("franka").__class__(**fields(source="a\udcff")),
+        lambda: ParallelGripper.preset("franka").__class__(**fields(joint_names=("a\udcff", "b"))),
         lambda: grasp3d.GraspModel(friction=(1, 10**400)),
     ],
 )
@@ -150,7 +154,10 @@ def test_values_from_python_are_refused_too(make: Callable[[], object]) -> None:
 
 def fields(**values: Any) -> dict[str, Any]:
     """Fields of the Franka hand with other values."""
-    own = {name: getattr(preset("franka"), name) for name in preset("franka").__dataclass_fields__}
+    own = {
+        name: getattr(ParallelGripper.preset("franka"), name)
+        for name in ParallelGripper.preset("franka").__dataclass_fields__
+    }
     return own | values
 
 

@@ -367,6 +367,4 @@ def test_labels_of_extreme_normals_have_a_note(tmp_path: Path) -> None:
     labels = label_surface(viewing.box().mesh, model)
     write_ply(tmp_path / "a.ply", labels)
     subject = read_subject(tmp_path / "a.ply")
-    other = subject.weights[labels.label != labels_at(subject.at(model))].sum()
-    assert f"and differ on {other:.1%} of the area" in subject.notes[-1]
     assert "thresholds" in subject.notes[-1]

@@ -156,7 +156,7 @@ def test_a_wider_search_keeps_the_poses_of_known_grasps() -> None:
 
 
 def test_fingers_that_the_gripper_cannot_have_are_refused(session: Session) -> None:
-    with pytest.raises(SettingError, match="for 3 fingers only round tips"):
+    with pytest.raises(SettingError, match="has two fingers, not 3"):
         session.change(fingers=3)
     assert session.state.model.fingers == 2
 

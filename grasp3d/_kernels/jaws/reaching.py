@@ -247,33 +247,6 @@ def reach_pairs(
         )
 
 
-@kernel("Floats3, Floats3, GripperShape, ApproachLimits, BoxTree, ReachWorkspace, Bytes1")
-def reach_tips(points, normals, shape, limits, tree, workspace, codes):
-    """Test the round tips of grasps of any number of fingers: whether they fit, above the table.
-
-    Args:
-        points: Contacts in the normalised frame (b, n, 3).
-        normals: Inward unit normals (b, n, 3).
-        shape: `GripperShape`.
-        limits: `ApproachLimits`.
-        tree: `BoxTree`.
-        workspace: `ReachWorkspace` of this thread.
-        codes: Written, REACHED, TIP or TABLE (b,).
-    """
-    up, offset, radius = limits.table_normal, limits.table_offset, shape.tip_radius
-    for i in range(points.shape[0]):
-        codes[i] = REACHED
-        for j in range(points.shape[1]):
-            height = -radius
-            for k in range(3):
-                height += up[k] * (points[i, j, k] - radius * normals[i, j, k])
-            if not tip_fits(points[i, j], normals[i, j], shape, tree, workspace.nodes):
-                codes[i] = TIP
-                break
-            if height < offset - TOUCHING:
-                codes[i] = TABLE
-
-
 INSIDE = 0.5
 """Winding number from which a point is inside the object."""
 

@@ -26,12 +26,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
 from grasp3d.formats import own
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.frames import from_quaternions, quaternions
-from grasp3d.formats.poses import OWN_NAMES, VECTOR_COLUMNS, GraspPoses
+from grasp3d.formats.poses import STAGES, VECTOR_COLUMNS, GraspPoses
 from grasp3d.hand.frames import FRAMES
 
 POSITION, PLAIN = ("px", "py", "pz"), ("x", "y", "z")
@@ -86,34 +85,22 @@ def read(path: Path, given: Given) -> GraspPoses:
 
     columns = {name: _stripped(values) for name, values in read_columns(path).items()}
     position = POSITION if any(name in columns for name in POSITION) else PLAIN
-    used = {*OWN_NAMES, *position, *filter(_CONTACT.fullmatch, columns)}
     joints = tuple(name.removeprefix(JOINT) for name in columns if name.startswith(JOINT))
-
-    def pose(stage: str) -> Floats | None:
+    found, used = {}, {*filter(_CONTACT.fullmatch, columns)}
+    for stage in STAGES:
         names = [f"{stage}{name}" for name in REQUIRED] if stage else [*position, *QUATERNION]
-        if stage and not all(name in columns for name in names):
-            return None
-        used.update(names)
-        values = own.stacked(columns, names, " of px py pz (or x y z) qx qy qz qw")
-        if not len(values):
-            raise ContactError("there are no grasps in it, only column names")
-        return from_quaternions(values[:, :3], values[:, 3:])
-
-    def posture(stage: str, _: object) -> tuple[tuple[str, ...], Floats] | None:
+        if not stage or all(name in columns for name in names):
+            values = own.stacked(columns, names, " of px py pz (or x y z) qx qy qz qw")
+            if not len(values):
+                raise ContactError("there are no grasps in it, only column names")
+            found[f"{stage}pose"] = from_quaternions(values)
+            used.update(names)
         names = [f"{stage}{JOINT}{joint}" for joint in joints]
-        if not any(name in columns for name in names):
-            return None
-        used.update(names)
-        return joints, own.stacked(columns, names)
-
-    return own.poses_of(
-        columns,
-        read_settings(path) or {},
-        given,
-        further=(name for name in columns if name not in used),  # when poses and postures are read
-        pose=pose,
-        posture=posture,
-    )
+        if any(name in columns for name in names):
+            found[f"{stage}posture"] = own.stacked(columns, names)
+            used.update(names)
+    others = {name: values for name, values in columns.items() if name not in used}
+    return own.poses_of({**others, **found}, joints, read_settings(path) or {}, given)
 
 
 def _stripped(values: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -33,7 +33,7 @@ def read(content: Any, given: Given) -> GraspPoses:
         where = f"dictionary {number}: "
         required(rows, "grasp_qpos", where)
         part = {
-            stage: dictionaries.flat(dictionaries.numbers_in(rows.get(key), f"{where}{key}"))
+            stage: dictionaries.rows_in(rows.get(key), f"{where}{key}")
             for stage in dictionaries.ALL_STAGES
             if rows.get(key := f"{stage}_qpos") is not None or stage == "grasp"
         }

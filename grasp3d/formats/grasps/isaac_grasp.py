@@ -108,7 +108,7 @@ def _poses(entries: checks.Entries) -> Floats:
     position = checks.numbers(checks.each(entries, "position"), (3,), "position")
     w = checks.numbers(checks.each(entries, "orientation", "w"), (), "orientation.w")
     xyz = checks.numbers(checks.each(entries, "orientation", "xyz"), (3,), "orientation.xyz")
-    return frames.from_quaternions(position, np.column_stack([xyz, w]))
+    return frames.from_quaternions(np.column_stack([position, xyz, w]))
 
 
 def _postures(entries: checks.Entries) -> dict[str, Any]:

@@ -30,10 +30,9 @@ An object: `grasp3d` is about all grasps, `grasps` a list.
 from pathlib import Path
 from typing import Any
 
-from grasp3d.arrays import Floats
 from grasp3d.formats import checks, own
 from grasp3d.formats.format import Format, Given, register
-from grasp3d.formats.poses import OWN_NAMES, STAGES, VECTOR_COLUMNS, GraspPoses
+from grasp3d.formats.poses import STAGES, GraspPoses
 
 
 def write(path: Path, poses: GraspPoses) -> None:
@@ -53,26 +52,16 @@ def read(content: Any, given: Given) -> GraspPoses:
     """Poses of the content of a JSON file. Raises ContactError."""
     document = checks.mapping(content, "the file")
     entries = checks.entries_of(checks.required(document, "grasps"), "grasps")
-    keys = list(dict.fromkeys(key for entry in entries for key in entry))
-
-    def pose(start: str) -> Floats | None:
-        key = f"{start}pose"
-        if start and key not in keys:
-            return None
-        return checks.numbers(checks.each(entries, key), (4, 4), key)
-
-    def posture(start: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], Floats] | None:
-        key = f"{start}posture"
-        return checks.joints_of(checks.each(entries, key), key, names) if key in keys else None
-
-    return own.poses_of(
-        {key: [entry.get(key) for entry in entries] for key in keys},
-        checks.mapping(document.get("grasp3d", {}), "grasp3d"),
-        given,
-        further=[key for key in keys if key not in {*OWN_NAMES, *VECTOR_COLUMNS}],
-        pose=pose,
-        posture=posture,
-    )
+    keys = dict.fromkeys(("pose", *(key for entry in entries for key in entry)))
+    table: dict[str, Any] = {key: [entry.get(key) for entry in entries] for key in keys}
+    joints: tuple[str, ...] = ()
+    for stage in STAGES:
+        if (key := f"{stage}pose") in table:
+            table[key] = checks.numbers(checks.each(entries, key), (4, 4), key)
+        if (key := f"{stage}posture") in table:
+            joints, table[key] = checks.joints_of(checks.each(entries, key), key, joints)
+    header = checks.mapping(document.get("grasp3d", {}), "grasp3d")
+    return own.poses_of(table, joints, header, given)
 
 
 register(Format(

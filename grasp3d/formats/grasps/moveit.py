@@ -100,7 +100,7 @@ def read(content: Any, given: Given) -> GraspPoses:
     if others:
         raise ContactError("all grasps must be in the same frame; their frame_id differ")
     return GraspPoses(
-        poses=frames.from_quaternions(placed[:, :3], placed[:, 3:]),
+        poses=frames.from_quaternions(placed),
         opening=_openings(messages, "grasp_posture", given),
         pregrasp_opening=_openings(messages, "pre_grasp_posture", given),
         scores=checks.optional_numbers(messages, "grasp_quality"),

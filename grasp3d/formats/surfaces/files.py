@@ -20,7 +20,7 @@ from grasp3d.formats.surfaces.stored import (
     damaged,
     settings_from,
 )  # fmt: skip
-from grasp3d.hand.reach import Reach
+from grasp3d.hand.reach import ANGLES, Reach
 from grasp3d.mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.normals import CornerNormals
 from grasp3d.mesh.object_mesh import scale_of
@@ -153,8 +153,8 @@ def _reach(values: Arrays, settings: FileSettings) -> Reach | None:
     poses = np.full((len(columns[3]), 4, 4), math.nan)
     poses[:, :3] = np.stack(columns, axis=2)
     poses[np.isfinite(columns[3]).all(axis=1), 3] = 0.0, 0.0, 0.0, 1.0
-    bits, angles = values.get("free_angles"), settings.scene.approach.angles
-    free = np.zeros((len(poses), 0), bool) if bits is None else unpacked_bits(bits, angles)
+    bits = values.get("free_angles")
+    free = np.zeros((len(poses), 0), bool) if bits is None else unpacked_bits(bits, ANGLES)
     floats = ("approach_margin", "pregrasp_opening", "depth")
     return Reach(
         state=locked(values["reach_state"]),

@@ -107,11 +107,10 @@ def _scene(values: Mapping[str, str]) -> Scene | None:
         None if values[name] == "none" else np.array(numbers_of(values[name], count))
         for name, count in (("table", 4), ("approach_direction", 3))
     )
-    within, angles = float(values["approach_within"]), int(values["approach_angles"])
     return Scene(
         hand_of_line(values["gripper"]),
         None if table is None else Table(table[:3], float(table[3])),
-        Approach(direction, within=within, angles=angles),
+        Approach(direction, float(values["approach_within"])),
         PoseError.of(values.get("pose_error", "0 deg")),
     )
 

@@ -102,12 +102,11 @@ class ArticulatedHand:
     def ranges(self) -> tuple[JointRange, ...]:
         """Limits of all joints that move: of those of a posture, then of those that follow."""
         joints = sorted(self.tree.by_name.values(), key=lambda one: one.follows is not None)
-        found = list[JointRange]()
-        for joint in joints:
-            name, factor, offset = self.tree.source_of(joint)
-            column = self.joint_names.index(name)
-            found.append(JointRange(joint.name, column, factor, offset, joint.limits))
-        return tuple(found)
+        sources = ((joint, *self.tree.source_of(joint)) for joint in joints)
+        return tuple(
+            JointRange(joint.name, self.joint_names.index(name), factor, offset, joint.limits)
+            for joint, name, factor, offset in sources
+        )
 
     def excess(self, postures: Floats) -> Floats:
         """How far the joints of `ranges` are beyond their limits at postures, shape (k, r)."""
@@ -159,17 +158,16 @@ class ArticulatedHand:
         joints = [self.tree.joints.get(link, BASE) for link in self.link_names]
         ranges, still = {one.name: one for one in self.ranges}, JointRange("", -1, 1.0, 0.0)
         values = [ranges.get(one.name, still) for one in joints]
-        columns: dict[str, Any] = {
-            "parents": [numbers[one.parent] for one in joints],
-            "kinds": [_KINDS[one.kind] for one in joints],
-            "origins": [one.origin for one in joints],
-            "axes": [one.axis for one in joints],
-            "positions": [one.position for one in joints],
-            "columns": [one.column for one in values],
-            "factors": [one.factor for one in values],
-            "offsets": [one.offset for one in values],
-        }
-        return kinematics.Chain(**{name: locked(column) for name, column in columns.items()})
+        return kinematics.Chain(
+            parents=locked([numbers[one.parent] for one in joints]),
+            kinds=locked([_KINDS[one.kind] for one in joints]),
+            origins=locked([one.origin for one in joints]),
+            axes=locked([one.axis for one in joints]),
+            positions=locked([one.position for one in joints]),
+            columns=locked([one.column for one in values]),
+            factors=locked([one.factor for one in values]),
+            offsets=locked([one.offset for one in values]),
+        )
 
     def _error(self, problem: str) -> SettingError:
         return SettingError(printable(f"{self.name}{problem}"))
@@ -285,7 +283,7 @@ class ArticulatedHand:
     """It has no opening: 0 is all."""
     max_force = None
     """Not stated: what its fingers press depends on the posture."""
-    resolution = None
+    sensor_resolution = None
     """Not one for all fingertips: see `sensors`."""
     touch_area = 0.0
     """Not stated: 0."""
@@ -303,8 +301,7 @@ class ArticulatedHand:
 
     def torsion_radius(self, friction: float) -> float:
         """Not stated: 0."""
-        del friction
-        return 0.0
+        return 0.0 * friction
 
     fitting = "at least two links touch the object, and none is deeper than 15 mm in it,"
     """What is the case at poses that fit."""

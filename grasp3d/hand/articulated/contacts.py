@@ -1,6 +1,6 @@
 """Contacts of a hand with joints: which of its links touch an object, where, and how far off."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -249,9 +249,8 @@ class HandContacts:
 
     def take(self, rows: Ints) -> "HandContacts":
         """Those of the chosen poses, in that order."""
-        names = {field.name for field in fields(self)} - {"rule"}
-        changed: dict[str, Any] = {name: locked(getattr(self, name)[rows]) for name in names}
-        return replace(self, **changed)
+        arrays: Any = {n: locked(one[rows]) for n, one in vars(self).items() if n != "rule"}
+        return replace(self, **arrays)
 
 
 def hand_contacts(

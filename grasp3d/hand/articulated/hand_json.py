@@ -39,8 +39,7 @@ def known_numbers(tree: LinkTree) -> dict[str, Any] | None:
         first = min(needed)
         for prefix in sorted({one.removesuffix(first) for one in there if one.endswith(first)}):
             if all(prefix + one in there for one in needed):
-                found: dict[str, Any] = _renamed(content, needed, prefix)
-                return found
+                return {key: _renamed(value, needed, prefix) for key, value in content.items()}
     return None
 
 
@@ -55,19 +54,15 @@ def names_in(content: Mapping[str, Any]) -> set[str]:
 def _renamed(value: Any, names: set[str], prefix: str) -> Any:
     """JSON with a prefix before all names of joints and links."""
     if isinstance(value, dict):
-        pairs = ((_renamed(key, names, prefix), value[key]) for key in value)
-        return {name: _renamed(one, names, prefix) for name, one in pairs}
+        return {
+            _renamed(key, names, prefix): _renamed(one, names, prefix) for key, one in value.items()
+        }
     if isinstance(value, list):
         return [_renamed(one, names, prefix) for one in value]
     return prefix + value if value in names else value
 
 
 Numbers = dict[str, float]
-
-
-def _is_coupling(one: Coupling) -> bool:
-    several = len(set(one.joints)) == len(one.joints) == len(one.ratios) >= 2
-    return several and all(one.ratios)
 
 
 _NUMBERS = "an object of numbers by joints"
@@ -98,7 +93,10 @@ HOLDS: dict[str, Callable[[Any], bool]] = {
     "approach": any,
     "sensors": lambda values: all(0.0 <= one < math.pi for one in values.values()),
     "torques": lambda values: all(one >= 0.0 for one in values.values()),
-    "couplings": lambda values: all(map(_is_coupling, values)),
+    "couplings": lambda values: all(
+        len({*one.joints}) == len(one.joints) == len(one.ratios) >= 2 and all(one.ratios)
+        for one in values
+    ),
     "masses": lambda values: all(one.mass > 0.0 for one in values.values()),
 }
 """What values of some keys must fulfil."""

@@ -69,9 +69,7 @@ def link_bodies(shapes: Sequence[Sequence[LinkShape]]) -> LinkShapes:
         links=links,
         poses=np.array([shape.pose[:3] for shape in every]).reshape(-1, 3, 4),
         sizes=np.array([(*shape.size, 0.0, 0.0, 0.0)[:3] for shape in every]).reshape(-1, 3),
-        boxes=np.array([
-            _box(shape, hull.vertices) for shape, hull in zip(every, hulls, strict=True)
-        ]).reshape(-1, 7),
+        boxes=np.array([_box(shape) for shape in every]).reshape(-1, 7),
         hull=Hulls(
             vertices=np.concatenate([np.zeros((0, 3)), *(hull.vertices for hull in hulls)]),
             first=_starts(neighbours),
@@ -111,19 +109,14 @@ def _starts(parts: Sequence[Sized]) -> Ints:
     return np.cumsum([0, *map(len, parts)])
 
 
-def _box(shape: LinkShape, vertices: Floats) -> Floats:
+def _box(shape: LinkShape) -> Floats:
     """Box around a shape in its frame, and radius of the ball around the box's centre."""
-    centre, size = np.zeros(3), shape.size
+    high, low = reach_along(shape, np.eye(3)), -reach_along(shape, -np.eye(3))
+    centre, half = 0.5 * (low + high), 0.5 * (high - low)
     if shape.kind == "mesh":
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
-        centre, half = 0.5 * (low + high), 0.5 * (high - low)
-        radius = float(np.linalg.norm(vertices - centre, axis=1).max())
-    elif shape.kind == "box":
-        half, radius = np.array(size), math.hypot(*size)
+        radius = float(np.linalg.norm(shape.vertices - centre, axis=1).max())
     else:
-        round_end = 0.0 if shape.kind == "cylinder" else size[0]
-        half = np.array([size[0], size[0], round_end + sum(size[1:])])
-        radius = half[2] if round_end else math.hypot(*size)
+        radius = half[2] if shape.kind in {"sphere", "capsule"} else math.hypot(*shape.size)
     return np.array([*centre, *half, radius])
 
 

@@ -38,8 +38,8 @@ def implausible(hand: ArticulatedHand) -> Iterator[str]:
     """What is known of a hand, but hardly true, one sentence each."""
     yield from _contradictions(hand)
     for name, shapes in zip(hand.link_names, hand.shapes, strict=True):
-        size = max((float(np.ptp(one.vertices, axis=0).max(initial=0.0)) for one in shapes
-                    if one.kind == "mesh"), default=0.0)  # fmt: skip
+        meshes = [one.vertices for one in shapes if one.kind == "mesh"]
+        size = max((float(np.ptp(one, axis=0).max()) for one in meshes), default=0.0)
         if size > LARGEST_MESH:
             yield f"the mesh of {name} is {size:.3g} m long: is it in mm (scale 0.001)?"
     yield from too_strong(hand, "torques", dict(zip(hand.joint_names, hand.torques, strict=True)))

@@ -155,10 +155,8 @@ class _Proposal:
         preshapes = self._preshapes(closing)
         approach = self._approach(preshapes["open"])
         if tree.unseen:
-            self.assumed.append(
-                f"links that are only seen, without collision geometry, touch nothing: "
-                f"{', '.join(tree.unseen)}"
-            )
+            what = "links that are only seen, without collision geometry, touch nothing"
+            self.assumed.append(f"{what}: {', '.join(tree.unseen)}")
         if endless := self._named(np.isinf(self.limits).any(axis=1)):
             self.assumed.append(f"joints without limits: {', '.join(endless)}")
         return replace(
@@ -331,9 +329,8 @@ class _Proposal:
         palm = self.bare.palm
         (number,) = self._numbers([palm])
         corners = self.tree.triangles(self.tree.rigid(palm)).reshape(-1, 3)
-        box = np.zeros((2, 3))
-        if len(corners):
-            box[:] = corners.min(axis=0), corners.max(axis=0)
+        ends = (corners.min(axis=0), corners.max(axis=0)) if len(corners) else np.zeros((2, 3))
+        box = np.array(ends)
         inverse = np.linalg.inv(self.bare.link_poses(self._meeting)[0, number])
         way = unit_rows(inverse[:3, :3] @ self._target + inverse[:3, 3] - box.mean(axis=0))
         turn = self.bare.link_poses(opened)[0, number, :3, :3]
@@ -355,19 +352,13 @@ class _Proposal:
             return self._by_name(self.known["torques"], found, "torques")
         for number, name in enumerate(self.names):
             effort = self.tree.by_name[name].effort
-            if name in self.tree.pulled:
-                found[number] = 0.0
-            elif effort is not None and 0.0 < effort < largest_torque(self.bare, name):
+            if effort is not None and 0.0 < effort < largest_torque(self.bare, name):
                 found[number] = effort
             elif effort is not None:
                 odd.setdefault(effort, []).append(name)
-        if pulled := self._named(found == 0.0):
-            self.assumed.append(f"joints that only tendons pull have no motor: {', '.join(pulled)}")
         for effort, names in odd.items():
-            self.assumed.append(
-                f"an effort of {effort:g} is not that of such a motor: the torque is not stated "
-                f"({', '.join(names)})"
-            )
+            why = f"an effort of {effort:g} is not that of such a motor"
+            self.assumed.append(f"{why}: the torque is not stated ({', '.join(names)})")
         if (found > 0.0).any():
             self.assumed.append("torques are the efforts that the file states, which are plausible")
         return found

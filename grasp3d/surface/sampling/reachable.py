@@ -21,7 +21,7 @@ from grasp3d._kernels.search.rays import Origins, Rays, neighbour_rays, starting
 from grasp3d._kernels.search.reachable_partners import explain_pairs, keep_reached, search_reachable
 from grasp3d._kernels.surface.surface_contacts import Surface
 from grasp3d.arrays import Bools, Floats, Ints
-from grasp3d.hand.reach import NormalizedScene, Reach
+from grasp3d.hand.reach import ANGLES, NormalizedScene, Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.surface.sampling.surface_rays import SurfaceRays
@@ -127,7 +127,7 @@ class ReachSearch(ABC):
             explain_pairs(*pairs, self.domain, beside, self.results.codes)
 
         self._in_chunks(work, len(missing))
-        return Reach.of(self.mesh, self.results, self.scene.approach.angles)
+        return Reach.of(self.mesh, self.results)
 
     def _keep(self, pairs: Pairs, reached: BestPairs) -> None:
         """Keep those of some grasps that are reached and better than the known ones."""
@@ -152,7 +152,7 @@ class ReachSearch(ABC):
         ends = np.append(starts[1:], count)
 
         def run(start: int, end: int) -> None:
-            workspace = make_workspace(self.scene.approach.angles)
+            workspace = make_workspace(ANGLES)
             work(slice(start, end), (*self.beside, workspace))
 
         if count:
