@@ -48,7 +48,7 @@ BAD = {
     "loop": (
         {"more": ROD.format("outer0", "palm")},
         "",
-        "is part of a loop of joints",
+        "MuJoCo cannot read it (XML Error: URDF body not found",
     ),
     "mesh": (
         {"shape": '<mesh filename="tip.stl"/>'},

@@ -44,7 +44,7 @@ label box.stl --unit mm --max-opening 70 | is 70 m, 650 times the size of box.st
 label box.stl --hand franka | hands and grippers are given in metres, but the unit of box.stl
 label box.stl --unit mm --hand franka --table stable --up y | up does not
 label box.stl --unit mm --table as-is | applies to grippers only
-label box.stl --unit mm --hand franka --fingers 3 | flat pads
+label box.stl --unit mm --hand franka --fingers 3 | gripper 'franka' has two fingers, not 3
 label box.stl --unit mm --hand franka --min-opening 100 --force | contradicts
 label box.stl --mass 1e300 | mass must be at most 1e+09 [kg]; got 1e300
 label box.stl --mass 1 --density 9 | mass and density exclude each other
@@ -129,7 +129,7 @@ design --fingertip-radius 8 | fingertip_radius needs its unit, such as 8mm
 design --receptive-field 4mm --sensor-resolution 20 | each define the sensor
 design --receptive-field 32mm | pi x 10 = 31.42; got 32
 design --joints 2 --friction 0.5 | --joints needs --friction and a sensor
-label box.stl --hand pad_width.json | pad_width (0.03) must be at most finger_width
+label box.stl --hand pad_width.json | pad_width (0.03 m) must be at most finger_width
 sweep box.stl --hand finger_length.json | millimetres
 """
 """Words of a command line, and what its error contains."""
