@@ -29,7 +29,7 @@ from grasp3d.hand.reach import NormalizedScene, Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.surface.sampling.surface_rays import SurfaceRays
-from grasp3d.surface.sampling.vertices import contact_tree, neighbours
+from grasp3d.surface.sampling.vertices import contact_tree, neighbours, places_in_tree
 
 NOT_REACHED = 5
 """Reason code: there are grasps, but none of those tested is reached."""
@@ -92,6 +92,7 @@ class ReachSearch(ABC):
         assert scene.jaws is not None
         self.beside = NormalizedScene.of(mesh, scene.jaws, scene.table, scene.approach)
         tree = contact_tree(mesh, self.surface)
+        self.place = places_in_tree(len(mesh.vertices), self.surface, tree)
         self.domain = PairDomain(
             self.surface, mesh.contact_normals, mesh.normal_centres, tree, self.limits
         )
@@ -230,11 +231,13 @@ class SqueezingReach(ReachSearch):
         faces = np.full(len(vertices), -1, dtype=np.int64)
         weights = np.zeros((len(vertices), 3))
         limit = np.full(len(vertices), self.cone) if bounds is None else bounds
+        order = np.argsort(self.place[vertices], kind="stable")  # neighbours need the same memory
         spacing = min(SPACING * self.beside.shape.finger_width, LARGEST_SPACING)
 
         def work(rows: slice, beside: Any) -> None:
-            faces[rows], weights[rows] = search_reachable(
-                vertices[rows], limit[rows], step, spacing, most_failed, self.domain, beside
+            own = order[rows]
+            faces[own], weights[own] = search_reachable(
+                vertices[own], limit[own], step, spacing, most_failed, self.domain, beside
             )
 
         self._in_chunks(work, len(vertices))
