@@ -208,8 +208,8 @@ class _Reader:
         pose = np.array(transformations.quaternion_matrix(quaternion), dtype=np.float64)
         pose[:3, 3] = position
         if not np.abs([*position, *size]).max() <= FAR:
-            problem = f"{self.path}: link {link} or its geometry is more than {FAR:,.0f} m large or away"
-            raise SettingError(printable(f"{problem}; is it in mm?"))
+            problem = f"{self.path}: link {link} or its geometry is more than {FAR:,.0f} m large"
+            raise SettingError(printable(f"{problem} or away; is it in mm?"))
         return pose
 
     def shapes(self, link: str) -> tuple[LinkShape, ...]:

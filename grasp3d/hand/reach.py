@@ -195,12 +195,12 @@ def reach_grasps(
     scene = NormalizedScene.of(mesh, hand, table, approach or Approach())
     inner = np.ascontiguousarray((points - mesh.center) / mesh.size)
     normals = np.ascontiguousarray(unit_rows(normals))
-    results, explain = gripper_parts.no_results(len(points)), True
+    results = gripper_parts.no_results(len(points))
 
     def work(rows: slice, workspace: Any) -> None:
         reach_pairs(
-            inner[rows], normals[rows], signs[rows], scene.shape, scene.limits, explain,
-            scene.tree, workspace, *(array[rows] for array in results),
+            inner[rows], normals[rows], signs[rows], scene.shape, scene.limits, scene.tree,
+            workspace, *(array[rows] for array in results),
         )  # fmt: skip
 
     in_threads(work, len(points), CHUNK, lambda: make_workspace(ANGLES))

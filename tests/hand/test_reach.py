@@ -12,9 +12,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import ObjectMesh, load_mesh
+from grasp3d._kernels.jaws.gripper_parts import make_workspace
+from grasp3d._kernels.jaws.reaching import can_reach
 from grasp3d.errors import SettingError
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reach import ANGLES, Reach, Reachability, collides, reach_grasps
+from grasp3d.hand.reach import (
+    ANGLES,
+    NormalizedScene,
+    Reach,
+    Reachability,
+    collides,
+    reach_grasps,
+)
 from grasp3d.hand.table import Approach, Table
 from grasp3d.settings.units import METRES, Unit
 from tests.helpers import shapes
@@ -270,6 +279,29 @@ def test_every_angle_is_blocked_or_free_as_its_own_pose(held: tuple, hand: Paral
                 turned[k, :3, 3] += offset * turned[k, :3, 2]
         hit = collides(mesh, turned, reach.opening[i], hand)
         assert any((np.roll(free, -k) == ~hit).all() for k in range(32))
+
+
+@pytest.mark.parametrize("hand", GRIPPERS, ids=lambda hand: hand.name)
+@pytest.mark.parametrize("stands", [False, True])
+def test_one_free_angle_is_found_exactly_where_there_is_any(
+    held: tuple, hand: ParallelGripper, stands: bool
+) -> None:
+    mesh, points, normals = held
+    table = Table.below(mesh) if stands else None
+    reached = reach_grasps(mesh, points, normals, hand, table=table).reached
+    scene, workspace = NormalizedScene.of(mesh, hand, table, Approach()), make_workspace(32)
+    inner = (points - mesh.center) / mesh.size
+    found = [can_reach(*one, 1, *scene, workspace) for one in zip(inner, normals, strict=True)]
+    assert (reached == found).all()
+
+
+@pytest.mark.parametrize("hand", GRIPPERS, ids=lambda hand: hand.name)
+def test_no_grasp_depends_on_those_tested_before(held: tuple, hand: ParallelGripper) -> None:
+    mesh, points, normals = held
+    one = reach_grasps(mesh, points, normals, hand)
+    two = reach_grasps(mesh, points[::-1], normals[::-1], hand).take(np.arange(len(points))[::-1])
+    for name, values in vars(one).items():
+        np.testing.assert_array_equal(values, getattr(two, name))
 
 
 def test_swapping_the_contacts_mirrors_the_arc(held: tuple) -> None:

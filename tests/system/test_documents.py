@@ -273,7 +273,7 @@ AT = f"{BOX}</geometry></collision><collision><origin {{}}/><geometry>{BOX}"
         (AT.format('xyz="0 0"'), "attribute 'xyz' does not have enough data Element 'origin'"),
         (AT.format('xyz="0 0 0 1"'), "attribute 'xyz' has too much data Element 'origin'"),
         (AT.format('rpy="0"'), "attribute 'rpy' does not have enough data Element 'origin'"),
-        ('<box size="1e300 1 1"/>', "link right or its geometry is more than 1,000 m large or away"),
+        ('<box size="1e300 1 1"/>', "link right or its geometry is more than 1,000 m large"),
     ],
 )
 def test_numbers_of_a_urdf_are_as_many_as_it_needs(tmp_path: Path, shape: str, words: str) -> None:

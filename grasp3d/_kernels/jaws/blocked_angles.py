@@ -1,10 +1,13 @@
-"""Approach angles at which parts of a gripper meet a surface.
+"""Approach angles at which parts of a gripper meet a surface, and those that are free.
 
 The closing axis x is fixed; the approach direction turns about it. Each part is a box, swept
 backward along the approach direction where its bottom is -inf, and round tips are cylinders that
 end in balls. A face meets a box if what of it lies between the box's two planes across x, seen
-along x, meets a rectangle that turns: tests in the plane, exact up to rounding. One traversal of
-the tree serves all angles, up to 64, as the bits of a mask.
+along x, meets a rectangle that turns: tests in the plane, exact up to rounding.
+
+Up to 64 angles are the bits of a mask. Points of the surface inside a box block most of them; each
+that is left is tested alone, by one traversal of the tree, and a face that is met there blocks
+others too.
 """
 
 import math
@@ -15,7 +18,6 @@ from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.jaws.gripper_parts import (
     AXIS,
     BOTTOM,
-    FINGER_2,
     HALF_WIDTH,
     HIGH,
     LOW,
@@ -27,13 +29,17 @@ from grasp3d._kernels.jaws.gripper_parts import (
     TOP,
     all_angles,
     bit,
+    widest_arc,
 )
 from grasp3d._kernels.surface.box_tree import HEIGHT, NORMAL, RADIUS, THICKNESS, leaf_rows
 from grasp3d._kernels.surface.face_tree import GO_ON, NO_NODE, STOP, below, walk
-from grasp3d._kernels.surface.vectors import copy
+from grasp3d._kernels.surface.vectors import copy, difference, dot, triple
 
-MEETS_FRONT, MEETS_BOTH = 1, 2
-"""Whether a face meets a part only as far in front as it is, or also farther back."""
+POINTS = 256
+"""Corners of faces, spread over the surface, that are tested at all angles first."""
+
+INSIDE = 1e-12
+"""How far such a point must be inside a part: farther than rounding."""
 
 
 @part
@@ -56,12 +62,8 @@ def _clip(source, count, axis, bound, sign, target):
 
 
 @part
-def _meets_box(polygon, count, c, s, half, bottom, top, back):
-    """Whether a polygon, seen along x, meets the rectangle turned by an angle.
-
-    Returns:
-        MEETS_BOTH: also where the rectangle ends farther `back`; MEETS_FRONT: else; or 0.
-    """
+def _meets_box(polygon, count, c, s, half, bottom, top):
+    """Whether a polygon, seen along x, meets the rectangle turned by an angle."""
     least, largest = math.inf, -math.inf
     y0 = c * polygon[count - 1, 1] + s * polygon[count - 1, 2]
     z0 = c * polygon[count - 1, 2] - s * polygon[count - 1, 1]
@@ -77,10 +79,10 @@ def _meets_box(polygon, count, c, s, half, bottom, top, back):
         if (y0 > half) != (y1 > half):
             z = z0 + (half - y0) / (y1 - y0) * (z1 - z0)
             least, largest = min(least, z), max(largest, z)
-        if least <= top - back and largest >= bottom:
-            return MEETS_BOTH
+        if least <= top and largest >= bottom:
+            return True
         y0, z0 = y1, z1
-    return MEETS_FRONT if least <= top and largest >= bottom else 0
+    return False
 
 
 @merged
@@ -160,56 +162,6 @@ def _interval(box, frame, x):
     return max(x - size, middle - half), min(x + size, middle + half)
 
 
-@part
-def _possible_angles(box, back, palm, workspace):
-    """Angles at which the faces of a node may meet the palm, or another part.
-
-    Returns:
-        (mask of these, mask of the angles at which they are within a part, also farther `back`).
-    """
-    frame, parts = workspace.frame, workspace.parts
-    px, py, pz = box[0] - frame[0, 0], box[1] - frame[0, 1], box[2] - frame[0, 2]
-    hx, hy, hz = box[3], box[4], box[5]
-    low, high = _interval(box, frame, frame[1, 0] * px + frame[1, 1] * py + frame[1, 2] * pz)
-    half, bottom, top = -math.inf, math.inf, -math.inf
-    inner_half, inner_bottom, inner_top = -math.inf, math.inf, -math.inf
-    for i in range(PARTS):
-        if (i == PALM) == palm and _overlaps(parts[i], low, high):
-            half = max(half, parts[i, HALF_WIDTH])
-            bottom, top = min(bottom, parts[i, BOTTOM]), max(top, parts[i, TOP])
-            if i < TIP_1 and low >= parts[i, LOW] and high <= parts[i, HIGH]:
-                inner_half, inner_bottom = parts[i, HALF_WIDTH], parts[i, BOTTOM]
-                inner_top = parts[i, TOP] - back
-    mask, within = NONE, NONE
-    if half < 0.0:
-        return mask, within
-    y = frame[2, 0] * px + frame[2, 1] * py + frame[2, 2] * pz
-    z = frame[3, 0] * px + frame[3, 1] * py + frame[3, 2] * pz
-    if math.sqrt(y * y + z * z) + box[RADIUS] < -top:
-        return mask, within  # in front of the palm at every angle
-    cosines, sines = workspace.cosines, workspace.sines
-    ys, zs = workspace.y_sizes, workspace.z_sizes
-    nx, ny, nz = box[NORMAL], box[NORMAL + 1], box[NORMAL + 2]
-    normal_y = frame[2, 0] * nx + frame[2, 1] * ny + frame[2, 2] * nz
-    normal_z = frame[3, 0] * nx + frame[3, 1] * ny + frame[3, 2] * nz
-    height, thickness, radius = box[HEIGHT], box[THICKNESS], box[RADIUS]
-    for k in range(cosines.shape[0]):
-        c, s = cosines[k], sines[k]
-        across, along = abs(c * y + s * z), c * z - s * y
-        width = ys[0, k] * hx + ys[1, k] * hy + ys[2, k] * hz
-        depth = zs[0, k] * hx + zs[1, k] * hy + zs[2, k] * hz
-        first, last = along - depth, along + depth
-        # The slab across the mean normal, which is thin where that is nearly along z.
-        normal = c * normal_z - s * normal_y
-        sloping = math.sqrt(max(1.0 - normal * normal, 0.0) + 1e-15) * radius
-        first = max(first, along + normal * height - abs(normal) * thickness - sloping)
-        some = (across - width <= half) & (first <= top) & (last >= bottom)
-        whole = (across + width <= inner_half) & (last <= inner_top) & (first >= inner_bottom)
-        mask |= np.uint64(some) << np.uint64(k)
-        within |= np.uint64(whole) << np.uint64(k)
-    return mask, within
-
-
 @merged
 def _turn_face(triangle, workspace):
     """Write a face as x, y and z at angle 0; returns its bounds along x."""
@@ -226,12 +178,8 @@ def _turn_face(triangle, workspace):
 
 
 @part
-def _blocked_by_face(triangle, possible, back, palm, workspace):
-    """Those of the possible angles at which a face meets the palm, or another part.
-
-    Returns:
-        (mask of these, mask of those at which it also meets the part farther `back`).
-    """
+def _blocked_by_face(triangle, possible, workspace):
+    """Mask of those of the possible angles at which a face meets a part."""
     parts, corners = workspace.parts, workspace.corners
     cosines, sines = workspace.cosines, workspace.sines
     low, high = _turn_face(triangle, workspace)
@@ -243,10 +191,10 @@ def _blocked_by_face(triangle, possible, back, palm, workspace):
         square = max(square, (corners[i, 1] - y) ** 2 + (corners[i, 2] - z) ** 2)
     radius = math.sqrt(square) + 1e-12
     reach = math.sqrt(y * y + z * z) + radius
-    blocked, farther = NONE, NONE
+    blocked = NONE
     for i in range(PARTS):
         part = parts[i]
-        if (i == PALM) != palm or not _overlaps(part, low, high) or reach < -part[TOP]:
+        if not _overlaps(part, low, high) or reach < -part[TOP]:
             continue
         polygon, count = corners, 3
         if i < TIP_1:
@@ -260,138 +208,120 @@ def _blocked_by_face(triangle, possible, back, palm, workspace):
                 continue
         half, bottom, top = part[HALF_WIDTH] + radius, part[BOTTOM] - radius, part[TOP] + radius
         for k in range(cosines.shape[0]):
-            if possible & ~farther & bit(k) == NONE:
+            if possible & ~blocked & bit(k) == NONE:
                 continue
             c, s = cosines[k], sines[k]
             along = c * z - s * y
             if abs(c * y + s * z) > half or along > top or along < bottom:
                 continue
             if i < TIP_1:
-                meets = _meets_box(
-                    polygon, count, c, s, part[HALF_WIDTH], part[BOTTOM], part[TOP], back
-                )
+                meets = _meets_box(polygon, count, c, s, part[HALF_WIDTH], part[BOTTOM], part[TOP])
             else:
-                meets = MEETS_BOTH if _meets_cylinder(corners, c, s, part) else 0
-            if meets != 0:
+                meets = _meets_cylinder(corners, c, s, part)
+            if meets:
                 blocked |= bit(k)
-            if meets == MEETS_BOTH:
-                farther |= bit(k)
-    return blocked, farther
+    return blocked
 
 
 @part
-def turn_sizes(workspace):
-    """Write the absolute components of y and z at each angle, once the frame is known."""
-    frame, cosines, sines = workspace.frame, workspace.cosines, workspace.sines
-    for i in range(3):
-        for k in range(cosines.shape[0]):
-            c, s = cosines[k], sines[k]
-            workspace.y_sizes[i, k] = abs(c * frame[2, i] + s * frame[3, i])
-            workspace.z_sizes[i, k] = abs(c * frame[3, i] - s * frame[2, i])
-
-
-@merged
-def _rank(box, palm, workspace):
-    """Number that is lower for nodes that are searched earlier: these usually block more angles.
-
-    For the palm it decreases with the distance from x, for other parts it is the squared distance
-    from the nearer one of the contact planes' middles.
-    """
+def _blocked_by_points(tree, workspace):
+    """Mask of the angles at which some corners of faces are inside a box."""
     frame, parts = workspace.frame, workspace.parts
-    x, square = 0.0, 0.0
-    for k in range(3):
-        d = box[k] - frame[0, k]
-        x += frame[1, k] * d
-        square += d * d
-    if palm:
-        return abs(math.sqrt(square - x * x) + parts[PALM, TOP] - parts[PALM, HALF_WIDTH])
-    inner = min(abs(parts[FINGER_2, LOW]), abs(parts[FINGER_2, HIGH]))
-    return square - x * x + (abs(x) - inner) ** 2
-
-
-@part
-def block_angles(blocked, farther, back, tree, workspace):
-    """Add the angles at which a part meets the surface to a mask.
-
-    At angle t the approach direction is z cos t - y sin t, and y turns into y cos t + z sin t.
-
-    Args:
-        blocked: Mask of angles that need not be tested.
-        farther: The same for a gripper that is farther back.
-        back: How far; 0 unless the approach is swept, and for round tips.
-        tree: `BoxTree`.
-        workspace: `ReachWorkspace` with its frame, sizes and parts.
-
-    Returns:
-        (mask of all angles that are blocked, mask of those found to be blocked farther back too):
-        the second one may lack angles of the first one.
-    """
-    blocked, farther = _block_by(True, blocked, farther, back, tree, workspace)  # noqa: FBT003
-    return _block_by(False, blocked, farther, back, tree, workspace)  # noqa: FBT003
-
-
-@part
-def _block_by(palm, blocked, farther, back, tree, workspace):
-    """`block_angles` by the palm, or by the other parts."""
-    masks, found = workspace.masks, workspace.blocked
-    found[0], found[1] = blocked, farther
-    # What blocked an angle of the grasp before blocks it at a similar grasp too.
-    masks[0] = all_angles(workspace.cosines.shape[0])
-    recent = workspace.recent[1 if palm else 0]
-    for k in range(workspace.cosines.shape[0]):
-        if recent[k] >= 0 and found[0] & bit(k) == NONE:
-            met, back_too, _ = _block_at(
-                recent[k], masks[0] & ~found[0], back, palm, tree, workspace
-            )
-            found[0] |= met
-            found[1] |= back_too
-    walk(_visit, (palm, back, tree, workspace), workspace.nodes)
-    return found[0], found[1]
+    cosines, sines = workspace.cosines, workspace.sines
+    rows, blocked = tree.triangles.shape[0], NONE
+    for row in range(0, rows, max(rows // POINTS, 1)):
+        point = difference(tree.triangles[row], frame[0])
+        x, y, z = dot(point, frame[1]), dot(point, frame[2]), dot(point, frame[3])
+        square = y * y + z * z
+        for j in range(PALM + 1):
+            half, top = parts[j, HALF_WIDTH] - INSIDE, parts[j, TOP] - INSIDE
+            bottom = parts[j, BOTTOM] + INSIDE
+            if not parts[j, LOW] + INSIDE < x < parts[j, HIGH] - INSIDE:
+                continue
+            if top < 0.0 and square < top * top:
+                continue  # in front of it at every angle
+            for k in range(cosines.shape[0]):
+                c, s = cosines[k], sines[k]
+                across, along = abs(c * y + s * z), c * z - s * y
+                inside = (across < half) & (along < top) & (along > bottom)
+                blocked |= np.uint64(inside) << np.uint64(k)
+    return blocked
 
 
 @merged
-def _visit(node, position, _stale, state):
-    """Visit a node of the tree; the walk ends where all angles are blocked."""
-    palm, back, tree, workspace = state
-    masks, found = workspace.masks, workspace.blocked
-    possible = masks[position] & ~found[0]
-    if possible == NONE:
+def _may_meet(box, workspace):
+    """Whether the faces of a node may meet a part at the angle of the axes."""
+    axes, parts = workspace.axes, workspace.parts
+    centre, sizes = difference(box, workspace.frame[0]), triple(box, 3)
+    x, y, z = dot(centre, axes[0]), dot(centre, axes[1]), dot(centre, axes[2])
+    low, high = _interval(box, workspace.frame, x)
+    across = abs(y) - dot(sizes, axes[4])
+    depth = dot(sizes, axes[5])
+    first, last = z - depth, z + depth
+    normal = dot(triple(box, NORMAL), axes[2])
+    sloping = math.sqrt(max(1.0 - normal * normal, 0.0) + 1e-15) * box[RADIUS]
+    first = max(first, z + normal * box[HEIGHT] - abs(normal) * box[THICKNESS] - sloping)
+    for i in range(PARTS):
+        beside = not _overlaps(parts[i], low, high) or across > parts[i, HALF_WIDTH]
+        if not beside and first <= parts[i, TOP] and last >= parts[i, BOTTOM]:
+            return True
+    return False
+
+
+@merged
+def _visit(node, _position, _stale, state):
+    """Visit a node of the tree; the walk ends at a face that meets a part."""
+    k, tree, workspace = state
+    if not _may_meet(tree.boxes[node], workspace):
         return NO_NODE, NO_NODE, GO_ON
-    met, back_too, possible = _block_at(node, possible, back, palm, tree, workspace)
-    if met != NONE:
-        found[0] |= met
-        found[1] |= back_too
-        for k in range(workspace.cosines.shape[0]):
-            if met & bit(k) != NONE:
-                workspace.recent[1 if palm else 0, k] = node
-    if found[0] == all_angles(workspace.cosines.shape[0]):
-        return NO_NODE, NO_NODE, STOP
+    first, last = leaf_rows(node, tree)
+    for i in range(first, last):
+        if _blocked_by_face(tree.triangles[i], bit(k), workspace) != NONE:
+            workspace.last[0] = i
+            return NO_NODE, NO_NODE, STOP
     later, sooner = below(node, tree.depth)
-    if later == NO_NODE or possible == NONE:
-        return NO_NODE, NO_NODE, GO_ON
-    masks[position] = masks[position + 1] = possible
-    if _rank(tree.boxes[later], palm, workspace) < _rank(tree.boxes[sooner], palm, workspace):
-        later, sooner = sooner, later
     return later, sooner, GO_ON
 
 
 @part
-def _block_at(node, possible, back, palm, tree, workspace):
-    """Test the possible angles at a node.
+def is_free_at(k, tree, workspace):
+    """Whether no face meets a part at an angle; else `workspace.last` has the row of one."""
+    frame, axes = workspace.frame, workspace.axes
+    c, s = workspace.cosines[k], workspace.sines[k]
+    copy(frame[1], axes[0])
+    for i in range(3):
+        axes[1, i] = c * frame[2, i] + s * frame[3, i]
+        axes[2, i] = c * frame[3, i] - s * frame[2, i]
+        for j in range(3):
+            axes[3 + j, i] = abs(axes[j, i])
+    return not walk(_visit, (k, tree, workspace), workspace.nodes)
 
-    Returns:
-        (mask of those that it blocks, mask of those that it blocks farther back too, mask of those
-        at which nodes below it may block).
+
+@part
+def free_angles(blocked, one, tree, workspace):
+    """Mask of the angles at which no face meets a part.
+
+    At angle t the approach direction is z cos t - y sin t, and y turns into y cos t + z sin t.
+
+    Args:
+        blocked: Mask of the angles that are not allowed.
+        one: Whether one that is free is enough.
+        tree: `BoxTree`.
+        workspace: `ReachWorkspace` with its frame and parts.
     """
-    may_meet, within = _possible_angles(tree.boxes[node], back, palm, workspace)
-    blocked = within & possible
-    farther = blocked
-    possible &= may_meet & ~within
-    if possible != NONE:
-        first, last = leaf_rows(node, tree)
-        for i in range(first, last):
-            met, back_too = _blocked_by_face(
-                tree.triangles[i], possible & ~blocked, back, palm, workspace
-            )
-            blocked, farther = blocked | met, farther | back_too
-    return blocked, farther, possible
+    count, last, free = workspace.cosines.shape[0], workspace.last, NONE
+    everything = all_angles(count)
+    if blocked != everything:
+        blocked |= _blocked_by_points(tree, workspace)
+    while blocked | free != everything:
+        k = last[1]  # of a similar grasp
+        if (blocked | free) & bit(k) != NONE:
+            k, _ = widest_arc(everything & ~(blocked | free), count)
+        if is_free_at(k, tree, workspace):
+            free, last[1] = free | bit(k), k
+            if one:
+                break
+        else:
+            met = tree.triangles[last[0]]
+            blocked |= bit(k) | _blocked_by_face(met, everything & ~blocked, workspace)
+    return free

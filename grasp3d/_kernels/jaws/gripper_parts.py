@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.array_types import Bytes1, Floats1, Floats2, Ints1, Ints2, UInt64s1
+from grasp3d._kernels.array_types import Bytes1, Floats1, Floats2, Ints1, UInt64s1
 from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.surface.face_tree import STACK
 from grasp3d._kernels.surface.vectors import dot
@@ -78,10 +78,6 @@ class ReachWorkspace(NamedTuple):
     sines: Floats1
     frame: Floats2
     """Origin midway between the contacts, x, and y and z at angle 0 (4, 3)."""
-    y_sizes: Floats2
-    """Absolute components of y at each angle (3, n)."""
-    z_sizes: Floats2
-    """Absolute components of z at each angle (3, n)."""
     parts: Floats2
     """Of each part: from LOW to HIGH along x, from -HALF_WIDTH to HALF_WIDTH along y, from BOTTOM
     to TOP along z; of round tips also the x of their axis at the grasp and before it (PARTS, 7)."""
@@ -91,13 +87,11 @@ class ReachWorkspace(NamedTuple):
     """A second one (8, 3)."""
     corners: Floats2
     """A face as x, y and z at angle 0 (3, 3)."""
-    recent: Ints2
-    """Node of the tree that blocked each angle last, -1: none, with a part but the palm and with
-    the palm (2, n): a workspace belongs to one tree."""
+    axes: Floats2
+    """The axes at one angle, and their absolute components (6, 3)."""
+    last: Ints1
+    """Row of the face that was met last, and the angle that was free last (2,)."""
     nodes: Ints1
-    masks: UInt64s1
-    blocked: UInt64s1
-    """Masks of the angles found to be blocked, at the grasp and farther back (2,)."""
 
 
 class ReachResults(NamedTuple):
@@ -127,16 +121,13 @@ def make_workspace(angles: int) -> ReachWorkspace:
         cosines=np.cos(turns),
         sines=np.sin(turns),
         frame=np.zeros((4, 3)),
-        y_sizes=np.zeros((3, angles)),
-        z_sizes=np.zeros((3, angles)),
         parts=np.zeros((PARTS, 7)),
         clipped=np.zeros((8, 3)),
         clipped_too=np.zeros((8, 3)),
         corners=np.zeros((3, 3)),
-        recent=np.full((2, angles), -1, dtype=np.int64),
+        axes=np.zeros((6, 3)),
+        last=np.zeros(2, dtype=np.int64),
         nodes=np.zeros(STACK, dtype=np.int64),
-        masks=np.zeros(STACK, dtype=np.uint64),
-        blocked=np.zeros(2, dtype=np.uint64),
     )
 
 

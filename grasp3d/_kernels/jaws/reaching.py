@@ -3,7 +3,7 @@
 import math
 
 from grasp3d._kernels.compiling import kernel, merged, part, scratch_kernel
-from grasp3d._kernels.jaws.blocked_angles import block_angles, turn_sizes
+from grasp3d._kernels.jaws.blocked_angles import free_angles, is_free_at
 from grasp3d._kernels.jaws.gripper_parts import (
     BLOCKED,
     BOTTOM,
@@ -37,8 +37,11 @@ from grasp3d._kernels.jaws.gripper_parts import (
 )
 from grasp3d._kernels.surface.box_tree import ball_is_free, capsule_is_free
 
-PREFERRED, SHALLOWEST = (0.0, -0.25), -0.4
+PREFERRED = (0.0, -0.25, -0.4)
 """Displacements of flat pads along z, in pad heights: the first that is free is chosen."""
+
+ONE = True
+"""One free angle is enough."""
 
 
 @part
@@ -104,75 +107,55 @@ def _write_result(k, offset, top, opening, sign, margin, shape, workspace, found
 
 
 @part
-def _blocked_at(offset, opening, sign, known, shape, limits, tree, workspace):
-    """Mask of the angles that are blocked at one displacement along z, with those known to be."""
-    top = 0.5 * shape.pad_height + offset
-    write_parts(opening, sign, top, math.inf, shape, workspace.parts)
-    blocked = known | in_table_angles(top, shape, limits, workspace)
-    if blocked != all_angles(workspace.cosines.shape[0]):
-        blocked, _ = block_angles(blocked, blocked, 0.0, tree, workspace)
-    return blocked
-
-
-@part
-def _blocked_at_best(opening, sign, outside, shape, limits, tree, workspace):
-    """Find the preferred displacement along z at which not all angles are blocked.
+def _free_at(displacement, one, opening, sign, outside, shape, limits, tree, workspace):
+    """Place the parts at a displacement along z, in pad heights; see `free_angles`.
 
     Returns:
-        (mask of the blocked angles, displacement): the last one tested where all are blocked.
+        (mask of free angles, mask of those at which a part enters the table).
     """
-    everything = all_angles(workspace.cosines.shape[0])
-    height = shape.pad_height
-    top, back = 0.5 * height + PREFERRED[0] * height, (PREFERRED[0] - SHALLOWEST) * height
+    top = 0.5 * shape.pad_height + displacement * shape.pad_height
     write_parts(opening, sign, top, math.inf, shape, workspace.parts)
-    blocked = outside | in_table_angles(top, shape, limits, workspace)
-    shallow = outside | in_table_angles(top - back, shape, limits, workspace)
-    if blocked != everything:
-        blocked, shallow = block_angles(blocked, shallow, back, tree, workspace)
-    if blocked != everything or height == 0.0:
-        return blocked, PREFERRED[0] * height
-    # What blocks shallow fingers blocks deeper ones too.
-    offset = SHALLOWEST * height
-    shallow = _blocked_at(offset, opening, sign, shallow, shape, limits, tree, workspace)
-    if shallow == everything:
-        return shallow, offset
-    for i in range(1, len(PREFERRED)):
-        blocked = _blocked_at(
-            PREFERRED[i] * height, opening, sign, shallow, shape, limits, tree, workspace
-        )
-        if blocked != everything:
-            return blocked, PREFERRED[i] * height
-    return shallow, offset
-
-
-@part
-def _is_table_alone(blocked, outside, offset, explain, shape, limits, tree, workspace):
-    """Whether only the table is in the way where all angles are blocked.
-
-    Args:
-        blocked: Mask of the blocked angles, all of them.
-        outside: Mask of the angles that are not allowed.
-        offset: The displacement along z that was tested last.
-        explain: As in `reach_pair`.
-        shape: `GripperShape`.
-        limits: `ApproachLimits`.
-        tree: `BoxTree`.
-        workspace: `ReachWorkspace`, as the last test left it.
-    """
-    top = 0.5 * shape.pad_height + offset
     table = in_table_angles(top, shape, limits, workspace)
-    if table & ~outside == NONE:
-        return False
-    if not explain:
-        return outside | table == blocked
-    # An angle that the first traversal found blocked is tested once more.
-    known = outside | (blocked & ~table)
-    without, _ = block_angles(known, known, 0.0, tree, workspace)
-    return without != blocked
+    return free_angles(outside | table, one, tree, workspace), table
 
 
 @part
-def reach_pair(points, normals, sign, shape, limits, explain, tree, workspace, found):
+def _begin(points, normals, sign, shape, limits, tree, workspace):
+    """Write the frame of a grasp, and test what does not depend on the approach angle.
+
+    Returns:
+        (REACHED or why not, opening, mask of the angles that are not allowed).
+    """
+    opening, distance = write_closing_axis(points, normals, sign, shape, workspace.frame)
+    if not opening_fits(opening, sign, shape):
+        return WIDTH, opening, NONE
+    if shape.tip_radius > 0.0:
+        for i in range(2):
+            if not tip_fits(points[i], normals[i], shape, tree, workspace.nodes):
+                return TIP, opening, NONE
+        if not tips_open(0.5 * distance, sign, shape, tree, workspace):
+            return TIP, opening, NONE
+    write_reference(normals, limits, workspace.frame)
+    outside = outside_limits(limits, workspace)
+    everything = all_angles(workspace.cosines.shape[0])
+    return (DIRECTION if outside == everything else REACHED), opening, outside
+
+
+@part
+def can_reach(points, normals, sign, shape, limits, tree, workspace):
+    """Whether `reach_pair` reaches a grasp, which takes less than all angles: see there.
+
+    What blocks shallow fingers blocks deeper ones too, so that only these are tested.
+    """
+    code, opening, outside = _begin(points, normals, sign, shape, limits, tree, workspace)
+    if code != REACHED:
+        return False
+    free, _ = _free_at(PREFERRED[-1], ONE, opening, sign, outside, shape, limits, tree, workspace)
+    return free != NONE
+
+
+@part
+def reach_pair(points, normals, sign, shape, limits, tree, workspace, found):
     """Test one grasp of a parallel gripper at all approach angles.
 
     Args:
@@ -181,8 +164,6 @@ def reach_pair(points, normals, sign, shape, limits, explain, tree, workspace, f
         sign: +1 external grasp, -1 internal.
         shape: `GripperShape`.
         limits: `ApproachLimits`.
-        explain: Whether TABLE and BLOCKED must be distinguished exactly, which takes a second
-            traversal where nothing is free; else TABLE is where the table blocks every angle alone.
         tree: `BoxTree`.
         workspace: `ReachWorkspace`; its frame stays that of this grasp.
         found: Written where the grasp is reached: the pose row by row, then MARGIN, OPENING,
@@ -191,41 +172,32 @@ def reach_pair(points, normals, sign, shape, limits, explain, tree, workspace, f
     Returns:
         (code, mask of the free angles at the displacement chosen).
     """
-    frame, count = workspace.frame, workspace.cosines.shape[0]
-    opening, distance = write_closing_axis(points, normals, sign, shape, frame)
-    if not opening_fits(opening, sign, shape):
-        return WIDTH, NONE
-    if shape.tip_radius > 0.0:
-        for i in range(2):
-            if not tip_fits(points[i], normals[i], shape, tree, workspace.nodes):
-                return TIP, NONE
-        if not tips_open(0.5 * distance, sign, shape, tree, workspace):
-            return TIP, NONE
-    write_reference(normals, limits, frame)
-    turn_sizes(workspace)
-    outside = outside_limits(limits, workspace)
-    everything = all_angles(count)
-    if outside == everything:
-        return DIRECTION, NONE
-    blocked, offset = _blocked_at_best(opening, sign, outside, shape, limits, tree, workspace)
-    if blocked == everything:
-        table = _is_table_alone(blocked, outside, offset, explain, shape, limits, tree, workspace)
-        return (TABLE if table else BLOCKED), NONE
-    free = everything & ~blocked
+    code, opening, outside = _begin(points, normals, sign, shape, limits, tree, workspace)
+    if code != REACHED:
+        return code, NONE
+    rest = opening, sign, outside, shape, limits, tree, workspace
+    free, table = _free_at(PREFERRED[-1], ONE, *rest)
+    if free == NONE:
+        alone = table & ~outside != NONE and free_angles(outside, ONE, tree, workspace) != NONE
+        return (TABLE if alone else BLOCKED), NONE
+    offset = 0.0
+    for displacement in PREFERRED:
+        offset = displacement * shape.pad_height
+        free, _ = _free_at(displacement, not ONE, *rest)
+        if free != NONE:
+            break
+    count = workspace.cosines.shape[0]
     middle, length = widest_arc(free, count)
-    margin = margin_of(length, count)
-    top = 0.5 * shape.pad_height + offset
+    margin, top = margin_of(length, count), 0.5 * shape.pad_height + offset
     _write_result(middle, offset, top, opening, sign, margin, shape, workspace, found)
     return REACHED, free
 
 
 @kernel(
-    "Floats3, Floats3, Int8s1, GripperShape, ApproachLimits, bool, BoxTree, ReachWorkspace, "
+    "Floats3, Floats3, Int8s1, GripperShape, ApproachLimits, BoxTree, ReachWorkspace, "
     "Bytes1, UInt64s1, Floats2"
 )
-def reach_pairs(
-    points, normals, signs, shape, limits, explain, tree, workspace, codes, free, found
-):
+def reach_pairs(points, normals, signs, shape, limits, tree, workspace, codes, free, found):
     """Test many grasps of a parallel gripper, one after the other.
 
     Args:
@@ -234,7 +206,6 @@ def reach_pairs(
         signs: +1 external grasp, -1 internal (b,).
         shape: `GripperShape`.
         limits: `ApproachLimits`.
-        explain: As in `reach_pair`.
         tree: `BoxTree`.
         workspace: `ReachWorkspace` of this thread.
         codes: Written, REACHED or why not (b,).
@@ -243,7 +214,7 @@ def reach_pairs(
     """
     for i in range(points.shape[0]):
         codes[i], free[i] = reach_pair(
-            points[i], normals[i], signs[i], shape, limits, explain, tree, workspace, found[i]
+            points[i], normals[i], signs[i], shape, limits, tree, workspace, found[i]
         )
 
 
@@ -334,9 +305,7 @@ def _pose_collides(pose, opening, sign, swept, only, shape, limits, tree, worksp
             nz += limits.table_normal[i] * frame[3, i]
         if in_table(frame[0], nx, ny, nz, top, max(way, 0.0), shape, limits, parts):
             return True
-    turn_sizes(workspace)
-    blocked, _ = block_angles(NONE, NONE, 0.0, tree, workspace)
-    if blocked != NONE:
+    if not is_free_at(0, tree, workspace):
         return True
     axis = 0.5 * opening + shape.tip_radius
     if only >= 0:

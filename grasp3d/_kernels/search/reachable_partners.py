@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from grasp3d._kernels.compiling import kernel, part
-from grasp3d._kernels.jaws.gripper_parts import BLOCKED, NONE, REACHED, RESULTS
-from grasp3d._kernels.jaws.reaching import reach_pair
+from grasp3d._kernels.jaws.gripper_parts import BLOCKED, NONE
+from grasp3d._kernels.jaws.reaching import can_reach, reach_pair
 from grasp3d._kernels.search.antipodal_candidates import evaluate_on_face
 from grasp3d._kernels.search.face_contacts import (
     aim,
@@ -54,9 +54,6 @@ BISECTIONS = 4
 
 FIRST_KEY, LAST_KEY = -2.0, 2.0
 """Keys that are smaller and larger than those of all contacts."""
-
-EXPLAIN = True
-"""Whether `reach_pair` shall distinguish TABLE and BLOCKED exactly."""
 
 
 @part
@@ -128,10 +125,13 @@ def _pass_over(key, point, step, others, until, steps, count, spacing):
 
 
 @part
-def _test(v, sign, face, weights, explain, domain, reaching, scratch):
-    """Test the grasp of a vertex and a point on a face; (code, free angles) of `reach_pair`."""
-    shape, limits, tree, workspace = reaching
-    points, normals, set_normals, result = scratch
+def _write_pair(v, face, weights, domain, scratch):
+    """Write the contacts of a vertex and a point on a face, and their normals.
+
+    Returns:
+        Whether they have normals.
+    """
+    points, normals, set_normals = scratch
     surface, sets, centres = domain.surface, domain.sets, domain.centres
     copy(surface.points[v], points[0])
     copy(centres[v], normals[0])
@@ -147,22 +147,31 @@ def _test(v, sign, face, weights, explain, domain, reaching, scratch):
     for i in range(2):
         length = norm(normals[i])
         if length < 1e-12:
-            return BLOCKED, NONE
+            return False
         copy(divided(normals[i], length), normals[i])
-    return reach_pair(points, normals, sign, shape, limits, explain, tree, workspace, result)
+    return True
+
+
+@part
+def _is_reached(v, sign, face, weights, domain, reaching, scratch):
+    """Whether the grasp of a vertex and a point on a face is reached."""
+    shape, limits, tree, workspace = reaching
+    return _write_pair(v, face, weights, domain, scratch) and can_reach(
+        scratch[0], scratch[1], sign, shape, limits, tree, workspace
+    )
 
 
 @kernel()
 def _make_scratch():
-    """Scratch arrays of `_test`: contacts, their normals, a set of normals, a result."""
-    return np.empty((2, 3)), np.empty((2, 3)), np.empty((2, 3)), np.empty(RESULTS)
+    """Scratch arrays of `_write_pair`: contacts, their normals, a set of normals."""
+    return np.empty((2, 3)), np.empty((2, 3)), np.empty((2, 3))
 
 
 @kernel(
     "Ints1, int, Ints1, Floats2, PairDomain, "
-    "tuple[GripperShape, ApproachLimits, BoxTree, ReachWorkspace], BestPairs, ReachResults"
+    "tuple[GripperShape, ApproachLimits, BoxTree, ReachWorkspace], BestPairs"
 )
-def keep_reached(vertices, sign, faces, weights, domain, reaching, grasps, results):
+def keep_reached(vertices, sign, faces, weights, domain, reaching, grasps):
     """Keep the given grasps that are reached, where they are better than those known.
 
     Args:
@@ -171,12 +180,11 @@ def keep_reached(vertices, sign, faces, weights, domain, reaching, grasps, resul
         faces: Faces of the opposing contacts, -1: none (n,).
         weights: Barycentric coordinates (n, 3).
         domain: `PairDomain`.
-        reaching: (shape, limits, tree, workspace), as `reach_pair` takes them.
+        reaching: (shape, limits, tree, workspace), as `can_reach` takes them.
         grasps: `BestPairs` of reached grasps; written.
-        results: `ReachResults` of these, a row per vertex; written.
     """
     scratch, surface, sets = _make_scratch(), domain.surface, domain.sets
-    point, set_normals, result = scratch[0][1], scratch[2], scratch[3]
+    point, set_normals = scratch[0][1], scratch[2]
     for i in range(len(vertices)):
         v, face, own = vertices[i], faces[i], weights[i]
         if face < 0:
@@ -191,22 +199,16 @@ def keep_reached(vertices, sign, faces, weights, domain, reaching, grasps, resul
         low = largest_angle(sets.normals, sets.start[v], sets.counts[v], x, y, z)
         if low >= grasps.worst[v]:
             continue
-        code, free = _test(v, sign, face, own, not EXPLAIN, domain, reaching, scratch)
-        if code == REACHED:
-            before = grasps.worst[v]
+        if _is_reached(v, sign, face, own, domain, reaching, scratch):
             evaluate_on_face(v, sign, face, own, surface, sets, grasps, set_normals)
-            if grasps.worst[v] < before:
-                results.codes[v], results.free[v] = code, free
-                for k in range(RESULTS):
-                    results.found[v, k] = result[k]
 
 
 @kernel(
     "Ints1, int, Ints1, Floats2, PairDomain, "
-    "tuple[GripperShape, ApproachLimits, BoxTree, ReachWorkspace], Bytes1"
+    "tuple[GripperShape, ApproachLimits, BoxTree, ReachWorkspace], ReachResults"
 )
-def explain_pairs(vertices, sign, faces, weights, domain, reaching, codes):
-    """Find why grasps of vertices and points on faces are not reached.
+def reach_partners(vertices, sign, faces, weights, domain, reaching, results):
+    """Find how grasps of vertices and points on faces are reached, or why not.
 
     Args:
         vertices: Vertices (n,).
@@ -214,13 +216,17 @@ def explain_pairs(vertices, sign, faces, weights, domain, reaching, codes):
         faces: Faces of the opposing contacts (n,).
         weights: Barycentric coordinates (n, 3).
         domain: `PairDomain`.
-        reaching: (shape, limits, tree, workspace), as `reach_pair` takes them.
-        codes: Written, a row per vertex (V,).
+        reaching: (shape, limits, tree, workspace), as `can_reach` takes them.
+        results: `ReachResults`, a row per vertex; written.
     """
-    scratch = _make_scratch()
+    scratch, (shape, limits, tree, workspace) = _make_scratch(), reaching
     for i in range(len(vertices)):
         v = vertices[i]
-        codes[v], _ = _test(v, sign, faces[i], weights[i], EXPLAIN, domain, reaching, scratch)
+        results.codes[v], results.free[v] = BLOCKED, NONE
+        if _write_pair(v, faces[i], weights[i], domain, scratch):
+            results.codes[v], results.free[v] = reach_pair(
+                scratch[0], scratch[1], sign, shape, limits, tree, workspace, results.found[v]
+            )
 
 
 @kernel(
@@ -240,7 +246,7 @@ def search_reachable(vertices, limit, step, spacing, most_failed, domain, reachi
         spacing: Distance up to which contacts are near.
         most_failed: Contacts of each vertex that are tested and not reached, before it ends.
         domain: `PairDomain`.
-        reaching: (shape, limits, tree, workspace), as `reach_pair` takes them.
+        reaching: (shape, limits, tree, workspace), as `can_reach` takes them.
 
     Returns:
         Faces (n,), -1: none, and barycentric coordinates (n, 3) of the contacts.
@@ -281,8 +287,7 @@ def search_reachable(vertices, limit, step, spacing, most_failed, domain, reachi
                 if key > ACCURATE and beside < 0:
                     read_face(face, v, surface, lines, corner_normals)
                     key = -move_on_face(chosen, -key, v, face, lines, corner_normals, own, domain)
-                code, _ = _test(v, 1, face, chosen, not EXPLAIN, domain, reaching, scratch)
-                if code == REACHED:
+                if _is_reached(v, 1, face, chosen, domain, reaching, scratch):
                     if beside >= 0:
                         face = _bisect(
                             v, face, chosen, passed[:passes], contact_faces, tested[beside],
@@ -297,15 +302,19 @@ def search_reachable(vertices, limit, step, spacing, most_failed, domain, reachi
             ball = tree.bounds[entry]
             if _passes_over(ball, ball[3], LAST_KEY, tested, until, failed, spacing) >= 0:
                 continue  # of a contact that was tested after it began to wait
-            for child in below(entry, tree.depth):
-                if child == NO_NODE:
+            for half in below(entry, tree.depth):
+                if half == NO_NODE:
                     continue
-                high = upper_bound(child, v, own, domain, least)
-                if high <= least or waiting == MOST_WAITING:
-                    continue
-                ball = tree.bounds[child]
-                if _passes_over(ball, ball[3], LAST_KEY, tested, until, failed, spacing) < 0:
-                    waiting = _push(keys, entries, waiting, -high, child)
+                one, other = below(half, tree.depth)  # two levels together take less time
+                for child in (half, NO_NODE) if one == NO_NODE else (one, other):
+                    if child == NO_NODE:
+                        continue
+                    high = upper_bound(child, v, own, domain, least)
+                    if high <= least or waiting == MOST_WAITING:
+                        continue
+                    ball = tree.bounds[child]
+                    if _passes_over(ball, ball[3], LAST_KEY, tested, until, failed, spacing) < 0:
+                        waiting = _push(keys, entries, waiting, -high, child)
             first, last = faces_of_leaf(entry, tree.depth, tree.order.shape[0])
             for i in range(first, last):
                 face = tree.order[i]
@@ -360,11 +369,7 @@ def _bisect(v, face, chosen, passed, faces, failing, own, room, domain, reaching
         _place(other, middle, surface, weights)
         read_face(other, v, surface, lines, normals)
         cosine = cosine_at(triple(weights, 0), v, other, lines, normals, own, domain)
-        reached = False
-        if cosine > best:
-            code, _ = _test(v, 1, other, weights, not EXPLAIN, domain, reaching, scratch)
-            reached = code == REACHED
-        if reached:
+        if cosine > best and _is_reached(v, 1, other, weights, domain, reaching, scratch):
             face, best, high = other, cosine, point_on_face(other, triple(weights, 0), surface)
             copy(weights, chosen)
         else:

@@ -56,7 +56,7 @@ from grasp3d.surface.sampling.reachable import (
     SqueezingReach,
 )
 from grasp3d.surface.sampling.surface_rays import SurfaceRays
-from grasp3d.surface.sampling.vertices import contact_tree, neighbours, tangents
+from grasp3d.surface.sampling.vertices import contact_tree, neighbours, places_in_tree, tangents
 from grasp3d.system.context import report_progress, thread_count, within
 
 OPENING_SLACK = 1e-6
@@ -272,10 +272,7 @@ class _Squeezing(_Search):
             contact_tree(self.mesh, self.surface),
             self.limits,
         )
-        # In the order of the tree, neighbours follow one another.
-        used, first = np.unique(self.surface.faces[domain.tree.order], return_index=True)
-        place = np.full(len(self.mesh.vertices), len(self.surface.faces) * 3)
-        place[used] = first
+        place = places_in_tree(len(self.mesh.vertices), self.surface, domain.tree)
         vertices = self.vertices[np.argsort(place[self.vertices], kind="stable")]
         self._descend(vertices, self.cone, domain, self.grasps, (0.0, 0.6))
         vertices = vertices[self.grasps.worst[vertices] >= self.cone]

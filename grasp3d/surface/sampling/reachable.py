@@ -18,14 +18,18 @@ from grasp3d._kernels.jaws.gripper_parts import make_workspace, no_results
 from grasp3d._kernels.search.antipodal_candidates import FOUND, BestPairs, PairLimits, no_pairs
 from grasp3d._kernels.search.face_contacts import PairDomain
 from grasp3d._kernels.search.rays import Origins, Rays, neighbour_rays, starting_rays
-from grasp3d._kernels.search.reachable_partners import explain_pairs, keep_reached, search_reachable
+from grasp3d._kernels.search.reachable_partners import (
+    keep_reached,
+    reach_partners,
+    search_reachable,
+)
 from grasp3d._kernels.surface.surface_contacts import Surface
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.hand.reach import ANGLES, NormalizedScene, Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.surface.sampling.surface_rays import SurfaceRays
-from grasp3d.surface.sampling.vertices import contact_tree, neighbours
+from grasp3d.surface.sampling.vertices import contact_tree, neighbours, places_in_tree
 
 NOT_REACHED = 5
 """Reason code: there are grasps, but none of those tested is reached."""
@@ -88,10 +92,10 @@ class ReachSearch(ABC):
         assert scene.jaws is not None
         self.beside = NormalizedScene.of(mesh, scene.jaws, scene.table, scene.approach)
         tree = contact_tree(mesh, self.surface)
+        self.place = places_in_tree(len(mesh.vertices), self.surface, tree)
         self.domain = PairDomain(
             self.surface, mesh.contact_normals, mesh.normal_centres, tree, self.limits
         )
-        self.results = no_results(len(mesh.vertices))
 
     def run(self, ideal: BestPairs) -> BestPairs:
         """The best grasps that are reached; vertices with other grasps only are NOT_REACHED.
@@ -119,15 +123,18 @@ class ReachSearch(ABC):
             ideal: The best grasps for ideal points.
             reached: What `run` returned.
         """
-        missing = np.flatnonzero(reached.reason == NOT_REACHED)
-        vertices, faces, weights = _grasps_of(ideal, missing)
+        results = no_results(len(reached.reason))
+        vertices = np.flatnonzero(ideal.reason == FOUND)
+        pairs = _grasps_of(reached, vertices)
+        lost = pairs.faces < 0
+        pairs.faces[lost], pairs.weights[lost] = _grasps_of(ideal, vertices[lost])[1:]
 
         def work(rows: slice, beside: Any) -> None:
-            pairs = (vertices[rows], self.sign, faces[rows], weights[rows])
-            explain_pairs(*pairs, self.domain, beside, self.results.codes)
+            own = (vertices[rows], self.sign, pairs.faces[rows], pairs.weights[rows])
+            reach_partners(*own, self.domain, beside, results)
 
-        self._in_chunks(work, len(missing))
-        return Reach.of(self.mesh, self.results)
+        self._in_chunks(work, len(vertices))
+        return Reach.of(self.mesh, results)
 
     def _keep(self, pairs: Pairs, reached: BestPairs) -> None:
         """Keep those of some grasps that are reached and better than the known ones."""
@@ -136,7 +143,7 @@ class ReachSearch(ABC):
 
         def work(rows: slice, beside: Any) -> None:
             grasps = (vertices[rows], self.sign, faces[rows], weights[rows])
-            keep_reached(*grasps, self.domain, beside, reached, self.results)
+            keep_reached(*grasps, self.domain, beside, reached)
 
         # No two threads write the grasp of one vertex.
         self._in_chunks(work, len(vertices), np.flatnonzero(np.diff(vertices)) + 1)
@@ -224,11 +231,13 @@ class SqueezingReach(ReachSearch):
         faces = np.full(len(vertices), -1, dtype=np.int64)
         weights = np.zeros((len(vertices), 3))
         limit = np.full(len(vertices), self.cone) if bounds is None else bounds
+        order = np.argsort(self.place[vertices], kind="stable")  # neighbours need the same memory
         spacing = min(SPACING * self.beside.shape.finger_width, LARGEST_SPACING)
 
         def work(rows: slice, beside: Any) -> None:
-            faces[rows], weights[rows] = search_reachable(
-                vertices[rows], limit[rows], step, spacing, most_failed, self.domain, beside
+            own = order[rows]
+            faces[own], weights[own] = search_reachable(
+                vertices[own], limit[own], step, spacing, most_failed, self.domain, beside
             )
 
         self._in_chunks(work, len(vertices))

@@ -21,6 +21,17 @@ def contact_tree(mesh: ObjectMesh, surface: Surface) -> FaceTree:
     return tree._replace(order=faces[tree.order])
 
 
+def places_in_tree(count: int, surface: Surface, tree: FaceTree) -> Ints:
+    """Where each of `count` vertices comes first in the order of a tree, shape (V,).
+
+    In this order neighbours mostly follow one another.
+    """
+    used, first = np.unique(surface.faces[tree.order], return_index=True)
+    place = np.full(count, len(surface.faces) * 3)
+    place[used] = first
+    return place
+
+
 def neighbours(mesh: ObjectMesh) -> tuple[Ints, Ints]:
     """(first, index): the adjacent vertices of each vertex, grouped by vertex, for the kernels.
 
