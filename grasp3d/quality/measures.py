@@ -214,7 +214,8 @@ def _min_weight(contacts: Contacts, _: float, edges: int) -> Floats:
         np.zeros((SCRATCH_ROWS, 8)), np.zeros((0, 2)), multiples,
     )  # fmt: skip
     values = np.full(len(used), np.nan)
-    values[chosen] = (1.0 - multiples) / counts[chosen]
+    spare = 1.0 - multiples
+    values[chosen] = np.where(np.abs(spare) > TOLERANCE, spare, 0.0) / counts[chosen]
     return values
 
 
