@@ -151,12 +151,10 @@ def _write(
 
 def _best_of(labels: "SurfaceLabels", count: int) -> "GraspTable | JawGrasps | None":
     """Best distinct grasps of a surface; None: there are none, or none are asked for."""
-    from grasp3d.grasps.best import are_named, best_grasps, has_poses
+    from grasp3d.grasps.best import best_grasps, has_poses
     from grasp3d.surface.vertex_grasps import Reason
 
-    if not count or not are_named(labels):
-        return None
-    if not has_poses(labels) and not np.any(labels.reason == Reason.FOUND):
+    if not count or (not has_poses(labels) and not np.any(labels.reason == Reason.FOUND)):
         return None
     return best_grasps(labels, count)
 

@@ -24,7 +24,7 @@ from grasp3d.formats.files import check_frame, check_hand, write_grasps
 from grasp3d.formats.format import format_called, format_of, suffixes
 from grasp3d.formats.own import SUFFIXES
 from grasp3d.formats.surfaces.files import writer_for
-from grasp3d.grasps.best import best_grasps, check_external
+from grasp3d.grasps.best import best_grasps
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.ranking import distance_of_distinct
 from grasp3d.mesh.surface_points import nearest_vertex
@@ -89,8 +89,6 @@ def _files(command: Label) -> tuple[Path, Path]:
         _check_grasp_file(command, grasp_file)
         if grasp_file.absolute() == output.absolute():
             raise OutputError(f"{output}: is the labelled file and that of the best grasps")
-        if command.posed_hand is not None:
-            check_external(command.sampling)
     for path in (output, *grasp_files):
         mask = getattr(command.mesh.region, "path", None)
         inputs = [command.file, mask, *command.load.task.files]

@@ -124,5 +124,5 @@ def _outside(labels: SurfaceLabels) -> Cause:
     lengths = () if sampling is None else sampling.lengths().values()
     if scene is None or any(0.0 < (length or 0.0) < math.inf for length in lengths):
         return Cause.LIMITS
-    least, _ = scene.hand.distances(getattr(sampling, "grip", "squeeze"))
+    least, _ = scene.hand.distances()
     return Cause.STROKE if least > 0.0 else Cause.TOO_WIDE

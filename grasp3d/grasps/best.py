@@ -5,7 +5,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from grasp3d.arrays import Ints
-from grasp3d.errors import SettingError
 from grasp3d.grasps.best_poses import PoseSearch
 from grasp3d.grasps.jaw_grasps import JawGrasps
 from grasp3d.grasps.ranking import (
@@ -15,7 +14,6 @@ from grasp3d.grasps.ranking import (
     most_distinct,
     ranked_rows,
 )
-from grasp3d.settings import Sampling
 from grasp3d.settings.checks import check_range
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_table import GraspTable
@@ -45,7 +43,7 @@ def best_grasps(
         `evaluate_grasps` returns of their poses; else each with its first contact at a vertex.
 
     Raises:
-        SettingError: A count below 1, or internal grasps of a gripper.
+        SettingError: A count below 1.
 
     Example:
         >>> import trimesh
@@ -57,8 +55,6 @@ def best_grasps(
         ((3, 2, 3), [0.08, 0.08, 0.08])
     """
     check_range("the number of best grasps", count, 1)
-    if labels.scene is not None and labels.scene.jaws is not None:
-        check_external(labels.sampling)
     if has_poses(labels):
         known, key = _NAMED.setdefault(labels, {}), (unstable, max(count, LISTED))
         if key not in known:
@@ -72,37 +68,7 @@ def best_grasps(
 def has_poses(labels: SurfaceLabels) -> bool:
     """Whether the grasps of a surface are made by a gripper that has poses for them."""
     scene = labels.scene
-    return (
-        scene is not None
-        and scene.jaws is not None
-        and labels.mode == "label"
-        and not _internal(labels.sampling)
-    )
-
-
-def are_named(labels: SurfaceLabels) -> bool:
-    """Whether best grasps can be named: internal ones of a gripper are labelled only."""
-    return labels.scene is None or labels.scene.jaws is None or not _internal(labels.sampling)
-
-
-def check_external(sampling: Sampling | None) -> None:
-    """Refuse the best internal grasps of a gripper, whose jaws would have to move apart.
-
-    Args:
-        sampling: Settings of the search for them.
-
-    Raises:
-        SettingError: They are internal.
-    """
-    if _internal(sampling):
-        raise SettingError(
-            "the best grasps of a gripper press from outside; those that push outward are labelled "
-            "only (grip expand): leave out --best, or --grip"
-        )
-
-
-def _internal(sampling: Sampling | None) -> bool:
-    return sampling is not None and sampling.grip == "expand"
+    return scene is not None and scene.jaws is not None and labels.mode == "label"
 
 
 _POOLS: WeakKeyDictionary[SurfaceLabels, JawGrasps] = WeakKeyDictionary()

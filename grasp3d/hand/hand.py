@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from grasp3d.settings import GraspModel
-from grasp3d.settings.sampling import Grip
 
 if TYPE_CHECKING:
     from grasp3d.arrays import ArrayLike, Bools
@@ -67,7 +66,7 @@ class Hand(Protocol):
     def check_fingers(self, count: int) -> None:
         """Refuse grasps of so many fingers if the hand cannot make them. Raises SettingError."""
 
-    def distances(self, grip: Grip) -> tuple[float, float]:
+    def distances(self) -> tuple[float, float]:
         """Smallest and largest distance of two contacts that may be reached [m]."""
 
     def shape(self, opening: float, posture: "ArrayLike" = ()) -> "Triangles":

@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import MISSING, dataclass, fields, replace
 from itertools import chain
-from typing import TYPE_CHECKING, Any, Self, get_type_hints
+from typing import Any, Self, get_type_hints
 
 import numpy as np
 
@@ -14,9 +14,6 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.choices import AXES
 from grasp3d.settings import GraspModel, Radians
 from grasp3d.system.documents import check_text, typed
-
-if TYPE_CHECKING:
-    from grasp3d.settings.sampling import Grip
 
 Corners = tuple[tuple[float, float, float], ...]
 """Corners of a face in the gripper's frame [m]."""
@@ -178,18 +175,13 @@ class Jaws:
         """About how large the whole gripper is [m]."""
         return self.finger_length + self.palm_length + self.palm_thickness
 
-    def distances(self, grip: "Grip") -> tuple[float, float]:
+    def distances(self) -> tuple[float, float]:
         """Smallest and largest distance of the contacts of a grasp that may be reached [m].
 
-        The stroke allows no others; round tips that touch at an angle are nearer to each other, and
-        contacts of internal grasps have the fingers between them.
-
-        Args:
-            grip: How the fingers may press.
+        The stroke allows no others; round tips that touch at an angle are nearer to each other.
         """
-        inside = 0.0 if grip == "squeeze" else 2.0 * self.finger_thickness
         least, most = self.limits
-        return least, most + inside + 2.0 * self.tip_radius
+        return least, most + 2.0 * self.tip_radius
 
     @property
     def base_pose(self) -> Floats:

@@ -156,7 +156,7 @@ class Scene:
             sampling: Settings of the search.
         """
         mesh.needs_metres(IN_METRES)
-        least, most = self.hand.distances(sampling.grip)
+        least, most = self.hand.distances()
         low, high = max(sampling.min_opening, least), min(sampling.max_opening, most)
         try:
             return replace(sampling, min_opening=low, max_opening=high)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from grasp3d.errors import SettingError
 from grasp3d.hand.hand_files import GivenHand, given_hand
 from grasp3d.hand.jaws import IN_METRES
 from grasp3d.hand.reach_settings import ReachSettings
@@ -62,6 +63,11 @@ class Labelling:
         if scene is not None:
             mesh.needs_metres(IN_METRES)
             scene.hand.check_fingers(model.fingers)
+            if scene.jaws is not None and self.sampling.grip != "squeeze":
+                raise SettingError(
+                    f"gripper {scene.hand.name!r} grips from outside; leave out grip "
+                    f"{self.sampling.grip} (--grip), or the gripper"
+                )
         if self.load is not None:
             LoadCase.of(self.load, mesh, model, None if scene is None else scene.hand)
         if model.method == "extremes":

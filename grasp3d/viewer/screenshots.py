@@ -11,7 +11,6 @@ from PIL import Image
 
 from grasp3d.arrays import Bytes
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.grasps.best import are_named
 from grasp3d.pictures.opengl import averaged, check_rendering, off_screen
 from grasp3d.pictures.view_settings import MIN_HEIGHT, MIN_WIDTH, ViewSettings
 from grasp3d.system.context import report_progress, within
@@ -144,6 +143,6 @@ def _choose_grasp(session: Session) -> None:
         raise SettingError(session.message)
     session.check_paint(session.state.paint)
     gripped = vertex is None and subject.labels.approach_margin is not None
-    if gripped and are_named(subject.labels):
+    if gripped:
         session.step_best(1)
         _wait(session)

@@ -16,7 +16,6 @@ from grasp3d import (
     GraspModel,
     Label,
     Load,
-    MeshOptions,
     ParallelGripper,
     Sampling,
     SurfaceLabels,
@@ -28,27 +27,14 @@ from grasp3d import (
     read_grasps,
     write_grasps,
 )
-from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.inputs import MeshFile
-from grasp3d.batch.labelling import label_job
-from grasp3d.batch.plan import Job
-from grasp3d.batch.row import Outcome, Row
-from grasp3d.batch.storage.folder import Folder
 from grasp3d.errors import SettingError
 from grasp3d.grasps import EvaluatedPoses
 from grasp3d.grasps.best import pool_of
 from grasp3d.grasps.best_poses import EQUAL, PoseSearch
 from grasp3d.grasps.ranking import distance_of_distinct, distinct_rows, matched_distance
 from grasp3d.hand.reach import collides
-from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
-from grasp3d.pictures.opengl import can_render
-from grasp3d.pictures.view_settings import ViewSettings
-from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.viewer.screenshots import save_picture
-from grasp3d.viewer.session.collection import collection_of
 from tests.helpers import shapes
-from tests.helpers.commands import export
 from tests.helpers.random_search import random_poses_on
 
 FRANKA = ParallelGripper.preset("franka")
@@ -188,22 +174,11 @@ def test_grasps_that_tolerate_errors_come_first() -> None:
     assert_same(best, again)
 
 
-def test_internal_grasps_are_refused(tmp_path: Path) -> None:
+def test_internal_grasps_are_refused() -> None:
     ring, inside = shapes.tube(0.034, 0.042, 0.02, sections=32), Sampling(grip="expand", rays=16)
-    labels = label_surface(load_mesh(ring, unit="m", max_edge=0.02), sampling=inside, hand=SOFT)
-    assert (labels.reason == Reason.FOUND).any()
-    with pytest.raises(SettingError, match="press from outside"):
-        best_grasps(labels, 3)
-    export(tmp_path / "ring.stl", ring)
-    mesh = MeshFile("ring.stl", str(tmp_path / "ring.stl"), 1, "stamp")
-    options = MeshOptions(unit="m", max_edge=0.02)
-    settings = BatchSettings(GraspModel(), inside, options, reach=ReachSettings(hand=SOFT))
-    row = label_job(Job(mesh, "ring", Folder(str(tmp_path / "out")), ""), settings)
-    assert isinstance(row, Row)
-    assert (row.outcome, row.grasps) == (Outcome.LABELLED, ())
-    if can_render():
-        small = ViewSettings(width=320, height=240)
-        save_picture(collection_of(labels), small, tmp_path / "a.png")
+    mesh = load_mesh(ring, unit="m", max_edge=0.02)
+    with pytest.raises(SettingError, match="grips from outside; leave out grip expand"):
+        label_surface(mesh, sampling=inside, hand=SOFT)
 
 
 def test_what_is_named_depends_on_what_is_asked_alone() -> None:

@@ -88,11 +88,9 @@ def test_openings_are_limited_to_the_stroke_whatever_the_unit_of_the_file(unit: 
     assert limited.min_opening == 0.0
     narrow = Scene(HAND).within_stroke(mesh, Sampling(max_opening="30mm"))
     assert narrow.max_opening == 0.03
-    # Round tips may touch at an angle; internal grasps have the fingers between the contacts.
+    # Round tips may touch at an angle.
     tips = Scene(TIPS).within_stroke(mesh, Sampling())
     assert tips.max_opening == pytest.approx(0.076 + 0.016)
-    inside = Scene(HAND).within_stroke(mesh, Sampling(grip="expand"))
-    assert inside.max_opening == pytest.approx(0.076 + 0.04)
 
 
 def test_limits_outside_the_stroke_are_refused() -> None:

@@ -64,7 +64,7 @@ class Rays(NamedTuple):
     """Face through which the ray goes on, -1 none (r,)."""
 
 
-@kernel("Int32s1, Floats2, int")
+@kernel()
 def starting_rays(owner, closing, size):
     """The first `size` rays, starting at their vertices."""
     return Rays(

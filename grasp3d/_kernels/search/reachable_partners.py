@@ -153,11 +153,11 @@ def _write_pair(v, face, weights, domain, scratch):
 
 
 @part
-def _is_reached(v, sign, face, weights, domain, reaching, scratch):
+def _is_reached(v, face, weights, domain, reaching, scratch):
     """Whether the grasp of a vertex and a point on a face is reached."""
     shape, limits, tree, workspace = reaching
     return _write_pair(v, face, weights, domain, scratch) and can_reach(
-        scratch[0], scratch[1], sign, shape, limits, tree, workspace
+        scratch[0], scratch[1], 1, shape, limits, tree, workspace
     )
 
 
@@ -168,15 +168,14 @@ def _make_scratch():
 
 
 @kernel(
-    "Ints1, int, Ints1, Floats2, PairDomain, "
+    "Ints1, Ints1, Floats2, PairDomain, "
     "tuple[GripperShape, ApproachLimits, BoxTree, ReachWorkspace], BestPairs"
 )
-def keep_reached(vertices, sign, faces, weights, domain, reaching, grasps):
+def keep_reached(vertices, faces, weights, domain, reaching, grasps):
     """Keep the given grasps that are reached, where they are better than those known.
 
     Args:
         vertices: Vertices (n,).
-        sign: +1 squeeze, -1 expand.
         faces: Faces of the opposing contacts, -1: none (n,).
         weights: Barycentric coordinates (n, 3).
         domain: `PairDomain`.
@@ -195,24 +194,23 @@ def keep_reached(vertices, sign, faces, weights, domain, reaching, grasps):
         if opening < 1e-9:
             continue
         # A lower bound of the angle: no grasp is tested that would not be kept.
-        x, y, z = scaled(sign / opening, line)
+        x, y, z = scaled(1.0 / opening, line)
         low = largest_angle(sets.normals, sets.start[v], sets.counts[v], x, y, z)
         if low >= grasps.worst[v]:
             continue
-        if _is_reached(v, sign, face, own, domain, reaching, scratch):
-            evaluate_on_face(v, sign, face, own, surface, sets, grasps, set_normals)
+        if _is_reached(v, face, own, domain, reaching, scratch):
+            evaluate_on_face(v, 1, face, own, surface, sets, grasps, set_normals)
 
 
 @kernel(
-    "Ints1, int, Ints1, Floats2, PairDomain, "
+    "Ints1, Ints1, Floats2, PairDomain, "
     "tuple[GripperShape, ApproachLimits, BoxTree, ReachWorkspace], ReachResults"
 )
-def reach_partners(vertices, sign, faces, weights, domain, reaching, results):
+def reach_partners(vertices, faces, weights, domain, reaching, results):
     """Find how grasps of vertices and points on faces are reached, or why not.
 
     Args:
         vertices: Vertices (n,).
-        sign: +1 squeeze, -1 expand.
         faces: Faces of the opposing contacts (n,).
         weights: Barycentric coordinates (n, 3).
         domain: `PairDomain`.
@@ -225,7 +223,7 @@ def reach_partners(vertices, sign, faces, weights, domain, reaching, results):
         results.codes[v], results.free[v] = BLOCKED, NONE
         if _write_pair(v, faces[i], weights[i], domain, scratch):
             results.codes[v], results.free[v] = reach_pair(
-                scratch[0], scratch[1], sign, shape, limits, tree, workspace, results.found[v]
+                scratch[0], scratch[1], 1, shape, limits, tree, workspace, results.found[v]
             )
 
 
@@ -287,7 +285,7 @@ def search_reachable(vertices, limit, step, spacing, most_failed, domain, reachi
                 if key > ACCURATE and beside < 0:
                     read_face(face, v, surface, lines, corner_normals)
                     key = -move_on_face(chosen, -key, v, face, lines, corner_normals, own, domain)
-                if _is_reached(v, 1, face, chosen, domain, reaching, scratch):
+                if _is_reached(v, face, chosen, domain, reaching, scratch):
                     if beside >= 0:
                         face = _bisect(
                             v, face, chosen, passed[:passes], contact_faces, tested[beside],
@@ -369,7 +367,7 @@ def _bisect(v, face, chosen, passed, faces, failing, own, room, domain, reaching
         _place(other, middle, surface, weights)
         read_face(other, v, surface, lines, normals)
         cosine = cosine_at(triple(weights, 0), v, other, lines, normals, own, domain)
-        if cosine > best and _is_reached(v, 1, other, weights, domain, reaching, scratch):
+        if cosine > best and _is_reached(v, other, weights, domain, reaching, scratch):
             face, best, high = other, cosine, point_on_face(other, triple(weights, 0), surface)
             copy(weights, chosen)
         else:

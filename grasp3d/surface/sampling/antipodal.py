@@ -51,9 +51,7 @@ from grasp3d.settings import Sampling
 from grasp3d.settings.sampling import Grip
 from grasp3d.surface.sampling.reachable import (
     NOT_REACHED,
-    ExpandingReach,
     ReachSearch,
-    SqueezingReach,
 )
 from grasp3d.surface.sampling.surface_rays import SurfaceRays
 from grasp3d.surface.sampling.vertices import contact_tree, neighbours, places_in_tree, tangents
@@ -216,7 +214,10 @@ class _Search(ABC):
         self._search()
         grasps, reach, canonical = self.grasps, None, self.mesh.canonical
         if self.scene is not None and self.scene.jaws is not None:
-            search = self._reach_search(self.scene)
+            cone = math.pi if self.located else self.cone
+            search = ReachSearch(
+                self.mesh, self.surface, self.scene, cone, self.limits, self.executor
+            )
             grasps = search.run(self.grasps)
             reach = search.reach_of(self.grasps, grasps).take(canonical)
         reason = grasps.reason[canonical]
@@ -236,10 +237,6 @@ class _Search(ABC):
     @abstractmethod
     def _search(self) -> None:
         """Find the best grasps of ideal points."""
-
-    @abstractmethod
-    def _reach_search(self, scene: Scene) -> ReachSearch:
-        """The search for grasps that the gripper reaches."""
 
     def _in_chunks(
         self,
@@ -304,10 +301,6 @@ class _Squeezing(_Search):
         """Minimise the critical angles of vertices in the order of the tree; see the kernel."""
         search = partial(descend, cone=cone, domain=domain, grasps=grasps)
         self.evaluated += self._in_chunks(search, vertices, IN_ORDER, progress)
-
-    def _reach_search(self, scene: Scene) -> ReachSearch:
-        cone = math.pi if self.located else self.cone
-        return SqueezingReach(self.mesh, self.surface, scene, cone, self.limits, self.executor)
 
 
 class _Expanding(_Search):
@@ -406,15 +399,3 @@ class _Expanding(_Search):
         even = -(-len(vertices) // (CHUNKS * thread_count()))  # balances the load of the threads
         size = max(1, min(CHUNK // rays_per_vertex, even))
         self.rays += self._in_chunks(evaluate, vertices, size, progress)
-
-    def _reach_search(self, scene: Scene) -> ReachSearch:
-        return ExpandingReach(
-            self.mesh,
-            self.surface,
-            scene,
-            self.cone,
-            self.limits,
-            self.executor,
-            self.tracer,
-            self.origins,
-        )

@@ -6,18 +6,16 @@ from a search of the whole surface, and those that neighbouring vertices ended w
 """
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from grasp3d._kernels.jaws.gripper_parts import make_workspace, no_results
 from grasp3d._kernels.search.antipodal_candidates import FOUND, BestPairs, PairLimits, no_pairs
 from grasp3d._kernels.search.face_contacts import PairDomain
-from grasp3d._kernels.search.rays import Origins, Rays, neighbour_rays, starting_rays
 from grasp3d._kernels.search.reachable_partners import (
     keep_reached,
     reach_partners,
@@ -28,7 +26,6 @@ from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.hand.reach import ANGLES, NormalizedScene, Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
-from grasp3d.surface.sampling.surface_rays import SurfaceRays
 from grasp3d.surface.sampling.vertices import contact_tree, neighbours, places_in_tree
 
 NOT_REACHED = 5
@@ -72,7 +69,7 @@ class Pairs(NamedTuple):
 
 
 @dataclass(eq=False)
-class ReachSearch(ABC):
+class ReachSearch:
     """Search for the grasps of vertices that a gripper reaches, in the normalised frame."""
 
     mesh: ObjectMesh
@@ -83,9 +80,6 @@ class ReachSearch(ABC):
     limits: PairLimits
     """Openings."""
     executor: ThreadPoolExecutor
-
-    sign: ClassVar[int]
-    """+1 fingers squeeze, -1 they expand."""
 
     def __post_init__(self) -> None:
         mesh, scene = self.mesh, self.scene
@@ -112,10 +106,6 @@ class ReachSearch(ABC):
         self._improve(ideal, vertices[~same[vertices]], reached)
         return reached
 
-    @abstractmethod
-    def _improve(self, ideal: BestPairs, missing: Ints, reached: BestPairs) -> None:
-        """Search for grasps of the vertices whose best one is not reached."""
-
     def reach_of(self, ideal: BestPairs, reached: BestPairs) -> Reach:
         """How the best grasp of each vertex is reached; where none is, why the best grasp is not.
 
@@ -130,7 +120,7 @@ class ReachSearch(ABC):
         pairs.faces[lost], pairs.weights[lost] = _grasps_of(ideal, vertices[lost])[1:]
 
         def work(rows: slice, beside: Any) -> None:
-            own = (vertices[rows], self.sign, pairs.faces[rows], pairs.weights[rows])
+            own = (vertices[rows], pairs.faces[rows], pairs.weights[rows])
             reach_partners(*own, self.domain, beside, results)
 
         self._in_chunks(work, len(vertices))
@@ -142,7 +132,7 @@ class ReachSearch(ABC):
         vertices, faces, weights = (array[order] for array in pairs)
 
         def work(rows: slice, beside: Any) -> None:
-            grasps = (vertices[rows], self.sign, faces[rows], weights[rows])
+            grasps = (vertices[rows], faces[rows], weights[rows])
             keep_reached(*grasps, self.domain, beside, reached)
 
         # No two threads write the grasp of one vertex.
@@ -165,13 +155,8 @@ class ReachSearch(ABC):
         if count:
             list(self.executor.map(run, starts.tolist(), ends.tolist()))
 
-
-class SqueezingReach(ReachSearch):
-    """Search for grasps of fingers that squeeze: contacts of the whole surface, and neighbours'."""
-
-    sign = 1
-
     def _improve(self, ideal: BestPairs, missing: Ints, reached: BestPairs) -> None:
+        """Search for grasps of the vertices whose best one is not reached, and try neighbours'."""
         around = neighbours(self.mesh)
         self._keep_partners(missing, reached, MOST_FAILED)
         last = np.full(len(ideal.reason), np.inf)
@@ -243,33 +228,6 @@ class SqueezingReach(ReachSearch):
         self._in_chunks(work, len(vertices))
         self._keep(Pairs(vertices, faces, weights), reached)
         return faces >= 0
-
-
-@dataclass(eq=False)
-class ExpandingReach(ReachSearch):
-    """Search for grasps of fingers that expand: those that rays found, and neighbours'."""
-
-    tracer: SurfaceRays
-    origins: Origins
-
-    sign = -1
-
-    def _improve(self, ideal: BestPairs, missing: Ints, reached: BestPairs) -> None:
-        for rank in range(1, ideal.start_angles.shape[1]):
-            vertices = missing[np.isfinite(ideal.start_angles[missing, rank])]
-            rays = starting_rays(
-                vertices.astype(np.int32), ideal.starts[vertices, rank].copy(), len(vertices)
-            )
-            self._keep(self._traced(rays, vertices, ideal), reached)
-        for _ in range(SWEEPS):
-            rays = neighbour_rays(missing, self.origins, reached)
-            self._keep(self._traced(rays, missing, reached), reached)
-
-    def _traced(self, rays: Rays, vertices: Ints, known: BestPairs) -> Pairs:
-        """The best grasps of vertices that rays find."""
-        one = _nothing_found(known)
-        self.tracer.evaluate_all(rays, self.limits, one)
-        return _grasps_of(one, vertices)
 
 
 def _nothing_found(grasps: BestPairs) -> BestPairs:
