@@ -64,6 +64,8 @@ class Scene:
         self._inspection: Inspection | None = None
         self._subject: Subject | None = None
         self._item: Item | None = None
+        self._framed: FreeArea | None = None
+        """The free area to which the scale of the camera belongs."""
         self._up, self._size, self._steps = UPRIGHT, 1.0, 0
         before_render = weakref.WeakMethod(self._before_render)
 
@@ -86,7 +88,7 @@ class Scene:
         self._renderer.viewport = self.area
         self._subject = subject
         if subject is None:
-            self._item = self._inspection = None
+            self._item = self._inspection = self._framed = None
             self._pane.hide()
             self._captions = captions_of(session, None, legend=self.legend)
             self._before_render()
@@ -155,7 +157,8 @@ class Scene:
         """Show all from a direction."""
         frame = frame_of(self._pane.points, self._pane.beside, axes)
         aim(self.camera, self._size, axes, frame.middle)
-        self.camera.parallel_scale = parallel_scale(frame.reach, self._free)
+        self._framed = self._free
+        self.camera.parallel_scale = parallel_scale(frame.reach, self._framed)
 
     @property
     def _free(self) -> FreeArea:
@@ -165,6 +168,12 @@ class Scene:
     def _before_render(self) -> None:
         """Adapt the texts to the window size and the zoom; called before each rendering."""
         free, camera = self._free, self.camera
+        if self._framed not in {None, free}:
+            reach = frame_of(self._pane.points, self._pane.beside, axes_of(camera)).reach
+            camera.parallel_scale *= parallel_scale(reach, free) / parallel_scale(
+                reach, self._framed
+            )
+            self._framed = free
         camera.SetWindowCenter(0.0, -free.shift)
         self._texts.show(self._captions, 2.0 * camera.parallel_scale / max(1.0, free.height))
 
