@@ -4,9 +4,12 @@ import math
 import textwrap
 import zipfile
 import zlib
+from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import fields, is_dataclass, replace
+from functools import cached_property
 from tokenize import TokenError
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +29,8 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 Bytes = npt.NDArray[np.uint8]
+
+ValueT = TypeVar("ValueT")
 
 RIGHT_ANGLE = math.pi / 2.0
 
@@ -141,3 +146,15 @@ def _short(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     return type(value).__name__ if is_dataclass(value) else textwrap.shorten(repr(value), 60)
+
+
+class computed(cached_property[ValueT]):  # noqa: N801, a decorator
+    """A property that takes long and is computed once, possibly by another thread.
+
+    Before Python 3.12 a `cached_property` has one lock for all instances: whoever reads that of one
+    would wait while it is computed for another.
+    """
+
+    def __init__(self, function: Callable[[Any], ValueT]) -> None:
+        super().__init__(function)
+        self.lock = nullcontext()

@@ -1,8 +1,10 @@
+import threading
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp3d.arrays import locked, used_indices
+from grasp3d.arrays import computed, locked, used_indices
 
 
 @given(st.lists(st.integers(0, 30)))
@@ -28,3 +30,27 @@ def test_only_arrays_that_nobody_can_change_are_not_copied() -> None:
         assert not copy.flags.writeable
         assert copy.flags.c_contiguous
     assert locked(one, np.int64).dtype == np.int64
+
+
+def test_a_property_of_one_object_can_be_read_while_that_of_another_is_computed() -> None:
+    """Before Python 3.12 a cached property has one lock for all instances."""
+    begun, go_on = threading.Event(), threading.Event()
+
+    class Slow:
+        def __init__(self, *, waits: bool) -> None:
+            self.waits = waits
+
+        @computed
+        def value(self) -> int:
+            begun.set()
+            assert not self.waits or go_on.wait(60.0)
+            return 1
+
+    slow = Slow(waits=True)
+    worker = threading.Thread(target=lambda: slow.value)
+    worker.start()
+    assert begun.wait(60.0)
+    assert Slow(waits=False).value == 1
+    go_on.set()
+    worker.join()
+    assert vars(slow)["value"] == slow.value == 1

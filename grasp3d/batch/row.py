@@ -113,7 +113,7 @@ class Column:
 
     def text(self, value: Any, row: "Row") -> str:
         """A value as people read it; empty where it is not known."""
-        if value is None:
+        if value is None or math.isnan(value):  # nan: motors must hold the load
             return ""
         if not math.isfinite(value):
             return self.otherwise
@@ -133,7 +133,7 @@ class _Resolution(Column):
     """A sensor resolution that is required; 0: none is fine enough."""
 
     def text(self, value: Any, row: "Row") -> str:
-        return super().text(value or math.nan if value is not None else None, row)
+        return super().text(value or math.inf if value is not None else None, row)
 
 
 def _column(
@@ -302,7 +302,10 @@ class Row:
     )
     labels: str = _column("path of the labelled PLY below the output folder", default="")
     fields: str = _column("path of the table of vertices, there too", default="")
-    thumbnail: str = _column("path of the small picture; empty: none could be made", default="")
+    thumbnail: str = _column(
+        "path of the small picture; empty: none could be made, or the library is too large",
+        default="",
+    )
     page: str = _column(
         "path of the mesh's page in the report; empty: the library is too large", default=""
     )

@@ -190,7 +190,7 @@ def ramp_of(subject: Subject, paint: Paint) -> Ramp | None:
     if problem := shown.problem_of(subject):
         return Ramp(f"{shown.listed}: {problem.partition(';')[0]}", 1.0, unit, "not known")
     if shown.missing(labels):
-        return Ramp(f"{title}; being computed", 1.0, unit, "not computed yet", shown.note)
+        return Ramp(title, 1.0, unit, "not computed yet", shown.note)
     values, weighed = _values(subject, paint), subject.weights > 0.0
     finite = np.isfinite(values) & weighed
     most = shown.most(subject, values) or 1.0
@@ -240,6 +240,8 @@ def _most_of_area(subject: Subject, values: Floats) -> float:
 
 def _gripper_problem(subject: Subject) -> str:
     labels = subject.labels
+    if labels.mode == "scan":
+        return "with fixed fingers the gripper is not tested"
     if labels.scene is None:
         return "there is no gripper; open the object with one (--hand)"
     if labels.approach_margin is None or labels.model.fingers not in labels.scene.hand.fingers:

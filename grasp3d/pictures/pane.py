@@ -59,6 +59,20 @@ SAME = 1e-9
 """Distance below which two contacts count as one, relative to the object's size."""
 
 
+def _most_of(size: int = 64) -> Bytes:
+    """Codes in a square with U, M, S and the code of what is unknown at its corners, (size, size).
+
+    U is never beside what is unknown, so two triangles of three codes each are enough.
+    """
+    u, v = np.meshgrid(*2 * [(np.arange(size) + 0.5) / size])
+    below, none = u + v <= 1.0, np.zeros_like(u)
+    parts = np.where(below, [1.0 - u - v, u, v, none], [none, 1.0 - v, 1.0 - u, u + v - 1.0])
+    return np.asarray(parts.argmax(axis=0), dtype=np.uint8)
+
+
+MOST_OF = _most_of()
+
+
 class Pane:
     """A surface, whole or cut by a section, and what is drawn with it.
 
@@ -175,10 +189,10 @@ class Pane:
         self._layers.actors["excluded"].prop.color = HEX_PALETTE[-1]
 
     def _paint_labels(self, codes: Bytes, palette: Bytes) -> None:
-        """Colour each point of a face by the code of the nearest corner: by a texture of 2 x 2."""
+        """Colour each point of a face by the code of the corner that it has most of."""
         actor = self._layers.actors["surface"]
         actor.mapper.dataset.active_texture_coordinates = np.column_stack([codes % 2, codes // 2])
-        actor.texture = pyvista.Texture(palette.reshape(2, 2, 3)[::-1].copy())
+        actor.texture = pyvista.Texture(palette[MOST_OF][::-1].copy())
         actor.texture.interpolate = actor.texture.repeat = False
         actor.mapper.SetScalarVisibility(False)  # noqa: FBT003
 

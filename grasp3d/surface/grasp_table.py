@@ -13,7 +13,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, computed, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach import Reach
@@ -119,7 +119,7 @@ class GraspRows(LabelledGrasps):
         hand = None if self.scene is None else self.scene.hand
         return LoadCase.of(self.load, self.mesh, self.model, hand)
 
-    @cached_property
+    @computed
     def label(self) -> Bytes:
         """`Label` codes by `model.method`: 0 U, 1 M, 2 S; shape (b,).
 
@@ -134,13 +134,13 @@ class GraspRows(LabelledGrasps):
         codes[finite] = hull_labels(self.distinct_contacts.take(finite), self.model)
         return self.spread(codes)
 
-    @cached_property
+    @computed
     def epsilon_range(self) -> EpsilonRange:
         """`epsilon`, `epsilon_min` and `epsilon_max`, rows (b,); nan: no grasp."""
         found = surface_epsilons(self.distinct_contacts, self.model)
         return EpsilonRange(*map(self.spread, (found.nominal, found.minimum, found.maximum)))
 
-    @cached_property
+    @computed
     def load_result(self) -> LoadResult | None:
         """Grip force and payload under the load, rows (b,); None: there is no load."""
         if self.load_case is None:
@@ -342,7 +342,7 @@ Rows = TypeVar("Rows", bound=GraspRows)
 def chosen(kind: type[Rows], grasps: GraspRows, rows: Ints) -> Rows:
     """The chosen rows of a table as one of another kind, with what has been computed of them."""
     names = {field.name for field in fields(kind)}
-    values = {name: rows_of(values, rows) for name, values in vars(grasps).items()
+    values = {name: rows_of(values, rows) for name, values in vars(grasps).copy().items()
               if name in names | COMPUTED}  # fmt: skip
     found = kind(**{name: values.pop(name) for name in names & values.keys()})
     vars(found).update(values)

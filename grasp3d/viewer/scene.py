@@ -115,12 +115,12 @@ class Scene:
             self._frame(view_axes(self._view(session), self._up))
             self._before_render()
 
-    def pick(self, session: Session, x: float, y: float) -> int | None:
+    def pick(self, x: float, y: float) -> int | None:
         """Vertex at a window position [pixels from the lower left]; None: there is none.
 
         It is the nearest corner of the face that is seen there.
         """
-        subject = session.subject
+        subject = self._subject
         if subject is None or not self._picker.Pick(x, y, 0.0, self._renderer):
             return None
         mesh, point = subject.mesh, np.array(self._picker.GetPickPosition())

@@ -254,7 +254,7 @@ class Window:
     def _on_click(self, x: float, y: float, shift: bool) -> None:
         session = self._session
         if x < SCENE * self.plotter.window_size[0]:
-            self._run(lambda: session.click(self._scene.pick(session, x, y), inspect=shift))
+            self._run(lambda: session.click(self._scene.pick(x, y), inspect=shift))
 
     def _on_key(self) -> bool:
         code = self._interactor.GetKeyCode()

@@ -143,7 +143,7 @@ def test_names_of_ramps() -> None:
     unknown = ramp_of(subject.at(model), "epsilon")
     assert unknown is not None
     assert (unknown.text, unknown.grey) == (
-        "ε of the grasp with the smallest β*; being computed",
+        "ε of the grasp with the smallest β*",
         "not computed yet",
     )
     assert "the same β*" in unknown.note

@@ -121,7 +121,8 @@ def test_a_labelled_file_has_its_own_settings_unless_others_are_given(file: Path
         ({"sampling": Sampling(min_opening="1mm")}, "search settings"),
         ({"load": Load(mass=1.0)}, "a load"),
         ({"model": GraspModel(location_error="1mm")}, "another model of contacts"),
-        ({"options": MeshOptions(region="box:0,0,0,1,1,1")}, "a region"),
+        ({"options": MeshOptions(region="box:0,0,0,1,1,1")}, "another reading of the mesh"),
+        ({"options": MeshOptions(repair="none")}, "another reading of the mesh"),
     ],
 )
 def test_what_stored_labels_do_not_depend_on_is_refused(

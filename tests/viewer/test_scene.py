@@ -390,7 +390,7 @@ def test_a_click_hits_the_vertex_found_by_testing_all_faces(
             x, y = random.uniform(0.0, width), random.uniform(0.0, height)
             near, far = (seen_at(plotter, x, y, depth) for depth in (0.0, 1.0))
             expected = hit_vertex(subject, near, far - near, section)
-            agreed += scene.pick(session, x, y) == expected
+            agreed += scene.pick(x, y) == expected
             found += expected is not None
     session.close()
     assert found > 30

@@ -286,10 +286,10 @@ def test_the_last_searches_are_cached() -> None:
     assert (session.working, session.subject) == (None, second)
     session.change(fingers=5)
     wait_until_idle(session)
-    session.change(fingers=2)  # three others were searched since
-    assert session.working is not None
+    session.change(fingers=2)  # three others were searched since, but it was opened
+    assert (session.working, session.subject) == (None, first)
     session.change(fingers=4)
-    assert session.working is None
+    assert session.working is not None
     session.close()
 
 
@@ -390,7 +390,8 @@ def test_epsilon_is_computed_when_it_is_shown() -> None:
     session.change(friction=0.45)
     text = panel_text(session)
     assert text.ramp is not None
-    assert text.ramp.text == "ε_min: smallest over all tilts; being computed"
+    assert text.ramp.text == "ε_min: smallest over all tilts"
+    assert text.ramp.grey == "not computed yet"
     wait_until_idle(session)
     subject = session.subject
     assert subject is not None
@@ -698,4 +699,35 @@ def test_the_unsearched_part_has_an_area_fraction() -> None:
     assert sum(one.fraction for one in fractions) == pytest.approx(1.0)
     assert fractions[2].letter == Label.U.name
     assert fractions[2].fraction == 0.0
+    session.close()
+
+
+@pytest.mark.slow
+def test_what_was_opened_is_kept_whatever_is_scanned() -> None:
+    session = ready_session(viewing.labels())
+    opened, points = session.subject, viewing.labels().mesh.vertices[[30, 60, 90]]
+    for point in points:
+        session.change(fixed=(tuple(point.tolist()),))
+        wait_until_idle(session)
+    session.change(fixed=())
+    assert (session.subject, session.stale, session.working) == (opened, False, None)
+    session.close()
+
+
+def test_a_failed_search_is_tried_again_at_another_friction(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tried: list[float] = []
+
+    def fail(_: Subject, model: GraspModel, __: Sampling) -> Subject:
+        tried.append(model.nominal_friction)
+        raise SettingError("too little memory")
+
+    monkeypatch.setattr(sessions, "search_grasps", fail)
+    session = ready_session(viewing.box())
+    for friction in (0.5, 0.6):
+        session.change(fingers=3, friction=friction)
+        wait_until_idle(session)
+        assert session.failure == "too little memory"
+    assert tried == [0.5, 0.6]
     session.close()

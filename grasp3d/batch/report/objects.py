@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image
 
 from grasp3d.arrays import Bytes
-from grasp3d.batch.report.index import address, environment
+from grasp3d.batch.report.index import REPORT, address, environment
 from grasp3d.batch.row import Row, headed
 from grasp3d.batch.storage.folder import Folder
 from grasp3d.describe.grasp_facts import facts
@@ -69,7 +69,7 @@ def write_object(
             grasps = [_embedded(one) for one in draw_grasps(few, labels)]
     text = environment().get_template("object.html").render(
         row=row,
-        up=address("report/index.html", page),
+        up=address(REPORT, page),
         files={"labelled PLY": row.labels, "table of its vertices": row.fields,
                "coloured GLB": row.model},
         page=page,

@@ -44,7 +44,7 @@ class Item:
 
     name: str
     open: Callable[[], Subject]
-    """Reads the object; called with a function that reports the finished fraction of the work."""
+    """Reads the object."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,11 +184,12 @@ def open_collection(
         reader = partial(_open_mesh, target, settings, options, load, force)
         return _single(target.name, reader, model, sampling)
     others = replace(model, **{name: getattr(GraspModel(), name) for name in OF_MODEL})
+    as_read = replace(options, unit=None, max_memory=MeshOptions.max_memory)
     given = {
         "search settings": sampling != Sampling(),
         "a gripper": reach is not None and reach.hand is not None,
         "a load": load is not None,
-        "a region": options.region is not None,
+        "another reading of the mesh": as_read != MeshOptions(),
         "another model of contacts": others != GraspModel(),
     }
     if any(given.values()):

@@ -60,7 +60,7 @@ class PanelText:
     hint: str
     """What a click does, or what is computed before clicks have an effect."""
     stale: bool = False
-    """Whether the surface has other fingers or limits than are chosen; see `Session`."""
+    """Whether the surface has other fingers or fixed fingers than are chosen; see `Session`."""
 
 
 def panel_text(session: Session) -> PanelText:

@@ -35,7 +35,7 @@ def search_grasps(subject: Subject, model: GraspModel, sampling: Sampling) -> Su
         labels.mesh, model, sampling=replace(sampling, grip=grip), load=labels.load,
         scene=labels.scene,
     )  # fmt: skip
-    return subject_of(found, subject.name)
+    return _with_notes(subject_of(found, subject.name), subject)
 
 
 def search_wider(subject: Subject, model: GraspModel, sampling: Sampling) -> Subject:
@@ -56,7 +56,12 @@ def search_wider(subject: Subject, model: GraspModel, sampling: Sampling) -> Sub
     known = subject.labels
     model = replace(model, fingers=known.model.fingers)
     wide = search_grasps(subject, model, replace(sampling, search_angle=WIDEST)).labels
-    return subject_of(with_known_grasps(wide, known), subject.name)
+    return _with_notes(subject_of(with_known_grasps(wide, known), subject.name), subject)
+
+
+def _with_notes(found: Subject, before: Subject) -> Subject:
+    """A new result, with the notes on the object that were there before."""
+    return replace(found, notes=tuple(dict.fromkeys((*before.notes, *found.notes))))
 
 
 def with_known_grasps(wide: SurfaceLabels, narrow: SurfaceLabels) -> SurfaceLabels:

@@ -1,6 +1,6 @@
 """State of one viewer, without its display: choices, displayed surface, background job."""
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -152,8 +152,9 @@ class Session:
     @property
     def failure(self) -> str:
         """Why the current choices could not be computed; empty if they could."""
-        job = self._next_job()
-        return "" if job is None else self._failed.get(job.key, "")
+        return next(
+            (self._failed[job.key] for job in self._needed() if job.key in self._failed), ""
+        )
 
     @property
     def inspection(self) -> Inspection | None:
@@ -320,10 +321,16 @@ class Session:
         return True
 
     def step(self, by: int) -> None:
-        """Go forward or back by some objects of the collection, cyclically."""
+        """Go forward or back by some objects of the collection, cyclically.
+
+        Raises:
+            SettingError: A file is being saved.
+        """
         number = (self.number + by) % len(self.collection.items)
         if number == self.number:
             return
+        if self._saving is not None:
+            raise SettingError(f"{self._saving[0].name} is being saved; wait until that is done")
         self.state = replace(self.state, vertex=None, grasp=None, fixed=(), section=None)
         self._message = ""
         self.revision += 1
@@ -390,6 +397,8 @@ class Session:
     def _set_state(self, state: ViewState) -> None:
         if state == self.state:
             return
+        if (state.model, state.fixed) != (self.state.model, self.state.fixed):
+            self._failed.clear()
         self.state = state
         self._go_on()
 
@@ -405,21 +414,21 @@ class Session:
         fixed = self.state.fixed
         return ("scan", fixed) if fixed else ("grasps", self.state.model.fingers)
 
-    def _next_job(self) -> Job[Any] | None:
-        """What the choices need next; None: all is known.
-
-        The key of a job is all that its result depends on.
-        """
-        opened, saving = self._opened, self._saving
+    def _needed(self) -> Iterator[Job[Any]]:
+        """What the choices need, in this order; what comes later is known without what failed."""
+        opened, saving, wanted = self._opened, self._saving, self._wanted
         if opened is None:
             item = self.collection.items[self.number]
-            return Job(("open", self.number), f"opening {item.name}", item.open, then=self._take)
+            yield Job(("open", self.number), f"opening {item.name}", item.open, then=self._take)
+            return
         if saving is not None:
-            run = partial(write_labels, saving[1], saving[0])
-            return Job(("save", saving[0]), f"saving {saving[0].name}", run)
+            path, subject = saving
+            run = partial(write_labels, subject, path)
+            yield Job(("save", path, subject.model), f"saving {path.name}", run)
         if opened.poses is not None:
-            return None
-        return self._search_job(opened) or self._best_job() or self._column_job()
+            return
+        jobs = (self._search_job(opened), self._best_job(), self._column_job())
+        yield from filter(None, jobs if wanted in self._results else jobs[:1])
 
     def _search_job(self, opened: Subject) -> Job[Any] | None:
         """A search, or a scan with fixed fingers, that the choices need."""
@@ -440,7 +449,7 @@ class Session:
     def _best_job(self) -> Job[Any] | None:
         """The choice of the best grasps, if the user steps through them."""
         wanted = self._wanted
-        if self.state.grasp is None or wanted in self._best:
+        if self.state.grasp is None or wanted in self._best or wanted not in self._results:
             return None
 
         def keep(best: Best) -> None:
@@ -486,7 +495,9 @@ class Session:
         self._results.pop(key, None)
         self._results[key] = result
         for oldest in list(self._results)[:-MAX_CACHED]:
-            del self._results[oldest]
+            if self._results[oldest] is not self._opened:
+                del self._results[oldest]
+                self._best.pop(oldest, None)
 
     def _check_vertex(self, subject: Subject) -> None:
         """Release the chosen vertex if a surface that was opened does not have it."""
@@ -501,5 +512,6 @@ class Session:
         if found is not None:
             self._keep(self._wanted, found)
             self._displayed = found
-        job = self._next_job()
-        self._worker.request(None if job is None or job.key in self._failed else job)
+        self._worker.request(
+            next((job for job in self._needed() if job.key not in self._failed), None)
+        )

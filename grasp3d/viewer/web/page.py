@@ -297,7 +297,7 @@ class Page:
         self._run(actions.get(key, lambda: handle_key(self._session, str(key))))
 
     def _click(self, x: float, y: float, inspect: bool) -> None:
-        vertex = self._scene.pick(self._session, x, y)
+        vertex = self._scene.pick(x, y)
         self._run(lambda: self._session.click(vertex, inspect=inspect))
 
     async def _watch(self) -> None:
