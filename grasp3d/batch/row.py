@@ -138,19 +138,19 @@ class _Resolution(Column):
 
 def _column(
     meaning: str, of: Callable[[Labelled], Any] | str | None = None, *,
-    default: Any = None, kind: type[Column] = Column, **shown: str,
+    default: Any = None, kind: type[Column] = Column, **shown: Any,
 ) -> Any:  # fmt: skip
     """Declare a column; `of` may be the path of an attribute."""
     column = kind(meaning, attrgetter(of) if isinstance(of, str) else of, **shown)
     return field(default=default, metadata={"column": column})
 
 
-def _quantile(meaning: str, name: str, percent: int, **shown: str) -> Any:
+def _quantile(meaning: str, name: str, percent: int, **shown: Any) -> Any:
     def of(one: Labelled) -> float | None:
         return one.quantile(name, percent)
 
     text = f"{percent} % quantile over the surface, by area, of {meaning}"
-    return _column(text, of, default=None, kind=Column, **shown)
+    return _column(text, of, **shown)
 
 
 def _required(percent: int, heading: str = "") -> Any:

@@ -113,3 +113,13 @@ def test_unsafe_stems_of_a_summary_are_not_kept() -> None:
         assert plan(meshes_of("mug.stl"), OUT, {"mug.stl": stem})[0].stem == stem
     two = plan(meshes_of("a.stl", "b.stl"), OUT, {"a.stl": "same", "b.stl": "same"})
     assert [job.stem for job in two] == ["a", "b"]
+
+
+def test_names_that_differ_by_joiners_only_are_told_apart() -> None:
+    """Some file systems take them for the same."""
+    found = stems(meshes_of("family.stl", "fam\u200dily.ply", "n\u200cim.stl"))
+    assert found == {
+        "family.stl": "family_stl",
+        "fam\u200dily.ply": "fam\u200dily_ply",
+        "n\u200cim.stl": "n\u200cim",
+    }

@@ -181,7 +181,7 @@ def test_only_the_script_of_the_page_may_run(tmp_path: Path, box: SurfaceLabels)
     assert policy.startswith("default-src 'none'")
     assert re.findall(r"script-src (.*?);", policy) == [f"'sha256-{digest}'"]
     assert "http" not in policy
-    assert len(script.splitlines()) <= 130
+    assert len(script.splitlines()) <= 100
 
 
 @pytest.mark.parametrize("rows", [[], [Row("a.ply", outcome=Outcome.LOST, error="missing")]])

@@ -81,6 +81,13 @@ def with_epsilon(subject: Subject, value: float, model: GraspModel) -> Subject:
     return replace(subject, labels=known)
 
 
+def uncomputed(session: Session) -> Subject:
+    """What is displayed, before the worker has computed any column of it."""
+    subject = session.subject
+    assert subject is not None
+    return replace(subject, labels=subject.labels.using(model=session.model))
+
+
 def read_subject(path: Path) -> Subject:
     """The subject of a labelled file."""
     return subject_of(read_labels(path), path.name)

@@ -19,6 +19,7 @@ from grasp3d.pictures.colors import (
     labels_at,
     ramp_of,
 )
+from grasp3d.pictures.pane import MOST_OF
 from grasp3d.pictures.subject import Subject, subject_of
 from grasp3d.pictures.view_settings import Paint
 from grasp3d.surface.vertex_grasps import SearchReport
@@ -175,3 +176,12 @@ def test_a_subject_with_labels_of_extreme_normals_has_a_note() -> None:
     hulls = labels.using(model=replace(labels.model, method="extremes"))
     assert not any("wrench hulls" in note for note in subject_of(labels).notes)
     assert any("wrench hulls" in note for note in subject_of(hulls).notes)
+
+
+def test_a_triangle_has_a_third_of_each_of_three_labels() -> None:
+    """The texture has U, M, S and the code of what is unknown at its corners."""
+    v, u = np.indices(MOST_OF.shape)
+    below = MOST_OF[u + v < len(MOST_OF)]
+    assert [np.mean(below == code) for code in Label] == pytest.approx([1 / 3] * 3, abs=0.02)
+    corners = [MOST_OF[0, 0], MOST_OF[0, -1], MOST_OF[-1, 0], MOST_OF[-1, -1]]
+    assert corners == [Label.U, Label.M, Label.S, UNSEARCHED]

@@ -155,7 +155,7 @@ def test_payload_needs_a_force_at_hand() -> None:
 @pytest.mark.parametrize("paint", ["grip_force", "payload"])
 def test_colours_are_computed_and_follow_the_values(session: Session, paint: str) -> None:
     session.change(paint=paint)
-    before = panel_text(session).ramp
+    before = ramp_of(viewing.uncomputed(session), session.state.paint)
     assert before is not None
     assert before.grey == "not computed yet"
     wait_until_idle(session)
@@ -183,7 +183,7 @@ def test_forces_are_computed_again_for_another_friction(session: Session) -> Non
     session.change(paint="grip_force")
     wait_until_idle(session)
     session.change(friction=0.4)
-    ramp = panel_text(session).ramp
+    ramp = ramp_of(viewing.uncomputed(session), "grip_force")
     assert ramp is not None
     assert ramp.grey == "not computed yet"
     wait_until_idle(session)

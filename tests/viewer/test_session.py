@@ -19,7 +19,7 @@ from grasp3d import (
     write_ply,
 )
 from grasp3d.errors import MeshError, OutputError, SettingError
-from grasp3d.pictures.colors import UNSEARCHED
+from grasp3d.pictures.colors import UNSEARCHED, ramp_of
 from grasp3d.pictures.subject import Subject, subject_of
 from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.surface import Reason
@@ -388,10 +388,9 @@ def test_epsilon_is_computed_when_it_is_shown() -> None:
     assert has_begun(session, "computing ε")
     wait_until_idle(session)
     session.change(friction=0.45)
-    text = panel_text(session)
-    assert text.ramp is not None
-    assert text.ramp.text == "ε_min: smallest over all tilts"
-    assert text.ramp.grey == "not computed yet"
+    ramp = ramp_of(viewing.uncomputed(session), "epsilon_min")
+    assert ramp is not None
+    assert (ramp.text, ramp.grey) == ("ε_min: smallest over all tilts", "not computed yet")
     wait_until_idle(session)
     subject = session.subject
     assert subject is not None

@@ -9,15 +9,13 @@ const texts = all.map((row) =>
   [data.mesh[row], data.verdict[row], data.why[row], data.note[row]].join("\n").toLowerCase());
 let rows = all, first = 0, by = 1, down = false;
 
-const number = (text) => parseFloat(text.replaceAll(",", ""));
-
 // What a column is sorted by: texts, or numbers, of which those that are no numbers come last.
 function keys(column) {
   if (column === 1) return all; // they are in the order of their names
   if (column === 2) return data.verdict;
   if (column === 3) return data.parts.map((parts) => parts[0] ?? NaN);
   const cells = data.cells[column - 4];
-  return cells ? cells.map(number) : data.note;
+  return cells ? cells.map((text) => parseFloat(text.replaceAll(",", ""))) : data.note;
 }
 
 function sorted(found) {

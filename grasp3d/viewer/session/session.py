@@ -87,7 +87,7 @@ class Session:
         self._best: dict[Hashable, Best] = {}
         self._failed: dict[Hashable, str] = {}
         self._saving: tuple[Path, Subject] | None = None
-        self._inspected: tuple[Subject, tuple[object, ...], Inspection] | None = None
+        self._inspected: tuple[tuple[object, ...], Inspection] | None = None
         self._start_next_job()
 
     @property
@@ -109,7 +109,7 @@ class Session:
         if (
             before is None
             or before.model != model
-            or before.labels.contacts is not (found.labels.contacts)
+            or before.labels.contacts is not found.labels.contacts
         ):
             self._subject = found.at(model)
         return self._subject
@@ -172,19 +172,15 @@ class Session:
             shown = best
         if vertex is None and shown is None:
             return inspect_given(subject, model)
-        key = (vertex, self.state.grasp, model)
-        if (
-            self._inspected is None
-            or self._inspected[0] is not subject
-            or (self._inspected[1] != key)
-        ):
+        key = (subject, vertex, self.state.grasp, model)
+        if self._inspected is None or self._inspected[0] != key:
             if shown is not None:
                 found = inspect_pose(shown, model)
             else:
                 assert vertex is not None
                 found = inspect(subject, vertex)
-            self._inspected = (subject, key, found)
-        return self._inspected[2]
+            self._inspected = key, found
+        return self._inspected[1]
 
     def _best_one(self) -> Best | None:
         """The best grasp that is stepped to, one row; None: none is, or it is not known yet."""
