@@ -5,9 +5,9 @@ backward along the approach direction where its bottom is -inf, and round tips a
 end in balls. A face meets a box if what of it lies between the box's two planes across x, seen
 along x, meets a rectangle that turns: tests in the plane, exact up to rounding.
 
-Up to 64 angles are the bits of a mask. Points of the surface inside a box block most of them; each
-that is left is tested alone, by one traversal of the tree, and a face that is met there blocks
-others too.
+Up to 64 angles are the bits of a mask. That at which a similar grasp is free comes first: often it
+is enough. Points of the surface inside a box then block most of the others; each that is left is
+tested alone, by one traversal of the tree, and a face that is met there blocks others too.
 """
 
 import math
@@ -36,7 +36,7 @@ from grasp3d._kernels.surface.face_tree import GO_ON, NO_NODE, STOP, below, walk
 from grasp3d._kernels.surface.vectors import copy, difference, dot, triple
 
 POINTS = 256
-"""Corners of faces, spread over the surface, that are tested at all angles first."""
+"""Corners of faces, spread over the surface, that are tested at all angles at once."""
 
 INSIDE = 1e-12
 """How far such a point must be inside a part: farther than rounding."""
@@ -310,12 +310,14 @@ def free_angles(blocked, one, tree, workspace):
         workspace: `ReachWorkspace` with its frame and parts.
     """
     count, last, free = workspace.cosines.shape[0], workspace.last, NONE
-    everything = all_angles(count)
-    if blocked != everything:
-        blocked |= _blocked_by_points(tree, workspace)
+    everything, compared = all_angles(count), False
     while blocked | free != everything:
         k = last[1]  # of a similar grasp
         if (blocked | free) & bit(k) != NONE:
+            if not compared:
+                blocked |= _blocked_by_points(tree, workspace)
+                compared = True
+                continue
             k, _ = widest_arc(everything & ~(blocked | free), count)
         if is_free_at(k, tree, workspace):
             free, last[1] = free | bit(k), k
