@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any, ClassVar
 
@@ -209,6 +209,18 @@ class _Search(ABC):
         self.located = self.surface.turns.error > 0.0
         self.grasps = no_pairs(len(self.mesh.vertices))
 
+    @cached_property
+    def domain(self) -> PairDomain:
+        """Where opposing contacts are searched for."""
+        tree = contact_tree(self.mesh, self.surface)
+        centres = self.mesh.normal_centres
+        return PairDomain(self.surface, self.sets, centres, tree, self.limits)
+
+    @cached_property
+    def places(self) -> Ints:
+        """Where each vertex comes first in the order of the tree, shape (V,)."""
+        return places_in_tree(len(self.mesh.vertices), self.surface, self.domain.tree)
+
     def run(self) -> FoundGrasps:
         """Find the best grasps; with a gripper, those that it reaches."""
         self._search()
@@ -216,7 +228,7 @@ class _Search(ABC):
         if self.scene is not None and self.scene.jaws is not None:
             cone = math.pi if self.located else self.cone
             search = ReachSearch(
-                self.mesh, self.surface, self.scene, cone, self.limits, self.executor
+                self.mesh, self.domain, self.places, self.scene, cone, self.executor
             )
             grasps = search.run(self.grasps)
             reach = search.reach_of(self.grasps, grasps).take(canonical)
@@ -262,15 +274,8 @@ class _Squeezing(_Search):
 
     def _search(self) -> None:
         """Find the contact with the smallest critical angle of every vertex, or why it has none."""
-        domain = PairDomain(
-            self.surface,
-            self.sets,
-            self.mesh.normal_centres,
-            contact_tree(self.mesh, self.surface),
-            self.limits,
-        )
-        place = places_in_tree(len(self.mesh.vertices), self.surface, domain.tree)
-        vertices = self.vertices[np.argsort(place[self.vertices], kind="stable")]
+        domain = self.domain
+        vertices = self.vertices[np.argsort(self.places[self.vertices], kind="stable")]
         self._descend(vertices, self.cone, domain, self.grasps, (0.0, 0.6))
         vertices = vertices[self.grasps.worst[vertices] >= self.cone]
         uncertain = vertices[:0]
@@ -279,16 +284,20 @@ class _Squeezing(_Search):
             uncertain, domain = vertices, domain._replace(surface=self.mesh.contact_surface)
             self._descend(vertices, self.cone, domain, self.grasps, (0.6, 0.6))
             vertices = vertices[self.grasps.worst[vertices] >= self.cone]
-        if self.limits != UNLIMITED:
-            anywhere = no_pairs(len(place))
-            unlimited = domain._replace(limits=UNLIMITED)
-            self._descend(vertices, math.pi / 2.0, unlimited, anywhere, (0.6, 0.75))
-            self.grasps.reason[vertices[anywhere.reason[vertices] == FOUND]] = OPENING
+        reason, anywhere = self.grasps.reason, no_pairs(len(self.mesh.vertices))
+        unlimited, limited = domain._replace(limits=UNLIMITED), self.limits != UNLIMITED
+        if limited:
+            self._descend(vertices, self.cone, unlimited, anywhere, (0.6, 0.7))
+            reason[vertices[anywhere.reason[vertices] == FOUND]] = OPENING
             # On a crease a grasp that is not good with all normals may be with some.
             smooth = self.sets.counts[vertices] == 1
             vertices = vertices[~smooth | (anywhere.worst[vertices] >= self.cone)]
-        self._descend(vertices, math.pi / 2.0, domain, self.grasps, (0.75, 1.0))
-        self.grasps.worst[uncertain[self.grasps.reason[uncertain] == FOUND]] = math.pi
+        self._descend(vertices, math.pi / 2.0, domain, self.grasps, (0.7, 0.9))
+        if limited:
+            vertices = vertices[reason[vertices] == NO_PARTNER]
+            self._descend(vertices, math.pi / 2.0, unlimited, anywhere, (0.9, 1.0))
+            reason[vertices[anywhere.reason[vertices] == FOUND]] = OPENING
+        self.grasps.worst[uncertain[reason[uncertain] == FOUND]] = math.pi
 
     def _descend(
         self,

@@ -14,19 +14,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from grasp3d._kernels.jaws.gripper_parts import make_workspace, no_results
-from grasp3d._kernels.search.antipodal_candidates import FOUND, BestPairs, PairLimits, no_pairs
+from grasp3d._kernels.search.antipodal_candidates import FOUND, BestPairs, no_pairs
 from grasp3d._kernels.search.face_contacts import PairDomain
 from grasp3d._kernels.search.reachable_partners import (
     keep_reached,
     reach_partners,
     search_reachable,
 )
-from grasp3d._kernels.surface.surface_contacts import Surface
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.hand.reach import ANGLES, NormalizedScene, Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
-from grasp3d.surface.sampling.vertices import contact_tree, neighbours, places_in_tree
+from grasp3d.surface.sampling.vertices import neighbours
 
 NOT_REACHED = 5
 """Reason code: there are grasps, but none of those tested is reached."""
@@ -73,23 +72,18 @@ class ReachSearch:
     """Search for the grasps of vertices that a gripper reaches, in the normalised frame."""
 
     mesh: ObjectMesh
-    surface: Surface
+    domain: PairDomain
+    places: Ints
+    """Where each vertex comes in the order of the domain's tree, shape (V,)."""
     scene: Scene
     cone: float
     """Largest critical angle that is searched for [rad]."""
-    limits: PairLimits
-    """Openings."""
     executor: ThreadPoolExecutor
 
     def __post_init__(self) -> None:
-        mesh, scene = self.mesh, self.scene
+        scene = self.scene
         assert scene.jaws is not None
-        self.beside = NormalizedScene.of(mesh, scene.jaws, scene.table, scene.approach)
-        tree = contact_tree(mesh, self.surface)
-        self.place = places_in_tree(len(mesh.vertices), self.surface, tree)
-        self.domain = PairDomain(
-            self.surface, mesh.contact_normals, mesh.normal_centres, tree, self.limits
-        )
+        self.beside = NormalizedScene.of(self.mesh, scene.jaws, scene.table, scene.approach)
 
     def run(self, ideal: BestPairs) -> BestPairs:
         """The best grasps that are reached; vertices with other grasps only are NOT_REACHED.
@@ -216,7 +210,7 @@ class ReachSearch:
         faces = np.full(len(vertices), -1, dtype=np.int64)
         weights = np.zeros((len(vertices), 3))
         limit = np.full(len(vertices), self.cone) if bounds is None else bounds
-        order = np.argsort(self.place[vertices], kind="stable")  # neighbours need the same memory
+        order = np.argsort(self.places[vertices], kind="stable")  # neighbours need the same memory
         spacing = min(SPACING * self.beside.shape.finger_width, LARGEST_SPACING)
 
         def work(rows: slice, beside: Any) -> None:
