@@ -11,9 +11,11 @@ import numpy as np
 from grasp3d._kernels.array_types import Floats2, Floats3, Floats4, Ints2
 from grasp3d._kernels.compiling import kernel, part
 from grasp3d._kernels.jaws.jaws import (
+    ANYWHERE,
     gather,
     make_faces,
     make_scratch,
+    span_of,
     start_before,
     starts_inside,
     without_back,
@@ -80,7 +82,7 @@ def close_on(surface, tree, poses, opening, friction, jaw, first_pose, last_pose
     nodes, front = np.empty(STACK, np.int64), without_back(jaw)
     for k in range(first_pose, last_pose):
         pose, distance = found.poses[k], opening[k]
-        settled = False
+        settled, span = False, ANYWHERE
         copy_rows(poses[k], pose)
         if friction >= 0.0:
             state, width = settle(surface, tree, pose, distance, friction, jaw, nodes, memory)
@@ -89,15 +91,17 @@ def close_on(surface, tree, poses, opening, friction, jaw, first_pose, last_pose
                 continue
             settled = state != CLEAR
             if settled:
-                distance = -2.0 * start_before(distance, width, jaw)
+                start = start_before(distance, width, jaw)
+                distance, margin = -2.0 * start, MIN_DEPTH + jaw.compliance + jaw.footprint
+                span = span_of(memory.touches, start, margin + 2.0 * jaw.radius, jaw)
         used = front if settled else jaw
-        _close(surface, tree, pose, distance, settled, used, k, nodes, faces, scratch, patch, found)
+        count = gather(surface, tree, pose, jaw, 0.0, span, nodes, faces)
+        _close(surface, count, pose, distance, settled, used, k, faces, scratch, patch, found)
 
 
 @part
-def _close(surface, tree, pose, opening, settled, jaw, k, nodes, faces, scratch, patch, found):
-    """Close the jaws on a surface that does not move; see `close_on`."""
-    count = gather(surface, tree, pose, jaw, 0.0, nodes, faces)
+def _close(surface, count, pose, opening, settled, jaw, k, faces, scratch, patch, found):
+    """Close the jaws on the faces gathered of a surface that does not move; see `close_on`."""
     start = -0.5 * opening
     for finger in range(2):
         side = 1.0 - 2.0 * finger

@@ -135,9 +135,30 @@ TURNED_AWAY = 0.2
 """Largest x of a face's normal with which it may face a jaw after a small motion."""
 
 
+ANYWHERE = -math.inf, math.inf, math.inf
+"""A span that contains all faces; see `span_of`."""
+
+
+@merged
+def span_of(touches, start, margin, jaw):
+    """Where faces are that a jaw may touch, or start in, after a small motion of the object.
+
+    Args:
+        touches: As in `Settling` (2, 7).
+        start: Position from which the jaws close, as in `first_touch`.
+        margin: Distance by which no point of the faces near the jaws moves more.
+        jaw: `Jaw`.
+
+    Returns:
+        (what is behind, ahead of finger 1, ahead of finger 2), positions along x of each finger.
+    """
+    ahead = jaw.depth + margin
+    return start - jaw.thickness - margin, touches[0, 5] + ahead, ahead - touches[1, 5]
+
+
 @part
-def gather(surface, tree, pose, jaw, margin, nodes, faces):
-    """Write the faces within the height and width of the jaws, at any x.
+def gather(surface, tree, pose, jaw, margin, span, nodes, faces):
+    """Write the faces within the height and width of the jaws.
 
     Args:
         surface: `Surface`.
@@ -145,6 +166,7 @@ def gather(surface, tree, pose, jaw, margin, nodes, faces):
         pose: Rotation and translation from the gripper's frame (3, 4).
         jaw: `Jaw`.
         margin: Distance beyond the jaws' bounds up to which faces are written, too.
+        span: What `span_of` returns: most faces outside of it are left out.
         nodes: Memory of `walk`.
         faces: Written.
 
@@ -152,15 +174,15 @@ def gather(surface, tree, pose, jaw, margin, nodes, faces):
         Number of faces.
     """
     faces.gathered[0] = 0
-    walk(_gather_node, (surface, tree, pose, jaw, margin, faces), nodes)
+    walk(_gather_node, (surface, tree, pose, jaw, margin, span, faces), nodes)
     return faces.gathered[0]
 
 
 @merged
 def _gather_node(node, _position, _stale, state):
     """Visit a node of the tree."""
-    surface, tree, pose, jaw, margin, faces = state
-    if not _near(tree.bounds[node], pose, jaw, margin):
+    surface, tree, pose, jaw, margin, span, faces = state
+    if not _near(tree.bounds[node], pose, jaw, margin, span):
         return NO_NODE, NO_NODE, GO_ON
     first, last = faces_of_leaf(node, tree.depth, surface.faces.shape[0])
     count = faces.gathered
@@ -171,16 +193,20 @@ def _gather_node(node, _position, _stale, state):
 
 
 @part
-def _near(ball, pose, jaw, margin):
-    """Whether a ball reaches into the height and width of the jaws."""
-    y, z, reach = 0.0, 0.0, ball[3] + margin
+def _near(ball, pose, jaw, margin, span):
+    """Whether a ball reaches into the height and width of the jaws, and into their span."""
+    x, y, z, reach = 0.0, 0.0, 0.0, ball[3] + margin
     for i in range(3):
         offset = ball[i] - pose[i, 3]
+        x += pose[i, 0] * offset
         y += pose[i, 1] * offset
         z += pose[i, 2] * offset
-    bounds = jaw.bounds
+    bounds, radius = jaw.bounds, ball[3] + ROUNDING
+    behind = span[0] - radius
     return (
-        bounds[0] - reach <= y <= bounds[2] + reach and bounds[1] - reach <= z <= bounds[3] + reach
+        bounds[0] - reach <= y <= bounds[2] + reach
+        and bounds[1] - reach <= z <= bounds[3] + reach
+        and (behind < x < span[1] + radius or behind < -x < span[2] + radius)
     )
 
 
@@ -256,13 +282,13 @@ def move_face(corners, normal, motion, first, last, moved, turned):
 
 
 @part
-def keep_near(faces, count, touches, start, margin, jaw):
+def keep_near(faces, count, span, start, margin, jaw):
     """Keep the faces that a jaw may touch, or start in, after a small motion of the object.
 
     Args:
         faces: `Faces`; those kept are moved to the front.
         count: Number of them.
-        touches: As in `Settling` (2, 7).
+        span: What `span_of` returns.
         start: Position from which the jaws close, as in `first_touch`.
         margin: Distance by which no point of the faces near the jaws moves more.
         jaw: `Jaw`.
@@ -278,8 +304,7 @@ def keep_near(faces, count, touches, start, margin, jaw):
         for finger in range(2):
             side = 1.0 - 2.0 * finger
             first, last = (low, high) if finger == 0 else (-high, -low)
-            position = side * touches[finger, 5]
-            if last > start - jaw.thickness - margin and first < position + jaw.depth + margin:
+            if last > span[0] and first < span[1 + finger]:
                 ahead = first >= start - jaw.compliance + margin
                 # What is ahead is met only by its front, which a turn may not hide.
                 wanted |= not ahead or side * faces.normals[f, 0] < TURNED_AWAY

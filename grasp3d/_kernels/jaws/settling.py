@@ -24,6 +24,7 @@ import numpy.typing as npt
 
 from grasp3d._kernels.compiling import kernel, part
 from grasp3d._kernels.jaws.jaws import (
+    ANYWHERE,
     EDGE_ON,
     Faces,
     Scratch,
@@ -35,6 +36,7 @@ from grasp3d._kernels.jaws.jaws import (
     move,
     move_face,
     put_first,
+    span_of,
     start_before,
     starts_inside,
 )
@@ -502,7 +504,7 @@ def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
     """
     total, proven = memory.total, memory.proven
     write_motion(SHIFT, 0.0, 0.0, 0.0, memory.pivot, total)
-    count = gather(surface, tree, pose, jaw, 0.0, nodes, memory.near)
+    count = gather(surface, tree, pose, jaw, 0.0, ANYWHERE, nodes, memory.near)
     found, width = touch(
         memory.near, count, total, jaw, -0.5 * opening, memory.touching, memory.touches
     )
@@ -520,11 +522,13 @@ def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
         margin = _farthest(math.sqrt(2.0) * reach, size, start)
         if left < margin:  # faces that have not been written may have come near
             left = GATHERED * _farthest(math.sqrt(2.0) * LARGEST_TURN, size, start)
-            near = gather(surface, tree, pose, jaw, left, nodes, memory.near)
-            near = keep_near(memory.near, near, memory.touches, start, left, jaw)
+            span = span_of(memory.touches, start, left, jaw)
+            near = gather(surface, tree, pose, jaw, left, span, nodes, memory.near)
+            near = keep_near(memory.near, near, span, start, left, jaw)
             write_motion(SHIFT, 0.0, 0.0, size, memory.pivot, total)
         count = move(memory.near, near, total, jaw, margin, memory.faces)
-        count = keep_near(memory.faces, count, memory.touches, start, margin, jaw)
+        span = span_of(memory.touches, start, margin, jaw)
+        count = keep_near(memory.faces, count, span, start, margin, jaw)
         put_first(memory.faces, count, memory.touches[:, 6])
         _write_promises(width, size, friction, memory)
         fastest, reached, length, lost, shorter = 0.0, width, 0.0, False, False
@@ -555,7 +559,7 @@ def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
             proven[:] = False
             if width - reached > margin:  # a jaw may have passed what had not been kept
                 left = -1.0
-                near = gather(surface, tree, pose, jaw, 0.0, nodes, memory.near)
+                near = gather(surface, tree, pose, jaw, 0.0, ANYWHERE, nodes, memory.near)
                 write_motion(SHIFT, 0.0, 0.0, size, memory.pivot, total)
                 found, reached = touch(
                     memory.near, near, total, jaw, start, memory.touching, memory.touches
