@@ -224,12 +224,16 @@ def _blocked_by_face(triangle, possible, workspace):
 
 
 @part
-def _blocked_by_points(tree, workspace):
-    """Mask of the angles at which some corners of faces are inside a box."""
+def _blocked_by_points(blocked, everything, tree, workspace):
+    """Add to a mask the angles at which some corners of faces are inside a box."""
     frame, parts = workspace.frame, workspace.parts
     cosines, sines = workspace.cosines, workspace.sines
-    rows, blocked = tree.triangles.shape[0], NONE
-    for row in range(0, rows, max(rows // POINTS, 1)):
+    rows = tree.triangles.shape[0]
+    step = max(rows // POINTS, 1)
+    for number in range((rows - 1) // step + 1):
+        if blocked == everything:
+            break
+        row = number * step
         point = difference(tree.triangles[row], frame[0])
         x, y, z = dot(point, frame[1]), dot(point, frame[2]), dot(point, frame[3])
         square = y * y + z * z
@@ -315,7 +319,7 @@ def free_angles(blocked, one, tree, workspace):
         k = last[1]  # of a similar grasp
         if (blocked | free) & bit(k) != NONE:
             if not compared:
-                blocked |= _blocked_by_points(tree, workspace)
+                blocked = _blocked_by_points(blocked, everything, tree, workspace)
                 compared = True
                 continue
             k, _ = widest_arc(everything & ~(blocked | free), count)

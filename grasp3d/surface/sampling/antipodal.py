@@ -230,8 +230,8 @@ class _Search(ABC):
             search = ReachSearch(
                 self.mesh, self.domain, self.places, self.scene, cone, self.executor
             )
-            grasps = search.run(self.grasps)
-            reach = search.reach_of(self.grasps, grasps).take(canonical)
+            grasps, reached = search.run(self.grasps)
+            reach = reached.take(canonical)
         reason = grasps.reason[canonical]
         return FoundGrasps(
             worst=grasps.worst[canonical],

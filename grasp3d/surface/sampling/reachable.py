@@ -13,7 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.jaws.gripper_parts import make_workspace, no_results
+from grasp3d._kernels.jaws.gripper_parts import (
+    REACHED,
+    ReachResults,
+    make_workspace,
+    no_results,
+)
 from grasp3d._kernels.search.antipodal_candidates import FOUND, BestPairs, no_pairs
 from grasp3d._kernels.search.face_contacts import PairDomain
 from grasp3d._kernels.search.reachable_partners import (
@@ -30,7 +35,7 @@ from grasp3d.surface.sampling.vertices import neighbours
 NOT_REACHED = 5
 """Reason code: there are grasps, but none of those tested is reached."""
 
-GRASP = ("worst", "best", "closing", "partner", "partner_normal", "faces", "weights")
+GRASP = ("worst", "best", "reason", "closing", "partner", "partner_normal", "faces", "weights")
 """Fields of `BestPairs` of a vertex's grasp."""
 
 CHUNK = 128
@@ -85,40 +90,34 @@ class ReachSearch:
         assert scene.jaws is not None
         self.beside = NormalizedScene.of(self.mesh, scene.jaws, scene.table, scene.approach)
 
-    def run(self, ideal: BestPairs) -> BestPairs:
+    def run(self, ideal: BestPairs) -> tuple[BestPairs, Reach]:
         """The best grasps that are reached; vertices with other grasps only are NOT_REACHED.
 
         Args:
             ideal: The best grasps for ideal points.
+
+        Returns:
+            The grasps, and how each is reached; where none is, why the best grasp is not.
         """
-        vertices = np.flatnonzero(ideal.reason == FOUND)
+        vertices, results = np.flatnonzero(ideal.reason == FOUND), no_results(len(ideal.reason))
         reached = _nothing_found(ideal)
-        self._keep(_grasps_of(ideal, vertices), reached)
-        same = reached.faces >= 0
-        for name in GRASP:  # evaluated again they differ by rounding
+        self._write_reach(_grasps_of(ideal, vertices), results)
+        same = results.codes == REACHED
+        for name in GRASP:
             getattr(reached, name)[same] = getattr(ideal, name)[same]
-        self._improve(ideal, vertices[~same[vertices]], reached)
-        return reached
+        missing = vertices[~same[vertices]]
+        self._improve(ideal, missing, reached)
+        found = missing[reached.faces[missing] >= 0]
+        self._write_reach(_grasps_of(reached, found), results)
+        return reached, Reach.of(self.mesh, results)
 
-    def reach_of(self, ideal: BestPairs, reached: BestPairs) -> Reach:
-        """How the best grasp of each vertex is reached; where none is, why the best grasp is not.
-
-        Args:
-            ideal: The best grasps for ideal points.
-            reached: What `run` returned.
-        """
-        results = no_results(len(reached.reason))
-        vertices = np.flatnonzero(ideal.reason == FOUND)
-        pairs = _grasps_of(reached, vertices)
-        lost = pairs.faces < 0
-        pairs.faces[lost], pairs.weights[lost] = _grasps_of(ideal, vertices[lost])[1:]
+    def _write_reach(self, pairs: Pairs, results: ReachResults) -> None:
+        """Write how grasps are reached, or why not."""
 
         def work(rows: slice, beside: Any) -> None:
-            own = (vertices[rows], pairs.faces[rows], pairs.weights[rows])
-            reach_partners(*own, self.domain, beside, results)
+            reach_partners(*(one[rows] for one in pairs), self.domain, beside, results)
 
-        self._in_chunks(work, len(vertices))
-        return Reach.of(self.mesh, results)
+        self._in_chunks(work, len(pairs.vertices))
 
     def _keep(self, pairs: Pairs, reached: BestPairs) -> None:
         """Keep those of some grasps that are reached and better than the known ones."""
