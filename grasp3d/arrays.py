@@ -98,10 +98,22 @@ def used_indices(indices: Ints) -> Ints:
 
 def first_at_position(vertices: Floats) -> Ints:
     """Number of the first vertex with exactly the same position, for each vertex, shape (V,)."""
-    rows = np.ascontiguousarray(vertices + 0.0)  # -0.0 and 0.0 are one position
-    keys = rows.view(np.dtype((np.void, rows.dtype.itemsize * 3))).ravel()
-    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
-    return np.asarray(first[inverse], dtype=np.int64)
+    first, same = first_alike(vertices)
+    return first[same]
+
+
+def first_alike(rows: Floats | Ints) -> tuple[Ints, Ints]:
+    """First of each set of equal rows (b, k), and the number of its set for each row.
+
+    Sets are in the order of their values. `numpy.unique`, which compares rows as records, takes
+    several times as long.
+    """
+    order = np.lexsort(rows.T[::-1])
+    ordered, begins = rows[order], np.ones(len(rows), dtype=np.bool_)
+    begins[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    same = np.empty(len(rows), dtype=np.int64)
+    same[order] = np.cumsum(begins) - 1
+    return order[begins], same
 
 
 def chosen_rows(which: Bools, one: Any, other: Any) -> Any:

@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Floats, Ints, locked, unit_rows
+from grasp3d.arrays import Bools, Floats, Ints, first_alike, locked, unit_rows
 from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.reach import collides
 from grasp3d.hand.scene import Scene
@@ -79,10 +79,10 @@ class OpposedPlaces(NamedTuple):
     def spread(self, cell: float) -> Ints:
         """Rows of the best opposed pair of each pair of cells of such a size, either way round."""
         cells = np.floor(np.stack([self.starts, self.ends], axis=1) / cell).astype(np.int64)
-        _, number = np.unique(cells.reshape(-1, 3), axis=0, return_inverse=True)
+        _, number = first_alike(cells.reshape(-1, 3))
         keys = np.sort(number.reshape(-1, 2), axis=1)
         order = np.argsort(self.angles, kind="stable")
-        _, first = np.unique(keys[order], axis=0, return_index=True)
+        first, _ = first_alike(keys[order])
         return np.sort(order[first])
 
 

@@ -51,7 +51,8 @@ def matched_distance(points: Floats, other: Floats) -> Floats:
         Shape (b,).
     """
     gaps = points[:, :, None] - other  # (b, n, n, 3)
-    squares = np.add.reduce(gaps * gaps, axis=3)  # (b, n, n)
+    gaps *= gaps
+    squares = gaps[..., 0] + gaps[..., 1] + gaps[..., 2]  # (b, n, n), faster than `sum`
     indices = tuple(range(len(other)))
     orders = itertools.permutations(indices) if len(other) <= MAX_PERMUTED else [indices]
     farthest = (reduce(np.maximum, (squares[:, i, order[i]] for i in indices)) for order in orders)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from grasp3d._kernels.surface.surface_contacts import ANY_NORMAL, ContactNormals, order_normal_sets
-from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
+from grasp3d.arrays import Bools, Floats, Ints, first_alike, locked, short_repr, unit_rows
 from grasp3d.mesh.measures import Triangles, connected, crowded_edges, paired_edges
 
 HALF = 0.5
@@ -131,7 +131,6 @@ def _distinct(vertex: Ints, rows: Floats) -> Bools:
     mask = np.ones(len(vertex), dtype=bool)
     several = np.flatnonzero(np.bincount(vertex)[vertex] > 1)
     keys = np.column_stack([vertex[several], np.round(rows[several], SAME_DIGITS) + 0.0])
-    _, first = np.unique(keys, axis=0, return_index=True)
     mask[several] = False
-    mask[several[first]] = True
+    mask[several[first_alike(keys)[0]]] = True
     return mask

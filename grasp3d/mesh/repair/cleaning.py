@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from grasp3d.arrays import Bools, Floats, Ints, used_indices
+from grasp3d.arrays import Bools, Floats, Ints, first_alike, used_indices
 from grasp3d.mesh.measures import (
     connected,
     edges_of,
@@ -70,12 +70,6 @@ def _is_body(faces: Ints, sheet: Ints) -> Bools:
     body = alone <= FEW * np.bincount(sheet_of_edge)
     body[[hole[0] // size for hole in holes_of(apart) if len(hole) > SMALL]] = False
     return np.asarray(body)
-
-
-def first_alike(rows: Ints) -> tuple[Ints, Ints]:
-    """First of each set of equal rows, and the number of its set for each row."""
-    _, first, same = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    return first, same.ravel()
 
 
 def disagreeing(faces: Ints) -> Bools:

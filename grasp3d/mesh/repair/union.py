@@ -4,10 +4,10 @@ import manifold3d
 import numpy as np
 from scipy.spatial import cKDTree
 
-from grasp3d.arrays import Floats, Ints, first_at_position, unit_rows
+from grasp3d.arrays import Floats, Ints, first_alike, first_at_position, unit_rows
 from grasp3d.mesh.measures import face_areas, has_area, paired_edges
 from grasp3d.mesh.repair.bodies import Solid
-from grasp3d.mesh.repair.cleaning import WELDS, clusters, first_alike, from_least_corner, is_face
+from grasp3d.mesh.repair.cleaning import WELDS, clusters, from_least_corner, is_face
 
 NEAR = 4.0
 """Distance within which vertices are merged after faces were offset, in units of the offset."""

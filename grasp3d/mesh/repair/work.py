@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Floats, Ints, first_at_position, short_repr
+from grasp3d.arrays import Bools, Floats, Ints, first_alike, first_at_position, short_repr
 from grasp3d.errors import MeshError
 from grasp3d.mesh.measures import (
     face_areas,
@@ -18,7 +18,6 @@ from grasp3d.mesh.repair.bodies import Solid, bodies_of, orient, rows_of
 from grasp3d.mesh.repair.cleaning import (
     clusters,
     disagreeing,
-    first_alike,
     first_of_body,
     from_least_corner,
     is_face,
