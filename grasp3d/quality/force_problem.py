@@ -112,7 +112,7 @@ class ForceProblem:
 
         def evaluate(chunk: slice, workspace: Workspace) -> None:
             axes, part = problem.wrenches_of(chunk), part_of(results, chunk)
-            scratch = kernels.make_scratch(len(terms.rows), problem.count)
+            scratch = kernels.make_scratch(len(terms.rows))
             problem.with_polytope(
                 len(axes),
                 lambda first, polytope: kernels.task_forces(

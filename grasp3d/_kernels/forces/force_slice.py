@@ -35,8 +35,6 @@ class ForceSlice(NamedTuple):
     """Largest gap between the bounds of `resist`."""
     vectors: npt.NDArray[np.float64]
     """Scratch of `resist`."""
-    forces: npt.NDArray[np.float64]
-    """Scratch of `resist`."""
     best: npt.NDArray[np.float64]
     """Written: the direction, in balanced coordinates, with the smallest support relative to the
     task's reach so far, and that ratio (7,)."""
@@ -52,9 +50,8 @@ def _boundary(slice_, u, point):
             u[0] * slice_.goals[0, k] + u[1] * slice_.goals[1, k] + u[2] * slice_.goals[2, k]
         ) / length
         point[k] = 0.0
-    status, lower, upper = resist(
-        slice_.space, SIX, goal, slice_.rtol, slice_.vectors, slice_.forces
-    )
+    vectors = slice_.vectors
+    status, lower, upper = resist(slice_.space, SIX, goal, slice_.rtol, vectors, vectors[:0])
     if status != RESISTED:
         return 0.0, -1, 0
     for k in range(3):

@@ -53,24 +53,21 @@ class TaskScratch(NamedTuple):
     goals: Floats2
     """As in `ForceSlice` (3, 6)."""
     vectors: Floats2
-    """Scratch of `resist` (20, 8)."""
-    forces: Floats2
-    """Scratch of `resist` (n, 4)."""
+    """Scratch of `resist` (SCRATCH_ROWS, 8)."""
     best: Floats1
     """As in `ForceSlice` (7,)."""
     ones: Floats1
     """Metric of forces (6,)."""
 
 
-def make_scratch(terms: int, count: int) -> TaskScratch:
-    """Allocate scratch for so many terms and contacts."""
+def make_scratch(terms: int) -> TaskScratch:
+    """Allocate scratch for so many terms."""
     return TaskScratch(
         frame=np.zeros((6, 6)),
         extents=np.zeros(6),
         terms=np.zeros((terms, TERM)),
         goals=np.zeros((3, 6)),
         vectors=np.zeros((SCRATCH_ROWS, 8)),
-        forces=np.zeros((count, 4)),
         best=np.zeros(7),
         ones=np.ones(6),
     )
@@ -202,9 +199,8 @@ def _grow_slice(space, task, size, rtol, workspace, polytope, scratch):
             scratch.goals[k, j] = workspace.basis[j, k] / workspace.extents[j]
     scratch.best[6] = math.inf
     forces = ForceSlice(
-        space, task, scratch.goals, size, SHARPER * rtol, scratch.vectors, scratch.forces,
-        scratch.best,
-    )  # fmt: skip
+        space, task, scratch.goals, size, SHARPER * rtol, scratch.vectors, scratch.best
+    )
     goal = (rtol, 0.0, math.inf)
     status, lower, _, _, used = grow(
         forces, THREE, scratch.ones, None, AROUND_ORIGIN, goal, polytope
@@ -337,7 +333,7 @@ def wrench_forces(
         torque_scale: Of each grasp (b,).
         rtol: Largest gap between the bounds, relative to the upper one.
         workspace: `Workspace`.
-        vectors: Scratch (18, 8).
+        vectors: Scratch (SCRATCH_ROWS, 8).
         results: `ForceResults`; status UNFINISHED where the search did not end.
     """
     kind, spherical, soft, group = form

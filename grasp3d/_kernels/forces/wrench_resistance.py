@@ -94,7 +94,7 @@ def _replace(dims, inverse, x, y, leaving, least, u):
 def _search(space, dims, goal, rtol, length, vectors):
     """Replace basis vectors until the bounds meet; returns (status, lower, upper)."""
     dim = len(dims)
-    inverse, directions, best = vectors[0:6], vectors[6:12], vectors[16]
+    inverse, directions, columns, best = vectors[0:6], vectors[6:12], vectors[20:26], vectors[16]
     x, y, u, point, query = vectors[12], vectors[13], vectors[14], vectors[15], vectors[18]
     _start(dims, goal, length, inverse, directions, x)
     lower, upper, status = 0.0, 0.0, UNFINISHED
@@ -119,6 +119,7 @@ def _search(space, dims, goal, rtol, length, vectors):
             if leaving < 0:
                 break
             copy6(query, directions[leaving])
+            copy6(point, columns[leaving])
             upper = _replace(dims, inverse, x, y, leaving, least, u)
             between = lower > 0.0
         elif not between:
@@ -140,12 +141,13 @@ def resist(space, dims, goal, rtol, vectors, forces):
     """Find the smallest bound on the contact forces that apply a wrench.
 
     Args:
-        space: `WrenchSpace`; of ROWS no forces are written.
+        space: `WrenchSpace`.
         dims: Sequence as long as the grasp's rank.
         goal: The wrench that the contacts must apply, not 0, in the space's coordinates (6,).
         rtol: Largest gap between the bounds, relative to the upper one.
-        vectors: Scratch (>= 19, 8); row 16 is written, the direction that proves the lower bound.
-        forces: Written, contact forces of that wrench in the contacts' axes (n, 4).
+        vectors: Scratch (>= 26, 8); row 16 is written, the direction that proves the lower bound.
+        forces: Written, contact forces of that wrench in the contacts' axes (n, 4); without rows,
+            as of ROWS, they are not computed.
 
     Returns:
         (status, lower, upper): RESISTED with bounds; otherwise they need not hold.
@@ -156,7 +158,7 @@ def resist(space, dims, goal, rtol, vectors, forces):
         status, lower, upper = _search(space, dims, goal, rtol, length, vectors)
         if status == RESISTED:
             found = upper
-            status, upper = _write_forces(space, len(dims), goal, vectors, forces)
+            status, upper = _combine(space, len(dims), goal, vectors, forces)
             if upper > found * (1.0 + LOOSE):  # a wrench of the first basis stands for others
                 status = UNREACHED
         if status != UNREACHED:
@@ -166,25 +168,23 @@ def resist(space, dims, goal, rtol, vectors, forces):
 
 
 @part
-def _write_forces(space, dim, goal, vectors, forces):
-    """Combine the forces of the basis, with weights that are solved for anew.
+def _combine(space, dim, goal, vectors, forces):
+    """Combine the wrenches of the basis, and their forces, with weights that are solved for anew.
 
     Those that were updated from step to step have the rounding errors of all steps.
 
     Returns:
         (status, upper): UNREACHED where a wrench of the first basis is left.
     """
-    matrix, directions, x, point = vectors[0:6], vectors[6:12], vectors[12], vectors[15]
+    matrix, directions, columns, x = vectors[0:6], vectors[6:12], vectors[20:26], vectors[12]
     for i in range(forces.shape[0]):
         for k in range(forces.shape[1]):
             forces[i, k] = 0.0
     for j in range(dim):
         is_applied = dot6(directions[j], directions[j]) > 0.0
-        if is_applied:
-            farthest(space, directions[j], point, vectors[13])
         for k in range(dim):
             unit = 1.0 if k == j else 0.0
-            matrix[k, j] = point[k] if is_applied else unit
+            matrix[k, j] = columns[j, k] if is_applied else unit
     for k in range(dim):
         matrix[k, 6] = goal[k]
     solve(matrix, x, dim)
@@ -197,7 +197,7 @@ def _write_forces(space, dim, goal, vectors, forces):
                 return UNREACHED, math.inf
         elif x[j] > 0.0:
             upper += x[j]
-            if space.kind != ROWS:
+            if forces.shape[0] > 0:
                 contact_forces(space, directions[j], x[j], vectors[13], forces)
     return RESISTED, upper
 

@@ -32,7 +32,7 @@ TOLERANCE = 1e-12
 UNKNOWN = np.uint32((1 << 32) - 1)
 """Neighbour of a new facet that was not linked yet."""
 
-SCRATCH_ROWS = 20
+SCRATCH_ROWS = 26
 """Rows of `Polytope.vectors`."""
 
 
