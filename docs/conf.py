@@ -46,7 +46,7 @@ default_role = "py:obj"  # a name in a docstring is a link where it is public
 
 nitpicky = True
 nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
-    ("py:.*", r"(collections|numpy|np|os|pathlib|pyarrow|pandas|pd|pyvista|trimesh)\..*"),
+    ("py:.*", r"(collections|numpy|np|os|pathlib|pyarrow|pandas|pd|pyvista|trimesh|upath)\..*"),
     ("py:.*", r"matplotlib\..*"),
     ("py:.*", r"grasp3d\.arrays\.ArrayLike"),  # NumPy's
     # Arrays and others, in modules that import them for type checkers only.

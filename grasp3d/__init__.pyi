@@ -1,6 +1,7 @@
 # The public names, read by type checkers and, when the package is imported, by Python.
 from . import planar as planar
 from .batch.batch_settings import BatchSettings as BatchSettings
+from .batch.chunks import open_library as open_library
 from .batch.library import label_library as label_library
 from .contact.contacts import Contacts as Contacts
 from .contact.sensor import Sensor as Sensor

@@ -39,9 +39,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import grasp3d
 from grasp3d.arrays import Floats
-from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.formats import GraspPoses
 from grasp3d.hand.closing import close_jaws
+from grasp3d.jobs.cluster_settings import ClusterSettings
 from grasp3d.mesh.ray_tracing import FaceRays
 from grasp3d.quality.wrenches import wrenches
 from grasp3d.settings import search_cone
@@ -254,7 +255,7 @@ def validate(shared: Path) -> Iterator[Row]:
 def batch() -> Iterator[Row]:
     """Small convex meshes: what a batch costs beside labelling, and a second worker."""
     random, count, times = np.random.default_rng(0), 200, dict[int, float]()
-    settings = BatchSettings(options=grasp3d.MeshOptions(unit="cm", max_edge=10.0), best=3)
+    settings = BatchSettings(mesh=grasp3d.MeshOptions(unit="cm", max_edge=10.0), best=3)
     with tempfile.TemporaryDirectory() as folder:
         inputs = Path(folder, "in")
         inputs.mkdir()
@@ -267,10 +268,10 @@ def batch() -> Iterator[Row]:
         for workers in (1, 2):
             start, cluster = time.perf_counter(), ClusterSettings(workers=workers)
             found = grasp3d.label_library(
-                [inputs], Path(folder, str(workers)), settings, cluster=cluster
+                [inputs], Path(folder, str(workers)), settings, cluster=cluster, report=False
             )
             times[workers] = time.perf_counter() - start
-    rows = found.rows.values()
+        rows = found.rows(["seconds_reading", "seconds_labelling"])
     labelling = sum((one.seconds_reading or 0.0) + (one.seconds_labelling or 0.0) for one in rows)
     yield Row("mesh, two workers' time", 2.0 * times[2] / count, labelling / count)
     yield Row("library, two workers", times[2], times[1])

@@ -31,8 +31,8 @@ from scipy.spatial import ConvexHull
 
 import grasp3d
 from grasp3d.arrays import Floats, Ints, unit_rows
-from grasp3d.batch import ClusterSettings
 from grasp3d.formats import GraspPoses, write_grasps
+from grasp3d.jobs import ClusterSettings
 from grasp3d.outcomes import SCORES, SimulationSettings
 from grasp3d.outcomes.parts import parts_of
 from grasp3d.outcomes.ranking import roc_auc

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import manifold3d
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 import trimesh
 
-from grasp3d import GraspModel, Sampling, check_mesh, label_surface, load_mesh
+from grasp3d import GraspModel, Sampling, check_mesh, label_surface, load_mesh, open_library
 from grasp3d.mesh.reading.mesh_files import read_mesh
 from tests.helpers import shapes
 
@@ -188,7 +187,7 @@ def test_a_batch_of_malformed_files_has_a_row_for_each(tmp_path: Path) -> None:
         text=True,
     )
     assert (done.returncode, "Traceback" in done.stderr) == (1, False)
-    rows = pq.read_table(tmp_path / "out" / "summary").to_pylist()
+    rows = open_library(tmp_path / "out").table().to_pylist()
     assert {row["mesh"] for row in rows} == chosen - {"foo.stl"}
     assert [row["mesh"] for row in rows if not row["error"]] == ["single_triangle.stl"]
     assert all((row["error"] or "").isprintable() for row in rows)

@@ -1,6 +1,6 @@
 """Tables of the pages on files come from what the program declares.
 
-The formats of poses are those that are registered, the columns of the summary the fields of a row.
+The formats of poses are those that are registered, the columns of rows the fields of a row.
 """
 
 import inspect
@@ -16,7 +16,7 @@ from grasp3d.formats.format import Format, formats
 
 PAGE, TABLE, SECTIONS = "pose_formats", "<!-- formats -->", "<!-- sections of formats -->"
 
-FILES, SUMMARY = "formats", "<!-- columns of the summary -->"
+FILES, ROWS = "formats", "<!-- columns of the rows -->"
 TYPES = {str: "text", int: "int", float: "number", bool: "bool"}
 
 HANDS = {"gripper": "gripper", "articulated": "hand with joints"}
@@ -32,11 +32,11 @@ def rendered(page: str) -> str:
     return page.replace(TABLE, table).replace(SECTIONS, sections)
 
 
-def with_summary(page: str) -> str:
-    """The text of the page on files, with a row for each column of the summary."""
+def with_rows(page: str) -> str:
+    """The text of the page on files, with a line for each column of the rows."""
     hints = get_type_hints(Row)
     rows = (f"| `{name}` | {_type(hints[name])} | {one.meaning} |" for name, one in COLUMNS.items())
-    return page.replace(SUMMARY, "\n".join(["| column | type | |", "|---|---|---|", *rows]))
+    return page.replace(ROWS, "\n".join(["| column | type | |", "|---|---|---|", *rows]))
 
 
 def _type(hint: object) -> str:
@@ -68,7 +68,7 @@ def _write(_app: Sphinx, name: str, source: list[str]) -> None:
     if name == PAGE:
         source[0] = rendered(source[0])
     if name == FILES:
-        source[0] = with_summary(source[0])
+        source[0] = with_rows(source[0])
 
 
 def _outdated(_app: Sphinx, env: BuildEnvironment, *_names: set[str]) -> list[str]:

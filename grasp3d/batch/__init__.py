@@ -1,4 +1,4 @@
-"""Many meshes: plan the jobs, run them in worker processes, store one row per mesh."""
+"""Libraries of meshes: labelled by many processes, stored in chunks, read again."""
 
 from lazy_loader import attach_stub
 

@@ -1,5 +1,4 @@
 from .batch_settings import BatchSettings as BatchSettings
-from .batch_settings import ClusterSettings as ClusterSettings
-from .library import LibraryLabels as LibraryLabels
+from .chunks import Library as Library
+from .chunks import open_library as open_library
 from .library import label_library as label_library
-from .store import read_summary as read_summary

@@ -1,8 +1,8 @@
-"""Settings of a batch: how meshes are labelled, and which processes label them."""
+"""Settings of a batch: how meshes are labelled, and how their surfaces are stored."""
 
-import math
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
@@ -11,8 +11,13 @@ from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_set
 from grasp3d.settings.checks import check_range
 from grasp3d.settings.regions import Mask
 
-MIN_WORKER_MEMORY = 0.5
-"""Least memory of a worker process [GB]."""
+Surfaces = Literal["auto", "ply", "tar", "none"]
+
+OF_TABLES = {
+    "scale": "mesh", "unit": "mesh", "max_edge": "mesh", "repair": "mesh", "center_of_mass": "mesh",
+    "friction": "model", "hand": "reach", "table": "reach", "up": "reach", "mass": "load",
+}  # fmt: skip
+"""Settings that a table of meshes may state for each of them, and which settings they are of."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +30,7 @@ class BatchSettings:
         sampling: How grasps are searched for.
         reach: The gripper that must reach each grasp, and the table.
         load: What each grasp must hold, and with which force; None: nothing.
-        best: Number of best distinct grasps that the summary keeps of each mesh; 0: none.
+        best: Number of best distinct grasps that the row of each mesh keeps; 0: none.
     """
 
     model: GraspModel = field(default_factory=GraspModel)
@@ -49,37 +54,20 @@ class BatchSettings:
         if isinstance(self.mesh.region, Mask):
             raise SettingError(f"{self.mesh.region} is of one mesh; a library takes a box")
         check_search_settings(self.model, self.sampling)
+        if self.reach.hand is not None:
+            self.reach.hand.check_fingers(self.model.fingers)
 
+    def of_mesh(self, own: Mapping[str, Any]) -> "BatchSettings":
+        """The settings of one mesh.
 
-@dataclass(frozen=True)
-class ClusterSettings:
-    """Which processes label the meshes: this machine's, or those of a running Dask cluster.
+        Args:
+            own: What a table states of it, by the names of `OF_TABLES`.
 
-    Attributes:
-        workers: Processes on this machine, one thread each, and more where fewer meshes than
-            processes are left; none: one per processor; 0: no child processes, one mesh after the
-            other and without limits, for debugging.
-        scheduler: Address (tcp://HOST:8786) or scheduler file of a running Dask cluster.
-        worker_memory: Memory limit of a process [GB]; a mesh that needs more is labelled once more,
-            alone; none: an equal part of this machine's memory, or the memory limit of the running
-            cluster's workers.
-        timeout: Time limit for a mesh [s]; a mesh that takes longer is given up; none: no limit.
-    """
-
-    workers: int | None = None
-    scheduler: str | None = None
-    worker_memory: float | None = None
-    timeout: float | None = 3600.0
-
-    def __post_init__(self) -> None:
-        if self.workers is not None:
-            check_range("workers", self.workers, 0)
-        if self.workers is not None and self.scheduler is not None:
-            raise SettingError(
-                "workers and scheduler exclude each other: a running cluster has its own workers"
-            )
-        memory, least = self.worker_memory, MIN_WORKER_MEMORY
-        if memory is not None:
-            check_range("worker memory", memory, least, ends="[)", unit="GB")
-        if self.timeout is not None and not (self.timeout > 0.0 and math.isfinite(self.timeout)):
-            raise SettingError(f"timeout must be a finite time above 0 s; got {self.timeout:g}")
+        Raises:
+            SettingError: A value is not valid, or not with the other settings.
+        """
+        changed = {name: getattr(self, name) for name in {OF_TABLES[key] for key in own}}
+        for name, settings in changed.items():
+            mine = {key: value for key, value in own.items() if OF_TABLES[key] == name}
+            changed[name] = Load(**mine) if settings is None else replace(settings, **mine)
+        return replace(self, **changed) if own else self

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -37,14 +38,18 @@ def content_hash(path: Path) -> str:
     return hashlib.sha256("\n".join([digest, *sorted(side_digests)]).encode()).hexdigest()
 
 
-def mesh_key(content: str, settings: BatchSettings) -> str:
+def mesh_key(content: str, settings: BatchSettings, own: Mapping[str, Any]) -> str:
     """SHA-256 of all that determines the results of a mesh; where it differs, label again.
 
     Args:
         content: From `content_hash`.
-        settings: Settings of the labels.
+        settings: Settings of the labels of all meshes.
+        own: Those of this mesh alone, as a table states them.
     """
-    return hashlib.sha256(f"{content} {settings_key(settings)} {METHOD}".encode()).hexdigest()
+    mine = json.dumps(_canonical(dict(own)), sort_keys=True)
+    return hashlib.sha256(
+        f"{content} {settings_key(settings)} {mine} {METHOD}".encode()
+    ).hexdigest()
 
 
 @lru_cache(maxsize=16)

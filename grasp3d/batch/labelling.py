@@ -1,152 +1,172 @@
 """Labelling one mesh of a batch: a pure function of the file and the settings."""
 
 import math
+import tempfile
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.identity import METHOD, content_hash, mesh_key
-from grasp3d.batch.inputs import MeshFile
-from grasp3d.batch.limits import NeedsMemory, allowed_memory
-from grasp3d.batch.plan import Job
+from grasp3d.batch.chunks import VERTICES, LabelledMesh
+from grasp3d.batch.identity import content_hash, mesh_key
+from grasp3d.batch.inputs import MeshFile, local_copy
 from grasp3d.batch.row import BestGrasp, Outcome, Row
-from grasp3d.batch.storage.files import local_copy
 from grasp3d.errors import FileUnreadError, GraspError, OutputError, WarningError
 from grasp3d.mesh.reading.scenes import side_names
-from grasp3d.settings.costs import labelling_cost
 from grasp3d.stability.label import Label
-from grasp3d.system.context import running
-from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
     from grasp3d.grasps.jaw_grasps import JawGrasps
     from grasp3d.surface.grasp_table import GraspTable
     from grasp3d.surface.labels import SurfaceLabels
 
+Surfaces = Literal["auto", "ply", "tar", "none"]
+
+KEPT = 16
+"""Results that a process keeps: files with the same content are labelled once."""
+
+
+NUMBERS = ("score", "critical_angle", "max_resolution", "epsilon", "opening")
+"""Numbers of a grasp that are known of all."""
+
 
 @dataclass(frozen=True)
-class Unchanged:
-    """A mesh whose row is still valid: its file was touched, but its content is the same."""
+class JobSettings:
+    """What all jobs of a run have in common."""
+
+    labels: BatchSettings
+    surfaces: Surfaces
+    has_pages: bool
+    """Whether each mesh gets pictures, and a page of its own in the report."""
+    force: bool
+    """Whether lengths are accepted that cannot be meant for an object of a mesh's size."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One mesh to label."""
 
     mesh: MeshFile
+    path: str
+    """Path of its results without their suffix, below their folders."""
+    surface: str
+    """Name of its surface, as its row has it; empty: none is stored."""
 
 
-def label_job(job: Job, settings: BatchSettings, *, force: bool = False) -> Row | Unchanged:
-    """Label one mesh and write all its results.
+_finished: dict[tuple[str, Surfaces], LabelledMesh] = {}
+
+
+def label_job(job: Job, settings: JobSettings) -> LabelledMesh:
+    """Label one mesh.
 
     Args:
-        job: The mesh, and the files for its results.
-        settings: Settings of the labels.
-        force: Accept lengths that cannot be meant for an object of this size.
+        job: The mesh.
+        settings: Settings of the labels and of the results.
 
     Returns:
-        The mesh's row of the summary; of a mesh that cannot be labelled with the reason in `error`.
-        `Unchanged` where the content is `job.known_content`.
-
-    Raises:
-        NeedsMemory: The mesh is expected to need more memory than this process may take.
+        All that is stored of it; of a mesh that cannot be labelled a row with the reason in
+        `error`.
     """
-    begun = time.perf_counter()
-    row = _unlabelled_row(job)
+    begun, mesh = time.perf_counter(), job.mesh
+    row = Row(
+        mesh=mesh.name, source=mesh.source, bytes=mesh.size, stamp=mesh.stamp, surface=job.surface
+    )
     try:
-        with running(threads=job.threads), local_copy(job.mesh.source) as path:
+        with local_copy(mesh.source) as path:
             content = content_hash(path)
-            if content == job.known_content:
-                return Unchanged(job.mesh)
             # The stamp of a file does not change when its side files do.
             stamp = "" if side_names(path) else row.stamp
-            key = mesh_key(content, settings)
-            row = replace(row, content=content, key=key, stamp=stamp)
-            row = _labelled(path, job, settings, row, force=force)
-    except (OutputError, FileUnreadError) as error:  # may pass by itself
-        row = replace(row, outcome=Outcome.LOST, error=str(error))
-    except WarningError as error:  # no error of another run, which may not be strict
-        row = replace(row, outcome=Outcome.REFUSED, content="", error=str(error))
+            row = replace(
+                row, content=content, stamp=stamp,
+                key=mesh_key(content, settings.labels, mesh.own),
+            )  # fmt: skip
+            done = _labelled(path, job, settings, row)
     except GraspError as error:
-        row = replace(row, outcome=Outcome.REFUSED, error=str(error))
-    return replace(row, seconds=time.perf_counter() - begun)
+        # Some pass by themselves; warnings are no errors for another run, which may not be strict.
+        lost = isinstance(error, OutputError | FileUnreadError)
+        row = replace(
+            row, outcome=Outcome.LOST if lost else Outcome.REFUSED, error=str(error), surface="",
+            content="" if isinstance(error, WarningError) else row.content,
+        )  # fmt: skip
+        done = LabelledMesh(row, {}, {})
+    return replace(done, row=replace(done.row, seconds=time.perf_counter() - begun))
 
 
-def lost_row(job: Job, reason: str) -> Row:
-    """Row of a mesh whose process failed.
+def lost_job(job: Job, reason: str) -> LabelledMesh:
+    """What is stored of a mesh whose process failed.
 
     Args:
         job: The mesh.
         reason: What ended the process.
     """
-    return Row.lost(job.mesh.name, job.mesh.source, job.mesh.size, reason)
+    mesh, error = job.mesh, f"{job.mesh.source}: {reason}"
+    row = Row(mesh.name, mesh.source, Outcome.LOST, error, bytes=mesh.size)
+    return LabelledMesh(row, {}, {})
 
 
-def _unlabelled_row(job: Job) -> Row:
-    """Row of a mesh with the values that are known before it is read."""
-    mesh = job.mesh
-    return Row(
-        mesh=mesh.name,
-        source=mesh.source,
-        bytes=mesh.size,
-        stamp=mesh.stamp,
-        version=package_version(),
-        method=METHOD,
-    )
+@lru_cache(maxsize=KEPT)
+def _settings_of(settings: BatchSettings, own: tuple[tuple[str, Any], ...]) -> BatchSettings:
+    return settings.of_mesh(dict(own))
 
 
-def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force: bool) -> Row:
+def _labelled(path: Path, job: Job, settings: JobSettings, row: Row) -> LabelledMesh:
+    key = row.key, settings.surfaces
+    known = _finished.get(key)
+    if known is None or settings.has_pages:
+        known = _computed(path, job, settings, row)
+        if settings.has_pages:
+            return known
+        _finished[key] = known
+        if len(_finished) > KEPT:
+            del _finished[next(iter(_finished))]
+    same = {name: getattr(row, name) for name in ("mesh", "source", "bytes", "stamp", "surface")}
+    return replace(known, row=replace(known.row, **same))
+
+
+def _computed(path: Path, job: Job, settings: JobSettings, row: Row) -> LabelledMesh:
     # Imported here: planning and reading rows need neither ray tracing nor the compiler.
+    from grasp3d.formats import write_npz, write_ply
     from grasp3d.surface.labelling import Labelling
 
-    clock = _lap_times()
-    next(clock)
+    own = _settings_of(settings.labels, tuple(job.mesh.own.items()))
+    begun = time.perf_counter()
     task = Labelling.read(
-        path, settings.model, settings.sampling, settings.reach, settings.load, settings.mesh,
-        force=force,
-    )  # fmt: skip
-    reading = next(clock)
-    cost = labelling_cost(len(task.mesh.vertices), task.model, task.sampling)
-    allowed = allowed_memory()
-    if allowed is not None and cost.memory > allowed:
-        raise NeedsMemory(cost.memory)
+        path, own.model, own.sampling, own.reach, own.load, own.mesh, force=settings.force
+    )
+    read = time.perf_counter()
     labels = task.labels()
     _ = labels.epsilon_range, labels.load_result
-    labelling = next(clock)
-    best = _best_of(labels, settings.best)
-    row = replace(row, grasps=_best_rows(best)).of(labels)
-    row = _write(row, labels, best, job)
-    return replace(
-        row, seconds_reading=reading, seconds_labelling=labelling, seconds_writing=next(clock)
-    )
+    labelled = time.perf_counter()
+    best = _best_of(labels, own.best)
+    row, surface = replace(row, grasps=_best_rows(best)).of(labels), b""
+    with tempfile.TemporaryDirectory(prefix="grasp3d-") as temporary:
+        folder = Path(temporary)
+        if settings.surfaces != "none":
+            write = write_ply if settings.surfaces == "ply" else write_npz
+            file = folder / f"surface.{'ply' if settings.surfaces == 'ply' else 'npz'}"
+            write(file, labels)
+            surface = file.read_bytes()
+            file.unlink()
+        if settings.has_pages:
+            from grasp3d.batch.report.objects import write_object
 
-
-def _lap_times() -> Iterator[float]:
-    """Yield the time since the previous value [s]."""
-    last = time.perf_counter()
-    while True:
-        now = time.perf_counter()
-        yield now - last
-        last = now
-
-
-def _write(
-    row: Row, labels: "SurfaceLabels", best: "GraspTable | JawGrasps | None", job: Job
-) -> Row:
-    """Write all results of a mesh except its row, each atomically; returns the row with them."""
-    from grasp3d.formats import write_fields, write_ply
-
-    output = job.output
-    for name, write in {job.labels: write_ply, job.fields: write_fields}.items():
-        with output.atomic_write(name) as path:
-            write(path, labels)
-    row = replace(row, labels=job.labels, fields=job.fields)
-    if not job.has_page:
-        return row
-    from grasp3d.batch.report import write_object
-
-    return write_object(row, labels, best, output, job.page)
+            row = write_object(row, labels, best, folder, f"report/objects/{job.path}")
+        files = {
+            file.relative_to(folder).as_posix(): file.read_bytes()
+            for file in folder.rglob("*")
+            if file.is_file()
+        }
+    row = replace(
+        row, seconds_reading=read - begun, seconds_labelling=labelled - read,
+        seconds_writing=time.perf_counter() - labelled,
+    )  # fmt: skip
+    vertices = {name: getattr(labels, name) for name in VERTICES}
+    return LabelledMesh(row, vertices, files, surface)
 
 
 def _best_of(labels: "SurfaceLabels", count: int) -> "GraspTable | JawGrasps | None":
@@ -163,32 +183,27 @@ def _best_rows(best: "GraspTable | JawGrasps | None") -> tuple[BestGrasp, ...]:
     """The best distinct grasps as they are stored in the row of a surface."""
     if best is None:
         return ()
-    names, further = [label.name for label in sorted(Label)], _further_values(best)
+    names = [label.name for label in sorted(Label)]
+    poses = np.full((best.size, 4, 4), np.nan) if best.poses is None else best.poses
     contacts: Any = getattr(best, "jaws", None) or getattr(best, "contacts", None)
-    poses = best.poses
-    return tuple(
-        BestGrasp(
+    numbers = {name: getattr(best, name) for name in NUMBERS} | _further_values(best)
+
+    def grasp(row: int) -> BestGrasp:
+        values: dict[str, Any] = {name: _finite(one[row]) for name, one in numbers.items()}
+        values |= {name: float(numbers[name][row]) for name in NUMBERS}
+        return BestGrasp(
             label=names[best.letter[row]],
-            score=float(best.score[row]),
-            critical_angle=float(best.critical_angle[row]),
-            max_resolution=float(best.max_resolution[row]),
-            epsilon=float(best.epsilon[row]),
-            opening=float(best.opening[row]),
             points=_triples(contacts.points[row]),
             normals=_triples(-contacts.normals[row]),
-            pose=() if poses is None or np.isnan(poses[row]).any() else _flat(poses[row]),
-            **{name: _finite(float(one[row])) for name, one in further.items()},
+            pose=() if np.isnan(poses[row]).any() else tuple(poses[row].ravel().tolist()),
+            **values,
         )
-        for row in range(best.size)
-    )
+
+    return tuple(map(grasp, range(best.size)))
 
 
-def _finite(number: float) -> float | None:
-    return number if math.isfinite(number) else None
-
-
-def _flat(pose: Floats) -> tuple[float, ...]:
-    return tuple(pose.ravel().tolist())
+def _finite(number: Any) -> float | None:
+    return float(number) if math.isfinite(number) else None
 
 
 def _further_values(best: "GraspTable | JawGrasps") -> dict[str, Floats]:

@@ -1,45 +1,76 @@
 """Labelling a library of meshes: planned, labelled by many processes, stored, reported."""
 
+import json
+import logging
+import os
+import re
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from pathlib import Path
+from functools import partial
+from pathlib import Path, PurePosixPath
 from typing import Any
 
-from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
-from grasp3d.batch.inputs import MeshFile, find_meshes, use_stored_names
-from grasp3d.batch.job_requests import local_workers
-from grasp3d.batch.labelling import Unchanged, label_job, lost_row
-from grasp3d.batch.plan import Job, plan, use_all_processors
-from grasp3d.batch.report import write_report
-from grasp3d.batch.row import Outcome, Row, Summary
-from grasp3d.batch.run import run
-from grasp3d.batch.storage.files import local_path
-from grasp3d.batch.storage.folder import Folder
-from grasp3d.batch.store import Store
-from grasp3d.errors import OutputError
-from grasp3d.system.context import is_strict
+from upath import UPath
 
-SHARED_FOLDER_TIMEOUT = 10.0
-"""Time until a shared folder shows a file that another machine has written [s]."""
+from grasp3d.batch.batch_settings import BatchSettings, Surfaces
+from grasp3d.batch.chunks import (
+    ChunkWriter,
+    DamagedError,
+    Library,
+    current,
+    open_library,
+)
+from grasp3d.batch.identity import METHOD, content_hash, mesh_key, settings_text
+from grasp3d.batch.inputs import MeshFile, find_meshes, local_copy
+from grasp3d.batch.labelling import Job, JobSettings, label_job, lost_job
+from grasp3d.batch.report.index import write_report
+from grasp3d.batch.row import COLUMNS, Outcome, Row
+from grasp3d.errors import GraspError, MeshError, OutputError, SettingError
+from grasp3d.jobs.cluster_settings import ClusterSettings
+from grasp3d.jobs.running import run
+from grasp3d.settings.checks import check_choice
+from grasp3d.stability.label import Label
+from grasp3d.system.context import is_strict
+from grasp3d.system.files import TEMPORARY_PREFIX
+from grasp3d.system.names import as_unicode, printable, safe_stem, short_hash
+from grasp3d.system.places import converted, place
+from grasp3d.system.versions import package_version
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+logger = logging.getLogger(__name__)
 
 MOST_PAGES = 1000
-"""Meshes up to which each of them has pictures, and a page of its own in the report."""
+"""Meshes up to which each of them has pictures, a page of its own in the report, and a PLY."""
+
+MOST_ROWS = {False: 64, True: 500}
+"""Rows of a chunk, of few meshes and of more than `MOST_PAGES`."""
 
 BYTES_PER_MESH = 100_000
 """Bytes added to the size of each file: the work for a mesh is estimated by the bytes of its
 file."""
 
+STORED = ("labels", "surfaces", "report")
+"""Folders of results."""
+
+UNFINISHED = 86400.0
+"""Age of unfinished files that no run can still be writing [s]."""
+
+KNOWN = ("mesh", "source", "outcome", "stamp", "content", "key", "warnings")
+"""Columns by which it is known what is done."""
+
 
 @dataclass(frozen=True)
 class BatchProgress:
-    """Progress of a batch, reported whenever a mesh is started or finished."""
+    """Progress of a batch, reported at its beginning and whenever a mesh is finished."""
 
     finished: int
     """Meshes that an earlier batch had finished."""
-    stale: int
-    """Meshes of this batch whose labels of other settings are replaced."""
     labelled: int
     failed: int
     """Refused or lost."""
@@ -50,6 +81,14 @@ class BatchProgress:
     row: Row | None = None
     """Row of the mesh that has just finished."""
 
+    def with_row(self, row: Row, fraction: float) -> "BatchProgress":
+        """The progress when a mesh has got a row, and that much more of the work is done."""
+        labelled = row.outcome is Outcome.LABELLED
+        return replace(
+            self, labelled=self.labelled + labelled, failed=self.failed + (not labelled),
+            left=self.left - 1, fraction=self.fraction + fraction, row=row,
+        )  # fmt: skip
+
 
 ProgressCallback = Callable[[BatchProgress], None]
 
@@ -58,101 +97,51 @@ def ignore_progress(progress: BatchProgress) -> None:
     """Do nothing with the progress of a batch."""
 
 
-class _ProgressCounter:
-    """Counts what a batch has done, and reports it."""
-
-    def __init__(
-        self, meshes: Sequence[MeshFile], finished: int, stale: int, report: ProgressCallback
-    ) -> None:
-        """Count the meshes to label; the other arguments are those of `BatchProgress`."""
-        self._total_work = sum(mesh.size + BYTES_PER_MESH for mesh in meshes)
-        self._work_done, self._report_to = 0, report
-        self._running: dict[str, MeshFile] = {}
-        fraction = 0.0 if meshes else 1.0
-        self._progress = BatchProgress(finished, stale, 0, 0, len(meshes), fraction)
-        report(self._progress)
-
-    def start(self, mesh: MeshFile) -> None:
-        """Count a mesh that is sent to a worker."""
-        self._running[mesh.name] = mesh
-        self._report(row=None)
-
-    def finish(self, row: Row) -> None:
-        """Count a mesh that has got a row."""
-        before, labelled = self._progress, row.outcome == Outcome.LABELLED
-        self._work_done += self._running.pop(row.mesh).size + BYTES_PER_MESH
-        self._report(
-            labelled=before.labelled + labelled,
-            failed=before.failed + (not labelled),
-            left=before.left - 1,
-            fraction=self._work_done / self._total_work,
-            row=row,
-        )
-
-    def _report(self, **changes: Any) -> None:
-        self._progress = replace(self._progress, **changes)
-        self._report_to(self._progress)
-
-
-@dataclass(frozen=True)
-class LibraryLabels:
-    """Results of a batch."""
-
-    output: str
-    """Folder of the results."""
-    rows: Mapping[str, Row]
-    """A row for each input mesh, by the mesh's name and in the order of names."""
-    finished: int
-    """How many of them were finished by an earlier batch."""
-
-    @cached_property
-    def failed(self) -> tuple[Row, ...]:
-        """Rows of meshes that were not labelled."""
-        return tuple(row for row in self.rows.values() if row.outcome != Outcome.LABELLED)
-
-    @property
-    def summary(self) -> Summary:
-        """The rows as a list, with `to_table` (Arrow) and `to_dataframe` (pandas)."""
-        return Summary(self.rows.values())
-
-
 def label_library(
     inputs: Iterable[str | Path],
     output: str | Path,
     settings: BatchSettings | None = None,
     *,
     cluster: ClusterSettings | None = None,
+    surfaces: Surfaces = "auto",
+    part: str | None = None,
     overwrite: bool = False,
     force: bool = False,
     report: bool = True,
     progress: ProgressCallback = ignore_progress,
-) -> LibraryLabels:
-    """Label every mesh of a library, largest files first; resumes an earlier call.
+) -> Library:
+    """Label every mesh of a library; resumes an earlier call.
 
-    Below `output`: `labels/NAME.ply`, `fields/NAME.parquet` (a row per vertex), `summary/` (a
-    Parquet data set, a row per mesh) and `report/index.html`, with a page per mesh for up to 1,000
-    meshes. A mesh whose content, settings and
-    version of the method equal those of its row is not labelled again. Meshes that fail have rows
-    with the reason. If any process is interrupted, finished meshes stay finished.
+    Below `output`: `labels/`, Parquet files with a row per mesh; `surfaces/`, the labelled
+    surfaces; and `report/index.html`, with a page per mesh for up to 1,000 meshes. A mesh whose
+    content, settings and version of the method equal those of its row is not labelled again. Meshes
+    that fail have rows with the reason. If any process is interrupted, finished meshes stay
+    finished; if this one is killed, those of the last minute are labelled again.
 
     Args:
-        inputs: Folders, mesh files, globs, lists (.txt), on this machine or any file system that
-            fsspec supports (s3://...).
+        inputs: Folders, mesh files, globs, and tables of meshes (.csv, .parquet), on this machine
+            or any file system that fsspec supports (s3://...).
         output: Folder for the results, on any of these file systems.
         settings: Settings of the labels.
         cluster: Which processes label the meshes.
-        overwrite: Label all meshes again, and remove labels of other meshes that were made with
-            other settings.
+        surfaces: How labelled surfaces are stored: ply, a file for each mesh; tar, a file of NPZ
+            for some hundred of them; none; auto: as in the folder, or if it is new ply for up to
+            1,000 meshes, and tar for more.
+        part: Label only so many of the meshes, 'I/N': the I-th of N parts, which may run at the
+            same time and write to the same folder. None: all.
+        overwrite: Remove the results that are there, and label all meshes again.
         force: Accept lengths that cannot be meant for an object of a mesh's size; without it such
             a mesh fails.
         report: Write the report, and the pictures for it.
-        progress: Called with the progress whenever a mesh is started or finished.
+        progress: Called with the progress at the beginning and whenever a mesh is finished.
+
+    Returns:
+        The library, restricted to these meshes.
 
     Raises:
-        MeshError: An input is missing, or there is no mesh among them.
+        MeshError: An input is missing, or there is no mesh among them, or a table is wrong.
         SettingError: The cluster cannot be reached, or the hand cannot make such grasps.
-        OutputError: The results cannot be written, or `output` contains other meshes with other
-            settings.
+        OutputError: The results cannot be written, or `output` has results of other settings.
 
     Example:
         A library of one mesh, labelled in this process:
@@ -160,110 +149,232 @@ def label_library(
         >>> from pathlib import Path
         >>> import trimesh
         >>> import grasp3d
-        >>> from grasp3d.batch import ClusterSettings
+        >>> from grasp3d.jobs import ClusterSettings
         >>> Path("parts").mkdir()
         >>> _ = trimesh.creation.box([0.08, 0.05, 0.03]).export("parts/box.stl")
         >>> settings = grasp3d.BatchSettings(mesh=grasp3d.MeshOptions(unit="m", max_edge=0.02))
-        >>> done = grasp3d.label_library(
+        >>> library = grasp3d.label_library(
         ...     ["parts"], "results", settings, cluster=ClusterSettings(workers=0), report=False
         ... )
-        >>> print(f"{done.rows['box.stl'].stable:.1%} surely stable, {len(done.failed)} failed")
-        67.4% surely stable, 0 failed
-        >>> sorted(path.name for path in Path("results/labels").iterdir())
-        ['box.ply']
+        >>> [row] = library.rows()
+        >>> print(f"{row.mesh}: {row.stable:.1%} surely stable")
+        box.stl: 67.4% surely stable
+        >>> sorted(path.name for path in Path("results/surfaces").iterdir())
+        ['box.stl.ply']
     """
-    settings, folder = settings or BatchSettings(), Folder(str(output))
-    cluster = cluster or ClusterSettings()
-    if settings.reach.hand is not None:
-        settings.reach.hand.check_fingers(settings.model.fingers)
+    settings, cluster = settings or BatchSettings(), cluster or ClusterSettings()
     if not str(output):
         raise OutputError("no folder for the results: name one")
-    files = find_meshes(map(str, inputs), results=folder.url)
-    store = Store(folder, settings, overwrite=overwrite)
-    try:
-        meshes = use_stored_names(files, store.rows)
-        jobs, finished = _jobs_to_run(meshes, store, overwrite=overwrite, force=force)
-        pages = report and len(meshes) <= MOST_PAGES
-        jobs = [replace(job, has_page=pages) for job in jobs]
-        if cluster.scheduler is None:
-            jobs = use_all_processors(jobs, local_workers(cluster))
-        stale = store.begin(job.mesh.name for job in jobs)
-        counter = _ProgressCounter([job.mesh for job in jobs], finished, stale, progress)
-        check_shared_folder = cluster.scheduler is not None
-        for result in run(
-            partial(label_job, force=True) if force else label_job,
-            jobs,
-            settings,
-            lost=lost_row,
-            cluster=cluster,
-            started=lambda job: counter.start(job.mesh),
-            compiled=True,
-        ):
-            row = _row_of(result, store.rows)
-            if check_shared_folder and row.labels:
-                _check_shared(store.output, row)
-                check_shared_folder = False
-            store.add(row)
-            counter.finish(row)
-    finally:  # also when interrupted
-        store.close()
-    if report:
-        write_report(folder, [store.rows[name] for name in sorted(store.rows)], settings)
-    names = sorted(mesh.name for mesh in meshes)
-    return LibraryLabels(folder.url, {name: store.rows[name] for name in names}, finished)
-
-
-def _jobs_to_run(
-    meshes: Sequence[MeshFile], store: Store, *, overwrite: bool, force: bool
-) -> tuple[list[Job], int]:
-    """Jobs for the unfinished meshes, the largest first, and the number of finished meshes.
-
-    A mesh that was refused, perhaps for its lengths, is tried again if this call accepts them; one
-    with warnings if they are errors.
-    """
-    jobs = plan(meshes, store.output, earlier=_stems(store.rows))
-    if not overwrite:
-        again = {
-            name
-            for name, row in store.rows.items()
-            if (force and row.outcome is Outcome.REFUSED) or (is_strict() and row.warnings)
-        }
-        jobs = [job for job in jobs if job.mesh.name in again or not store.finished(job.mesh)]
+    folder, (first, parts) = place(str(output), OutputError), _part(part)
+    if part and overwrite:
+        raise SettingError("a part overwrites nothing: remove the folder, then label all parts")
+    meshes = find_meshes(map(str, inputs), results=str(output))
+    _check_meshes(meshes, settings, folder)
+    many, prefix = len(meshes) > MOST_PAGES, f"{first}of{parts}" if part else "all"
+    with _locked(folder, prefix):
+        earlier = _earlier(folder, remove=overwrite)
+        head = _head(settings, surfaces, earlier, many=many)
         jobs = [
-            job
-            if job.mesh.name in again
-            else replace(job, known_content=store.known_content(job.mesh))
-            for job in jobs
+            _job(mesh, earlier.rows.get(mesh.name), head["surfaces"])
+            for mesh in meshes[first - 1 :: parts]
         ]
-    jobs.sort(key=lambda job: (-job.mesh.size, job.mesh.name))
-    return jobs, len(meshes) - len(jobs)
+        todo = [job for job in jobs if not earlier.has(job.mesh, settings, force=force)]
+        todo.sort(key=lambda job: short_hash(job.mesh.name))  # so that the time left is known
+        state = BatchProgress(len(jobs) - len(todo), 0, 0, len(todo), 0.0 if todo else 1.0)
+        progress(state)
+        work = {job.mesh.name: job.mesh.size + BYTES_PER_MESH for job in todo}
+        whole = sum(work.values())
+        each = JobSettings(settings, head["surfaces"], report and not many, force)
+        writer = ChunkWriter(folder, prefix, head, MOST_ROWS[many])
+        if not earlier.rows:
+            writer.write()  # marks the folder, and finds a full disk at once
+        done = run(partial(label_job, settings=each), todo, cluster=cluster, compiled=True)
+        try:
+            for one in done:
+                mesh = one.value or lost_job(one.job, str(one.error))
+                writer.add(mesh)
+                state = state.with_row(mesh.row, work[mesh.row.mesh] / whole)
+                progress(state)
+        finally:  # also when interrupted
+            done.close()
+            if writer.waits:
+                writer.write()
+        writer.merge()
+    library = open_library(output)
+    if report:
+        columns = [name for name in COLUMNS if name != "grasps"]
+        write_report(folder, library.rows(columns), settings)
+    return replace(library, only=frozenset(job.mesh.name for job in jobs))
 
 
-def _check_shared(output: Folder, row: Row) -> None:
-    """Check that a worker of a cluster writes to the folder that this process reads."""
-    path, end = local_path(output.path(row.labels)), time.monotonic() + SHARED_FOLDER_TIMEOUT
-    while path is not None and not path.exists():
-        if time.monotonic() > end:
+def _part(text: str | None) -> tuple[int, int]:
+    """Number of a part, and how many there are."""
+    if text is None:
+        return 1, 1
+    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
+    number, count = map(int, found.groups()) if found else (0, 0)
+    if not 1 <= number <= count:
+        raise SettingError(f"part must be I/N with I from 1 to N, such as 2/8; got {text!r}")
+    return number, count
+
+
+def _check_meshes(meshes: Sequence[MeshFile], settings: BatchSettings, folder: UPath) -> None:
+    """Refuse meshes whose own settings are wrong, or that lie among the results."""
+    checked = set()
+    for mesh in meshes:
+        own = tuple(mesh.own.items())
+        if own not in checked:
+            try:
+                settings.of_mesh(mesh.own)
+            except GraspError as error:
+                raise MeshError(f"{printable(mesh.name)}: {error}") from error
+        checked.add(own)
+        if mesh.source.startswith((f"{folder}/surfaces/", f"{folder}/report/")):
+            raise MeshError(f"{printable(mesh.source)}: is a result; it would be overwritten")
+
+
+@contextmanager
+def _locked(folder: UPath, prefix: str) -> Iterator[None]:
+    """Lock the chunks of a run; the operating system releases them with the process.
+
+    An object store has no locks: there the lock has no effect.
+    """
+    if not isinstance(folder, Path) or fcntl is None:
+        yield
+        return
+    with converted(folder, OutputError, "written"):
+        folder.mkdir(parents=True, exist_ok=True)
+        file = (folder / f".lock-{prefix}").open("w")
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
             raise OutputError(
-                f"{output.url}: a worker of the cluster has written results, but they do not "
-                "appear here; name a folder that all machines access, or an object store"
+                f"{printable(str(folder))}: another run is writing to it; wait for its end, or "
+                "name another folder"
+            ) from error
+        except OSError:  # a file system without locks
+            pass
+        yield
+
+
+@dataclass(frozen=True)
+class _Earlier:
+    """What earlier runs have left in a folder."""
+
+    folder: UPath
+    head: Mapping[str, Any]
+    """Of its chunks; empty: there are none."""
+    rows: Mapping[str, Row]
+    """By name, with the columns of `KNOWN`."""
+
+    def has(self, mesh: MeshFile, settings: BatchSettings, *, force: bool) -> bool:
+        """Whether a mesh need not be labelled.
+
+        One that was refused, perhaps for its lengths, is tried again if this run accepts them; one
+        with warnings if they are errors.
+        """
+        row = self.rows.get(mesh.name)
+        if row is None or row.outcome is Outcome.LOST:
+            return False
+        again = (force and row.outcome is Outcome.REFUSED) or (is_strict() and row.warnings)
+        if again or row.key != mesh_key(row.content, settings, mesh.own):
+            return False
+        if mesh.stamp and mesh.stamp == row.stamp and as_unicode(mesh.source) == row.source:
+            return True
+        with suppress(GraspError), local_copy(mesh.source) as path:
+            return content_hash(path) == row.content
+        return False
+
+
+def _earlier(folder: UPath, *, remove: bool) -> _Earlier:
+    """What is in a folder of results; damaged chunks are removed.
+
+    Raises:
+        OutputError: It has other files, or results of a newer version.
+    """
+    damaged = False
+    while True:
+        try:
+            library = current(folder)
+            rows = library.rows(KNOWN) if library.chunks else []
+            break
+        except DamagedError as error:
+            if not error.is_chunk:
+                raise
+            logger.warning("%s", error)
+            error.path.unlink(missing_ok=True)  # another part may have replaced it by now
+            damaged = True
+    with converted(folder, OutputError, "read"):
+        stored = [folder / name for name in STORED]
+        others = [one for one in stored if one.is_dir() and any(one.iterdir())]
+        if others and not library.chunks and not damaged:
+            raise OutputError(
+                f"{printable(str(others[0]))}: is not of grasp3d batch; name another folder"
             )
-        time.sleep(0.1)
+        for one in others if remove else ():
+            one.fs.rm(one.path, recursive=True)
+        for part in folder.glob(f"*/{TEMPORARY_PREFIX}*"):  # of runs that were killed
+            if time.time() - part.stat().st_mtime > UNFINISHED:
+                part.unlink()
+    if remove or not library.chunks:
+        return _Earlier(folder, {}, {})
+    return _Earlier(folder, library.chunks[-1].head, {row.mesh: row for row in rows})
 
 
-def _row_of(result: Row | Unchanged, rows: Mapping[str, Row]) -> Row:
-    """Row of a finished mesh; an unchanged mesh keeps its row, with the new stamp."""
-    if isinstance(result, Unchanged):
-        row = rows[result.mesh.name]
-        stamp = result.mesh.stamp if row.stamp else ""  # none for meshes with side files
-        return replace(row, stamp=stamp, source=result.mesh.source)
-    return result
+def _head(
+    settings: BatchSettings, surfaces: Surfaces, earlier: _Earlier, *, many: bool
+) -> dict[str, Any]:
+    """What the chunks of a run say of themselves.
 
-
-def _stems(rows: Mapping[str, Row]) -> dict[str, str]:
-    """Stems of the existing results, by the name of their mesh."""
-    return {
-        name: row.labels.removeprefix("labels/").removesuffix(".ply")
-        for name, row in rows.items()
-        if row.labels
+    Raises:
+        OutputError: The folder has results of other settings.
+    """
+    check_choice("surfaces", surfaces, Surfaces)
+    if surfaces == "auto":
+        surfaces = earlier.head.get("surfaces") or ("tar" if many else "ply")
+    head = {
+        "method": METHOD,
+        "settings": json.loads(settings_text(settings)),
+        "surfaces": surfaces,
+        "lengths": "m where the unit of a mesh is known, else that of its file",
+        "angles": "rad",
+        "poses": "rows of the 4 x 4 matrix from the gripper's frame to the mesh's",
+        "codes": {label.name: int(label) for label in Label},
+        "version": package_version(),
     }
+    differs = [name for name in ("method", "settings", "surfaces") if name in earlier.head
+               and earlier.head[name] != head[name]]  # fmt: skip
+    if differs:
+        what = {"method": "another version of the method", "settings": "other settings"}
+        raise OutputError(
+            f"{printable(str(earlier.folder))}: has results of "
+            f"{what.get(differs[0], 'another kind of surfaces')}; name another folder, or replace "
+            "them with --overwrite"
+        )
+    return head
+
+
+def _job(mesh: MeshFile, row: Row | None, surfaces: Surfaces) -> Job:
+    """The job of a mesh, whose results are called like its file.
+
+    Raises:
+        OutputError: The folder has labels of another file of this name.
+    """
+    source = as_unicode(mesh.source)
+    if row is not None and _location(row.source) != _location(source) and not mesh.own:
+        with suppress(MeshError, OSError):
+            if place(row.source).exists():
+                raise OutputError(
+                    f"{printable(mesh.source)}: has the name {printable(mesh.name)}, by which this "
+                    f"folder has labels of {printable(row.source)}; name another folder, or give "
+                    "the folder that both are in"
+                )
+    # Names may be paths from anywhere, and WebDataset's keys have neither slashes nor dots.
+    path = "/".join(map(safe_stem, PurePosixPath(mesh.name.replace(os.sep, "/")).parts))
+    key = f"{re.sub(r'[/.]', '_', path)}-{short_hash(mesh.name)}.npz"
+    return Job(mesh, path, {"ply": f"surfaces/{path}.ply", "tar": key}.get(surfaces, ""))
+
+
+def _location(source: str) -> str:
+    return source if "://" in source else os.path.abspath(source)  # noqa: PTH100, links stay

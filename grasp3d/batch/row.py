@@ -1,4 +1,4 @@
-"""Rows of the summary: the results of one mesh each, whose columns are declared here alone.
+"""Rows: the results of one mesh each, whose columns are declared here alone.
 
 A column is a field of `Row` with what it means, what gives its value for a labelled surface, and
 how people read it; files, the printed table, the report and the docs follow from that.
@@ -12,11 +12,7 @@ from functools import cached_property
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
-from grasp3d.batch.identity import METHOD
 from grasp3d.system.counts import short_number
-from grasp3d.system.names import as_unicode
-from grasp3d.system.tables import data_frame, table_of_records
-from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
     from grasp3d.arrays import Floats
@@ -24,7 +20,7 @@ if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels
 
 
-PERCENTS = (10, 25, 50, 75, 90)
+PERCENTS = (10, 50, 90)
 """Levels of the quantiles over a surface."""
 
 
@@ -235,7 +231,7 @@ class BestGrasp:
 
 @dataclass(frozen=True)
 class Row:
-    """One row of the summary; values that are unknown, as for unlabelled meshes, are none."""
+    """The row of a mesh; values that are unknown, as for unlabelled meshes, are none."""
 
     mesh: str = _column("name: path below the input folder", default="")
     source: str = _column("path or address of the file, as given", default="")
@@ -258,14 +254,6 @@ class Row:
     friction_max: float | None = _column(
         "the same, the largest", lambda one: one.labels.model.friction_interval[1]
     )
-    sensor_resolution: float | None = _column(
-        "resolution α of the labels", "labels.model.sensor_resolution"
-    )
-    location_error: float | None = _column(
-        "largest distance between true and perceived contact points [m]",
-        "labels.model.location_error",
-    )
-    fingers: int | None = _column("number of fingers", "labels.model.fingers")
     gripper: str | None = _column(
         "name of the gripper or hand that must reach the grasps; null: ideal points",
         lambda one: None if one.labels.scene is None else one.labels.scene.hand.name,
@@ -300,8 +288,11 @@ class Row:
         "mass or force not given",
         _of_load("holds"),
     )
-    labels: str = _column("path of the labelled PLY below the output folder", default="")
-    fields: str = _column("path of the table of vertices, there too", default="")
+    surface: str = _column(
+        "path of the labelled PLY below the output folder, or name of the NPZ in the .tar that is "
+        "called like this file; empty: none is stored",
+        default="",
+    )
     thumbnail: str = _column(
         "path of the small picture; empty: none could be made, or the library is too large",
         default="",
@@ -309,16 +300,13 @@ class Row:
     page: str = _column(
         "path of the mesh's page in the report; empty: the library is too large", default=""
     )
-    model: str = _column("path of the coloured surface as GLB, beside the page", default="")
     stable: float | None = _column("area fraction of S", lambda one: one.fractions["S"])
     ambiguous: float | None = _column("area fraction of M", lambda one: one.fractions["M"])
     no_grasp_found: float | None = _column("area fraction of U", lambda one: one.fractions["U"])
     critical_angle_p10: float | None = _quantile(_ANGLE, "critical_angle", 10)
-    critical_angle_p25: float | None = _quantile(_ANGLE, "critical_angle", 25)
     critical_angle_p50: float | None = _quantile(
         _ANGLE, "critical_angle", 50, heading="β* median", unit="rad", otherwise="no grasp"
     )
-    critical_angle_p75: float | None = _quantile(_ANGLE, "critical_angle", 75)
     critical_angle_p90: float | None = _quantile(_ANGLE, "critical_angle", 90)
     margin_p10: float | None = _quantile(_MARGIN, "margin", 10)
     margin_p50: float | None = _quantile(
@@ -357,6 +345,10 @@ class Row:
     unit: str | None = _column(
         "unit of lengths: m; null where that of the mesh is not known", "labels.mesh.unit"
     )
+    file_unit: str | None = _column(
+        "unit of the file's coordinates, stated or guessed; null: not known",
+        "labels.mesh.file_unit",
+    )
     vertices: int | None = _column(
         "vertices of the refined surface", lambda one: len(one.labels.mesh.vertices),
         heading="Vertices",
@@ -393,36 +385,6 @@ class Row:
     seconds_labelling: float | None = _column("time for search, labels and ε [s]")
     seconds_writing: float | None = _column("time for best grasps, files and pictures [s]")
     seconds: float = _column("time for the mesh [s]", default=0.0, heading="Seconds")
-    version: str = _column("version of grasp3d", default="")
-    method: int | None = _column(
-        "number of the method, which changes when labels of the same mesh change"
-    )
-
-    @classmethod
-    def lost(cls, mesh: str, source: str, size: int | None, reason: str) -> "Row":
-        """Row of a mesh whose process failed, or whose results are gone.
-
-        Args:
-            mesh: Name of the mesh.
-            source: Its path or address.
-            size: Size of its file.
-            reason: What happened.
-        """
-        return cls(
-            mesh=mesh,
-            source=source,
-            outcome=Outcome.LOST,
-            error=f"{source}: {reason}",
-            bytes=size,
-            version=package_version(),
-            method=METHOD,
-        )
-
-    @property
-    def files(self) -> list[str]:
-        """Paths of its result files below the output folder."""
-        paths = (self.labels, self.fields, self.thumbnail, self.page, self.model)
-        return [path for path in paths if path]
 
     def of(self, labels: "SurfaceLabels") -> "Row":
         """This row, with the values of a labelled surface."""
@@ -447,29 +409,3 @@ def headed(rows: Iterable[Row]) -> dict[str, Column]:
         for name, column in COLUMNS.items()
         if column.heading and any(row.text(name) for row in labelled)
     }
-
-
-def in_unicode(row: Row) -> Row:
-    """A row as tables can hold it: bytes of file names that are not Unicode are escaped."""
-    text: dict[str, Any] = {
-        name: as_unicode(value)
-        for name, value in vars(row).items()
-        if type(value) is str and not value.isascii()
-    }
-    return replace(row, **text) if text else row
-
-
-class Summary(list[Row]):
-    """Rows of a batch, one for each mesh, in the order of the meshes' names."""
-
-    def to_table(self) -> Any:
-        """Return a `pyarrow.Table` with the columns of the data set `summary/`."""
-        return table_of_records(self, Row, {})
-
-    def to_dataframe(self) -> Any:
-        """Return `to_table` as a `pandas.DataFrame`.
-
-        Raises:
-            OutputError: pandas is not installed; the extra `grasp3d[pandas]` installs it.
-        """
-        return data_frame(self.to_table())

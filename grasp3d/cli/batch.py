@@ -1,18 +1,20 @@
 """`grasp3d batch`: labels a library of meshes, and writes tables and a report."""
 
 import logging
+import re
 import signal
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import PurePath
 from types import FrameType
 
-from rich.logging import RichHandler
-from rich.progress import Progress, TextColumn, TimeRemainingColumn
+from rich.progress import Progress, TextColumn
 
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.library import BatchProgress, LibraryLabels, label_library
+from grasp3d.batch.chunks import Library
+from grasp3d.batch.library import BatchProgress, label_library
 from grasp3d.batch.report.index import REPORT
 from grasp3d.batch.row import Outcome, Row, headed
 from grasp3d.cli.commands import Batch
@@ -29,7 +31,10 @@ MAX_ROWS = 60
 """Meshes up to which each of them is printed."""
 
 MAX_MESSAGES = 20
-"""Failures, and warnings, that are printed; the others are in the summary and the report."""
+"""Failures, and warnings, that are printed; the others are in the labels and the report."""
+
+MEASURED = 20.0
+"""Time after which the time that is left can be told [s]."""
 
 
 def run(command: Batch, report: Report) -> int:
@@ -42,18 +47,21 @@ def run(command: Batch, report: Report) -> int:
         try:
             library = label_library(
                 command.inputs, command.output, settings, cluster=command.cluster,
-                progress=progress, overwrite=command.overwrite, force=command.force,
+                surfaces=command.surfaces, part=command.part, progress=progress,
+                overwrite=command.overwrite, force=command.force,
             )  # fmt: skip
         except KeyboardInterrupt as stop:
             without = " without --overwrite" * command.overwrite
             resume = f"the same command{without} labels the others"
-            text = f"{progress.counts}; labelled meshes are stored; {resume}"
+            text = f"{progress.counts}; finished meshes are stored; {resume}"
             raise KeyboardInterrupt(text) from stop
+    names = ["mesh", "outcome", "error"]
+    failed = [row for row in library.rows(names) if row.outcome is not Outcome.LABELLED]
     if not command.quiet:
-        print_library(report, library)
-    for row in library.failed if command.quiet else ():
+        print_library(report, library, failed, progress.first.finished)
+    for row in failed if command.quiet else ():
         print(f"failed: {printable(row.error)}", file=sys.stderr)  # noqa: T201
-    return 1 if library.failed else 0
+    return 1 if failed else 0
 
 
 @contextmanager
@@ -83,69 +91,101 @@ class ProgressDisplay:
 
     def __init__(self, bar: Progress) -> None:
         self._bar, self._task = bar, bar.add_task("labelling", total=1.0, status="")
-        self._last_line = 0.0
+        self._begun = self._last_line = 0.0
+        self._reasons: set[str] = set()
+        self.first = BatchProgress(0, 0, 0, 0, 0.0)
+        """The progress at the beginning."""
         self.counts = "no mesh was started"
         """How many meshes are done."""
 
     def __call__(self, progress: BatchProgress) -> None:
         """Show the progress."""
         now, console = time.monotonic(), self._bar.console
-        done = progress.labelled + progress.failed
-        if not self._last_line:
-            self._last_line = now
+        if not self._begun:
+            self._begun = self._last_line = now
+            self.first = progress
             self._bar.reset(self._task)
             left = counted(progress.left, "meshes")
             console.print(f"{left} to label, {progress.finished} finished before")
-            if progress.stale:
-                stale = counted(progress.stale, "meshes")
-                console.print(f"{WARNING} labels made with other settings are replaced: {stale}")
-        finished = progress.finished + done
-        self.counts = f"{finished} of {counted(finished + progress.left, 'meshes')} are done"
-        status = f"{progress.labelled} labelled, {progress.failed} failed, {progress.left} left"
+        self.counts = (
+            f"{progress.labelled} labelled, {progress.failed} failed, {progress.left} left"
+        )
+        status = f"{self.counts}{self._pace(progress, now - self._begun)}"
         self._bar.update(self._task, completed=progress.fraction, status=status)
+        if progress.row is not None and progress.row.outcome is not Outcome.LABELLED:
+            self._show_failure(progress.row)
         is_due = progress.row and (now - self._last_line > LINE_INTERVAL or not progress.left)
         if is_due and not console.is_terminal:
             self._last_line = now
             console.print(status)
 
+    def _pace(self, progress: BatchProgress, seconds: float) -> str:
+        """Meshes per minute, and the time that is left by the sizes of the files."""
+        done = progress.labelled + progress.failed
+        if not done or seconds < MEASURED:
+            return ""
+        left = seconds * (1.0 - progress.fraction) / progress.fraction
+        time_left = f"{left / 3600.0:.1f} h" if left > 5400.0 else f"{left / 60.0:.0f} min"
+        return f", {60.0 * done / seconds:.3g} a minute, about {time_left} to go"
+
+    def _show_failure(self, row: Row) -> None:
+        """Show the first failure of each reason at once."""
+        text = row.error.replace(row.source, "").replace(PurePath(row.source).name, "")
+        reason = re.sub(r"[-+\d.e]+", "#", text)
+        if reason not in self._reasons:
+            self._reasons.add(reason)
+            self._bar.console.print(f"{FAILED} {escaped(row.error)}")
+
+
+class _Lines(logging.Handler):
+    """Prints warnings above a progress bar, a line each."""
+
+    def __init__(self, bar: Progress) -> None:
+        super().__init__(logging.WARNING)
+        self._console = bar.console
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a warning."""
+        self._console.print(f"{WARNING} {escaped(record.getMessage())}")
+
 
 @contextmanager
 def _show_progress(report: Report) -> Iterator[ProgressDisplay]:
     """Show the progress of a batch, and the package's log, for the duration of the context."""
-    bar = report.bar(TextColumn("{task.fields[status]}"), TimeRemainingColumn())
-    log = logging.getLogger("grasp3d")
-    handler, level = RichHandler(console=bar.console, show_time=False, show_path=False), log.level
-    log.setLevel(logging.INFO)
+    bar = report.bar(TextColumn("{task.fields[status]}"))
+    log, handler = logging.getLogger("grasp3d"), _Lines(bar)
     log.addHandler(handler)
     try:
         with bar:
             yield ProgressDisplay(bar)
     finally:
-        log.setLevel(level)
         log.removeHandler(handler)
 
 
-def print_library(report: Report, library: LibraryLabels) -> None:
+def print_library(report: Report, library: Library, failed: Sequence[Row], finished: int) -> None:
     """Print the results of a library: a line per mesh where they are few, warnings and failures.
 
     Args:
         report: Where to print.
         library: From `label_library`.
+        failed: Rows of the meshes without labels.
+        finished: How many meshes were finished before.
     """
-    rows = list(library.rows.values())
-    if len(rows) <= MAX_ROWS:
+    count = len(library.meshes)
+    rows = library.rows() if count <= MAX_ROWS else []
+    if rows:
         _print_table(report, rows)
-    warned = [f"{row.mesh}: {row.warnings}" for row in rows if row.warnings]
-    for mark, lines in ((FAILED, [row.error for row in library.failed]), (WARNING, warned)):
+    texts = library.table(["mesh", "warnings", "page", "thumbnail"]).to_pylist()
+    warned = [f"{row['mesh']}: {row['warnings']}" for row in texts if row["warnings"]]
+    for mark, lines in ((FAILED, [row.error for row in failed]), (WARNING, warned)):
         report.lines(lines[:MAX_MESSAGES], mark)
         if len(lines) > MAX_MESSAGES:
             report.line(f"{mark} {len(lines) - MAX_MESSAGES} more: see the report")
-    before = f"; {library.finished} of them were finished before" if library.finished else ""
-    failed = len(library.failed)
-    report.line(f"{len(rows) - failed} labelled, {failed} failed{before}")
-    if any(row.page and not row.thumbnail for row in rows):
+    before = f"; {finished} of them were finished before" if finished else ""
+    report.line(f"{count - len(failed)} labelled, {len(failed)} failed{before}")
+    if any(row["page"] and not row["thumbnail"] for row in texts):
         report.line(f"{NOTE} the report has no pictures: {NO_OPENGL}")
-    report.written(library.output, f"{library.output}/{REPORT}")
+    report.written(str(library.folder), f"{library.folder}/{REPORT}")
 
 
 def _print_table(report: Report, rows: Sequence[Row]) -> None:

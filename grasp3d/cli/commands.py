@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-from grasp3d.batch.batch_settings import ClusterSettings
+from grasp3d.batch.batch_settings import Surfaces
 from grasp3d.cli.options import (
     ARGUMENT,
     FOLDER,
@@ -30,6 +30,7 @@ from grasp3d.hand.frames import GripperFrame
 from grasp3d.hand.hand import Hand as AnyHand
 from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach_settings import ReachSettings
+from grasp3d.jobs.cluster_settings import ClusterSettings
 from grasp3d.outcomes.simulation_settings import SimulationSettings
 from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.quality.loads import Load
@@ -43,7 +44,7 @@ ModelOfJaws = Annotated[GraspModel, Without(["fingers", "method"])]
 
 @dataclass(frozen=True)
 class Batch(Labelling, ManyMeshes):
-    """Label every mesh of a library, and write a summary and a report.
+    """Label every mesh of a library, and write tables and a report.
 
     It resumes an earlier run of the same command: meshes whose content and settings are unchanged
     are not labelled again.
@@ -56,15 +57,23 @@ class Batch(Labelling, ManyMeshes):
     """
 
     output: Annotated[str, Parser("FOLDER")]
-    """Folder for the results: labels/, fields/, summary/ and report/; also on an object store."""
+    """Folder for the results: labels/, surfaces/ and report/; also on an object store."""
 
     cluster: ClusterSettings = field(default_factory=ClusterSettings)
 
     overwrite: bool = field(default=False, kw_only=True)
-    """Label all meshes again, and remove labels of other meshes made with other settings."""
+    """Remove the results that are in the folder, and label all meshes again."""
+
+    surfaces: Surfaces = "auto"
+    """How labelled surfaces are stored: ply, a file per mesh; tar, a file of NPZ for some hundred
+    meshes; none; auto: ply, above 1,000 meshes tar."""
+
+    part: Annotated[str | None, Parser("I/N")] = None
+    """Label only the I-th of N parts of the meshes. Parts may run at the same time, on machines
+    that share the folder."""
 
     best: int = 5
-    """Best distinct grasps in the summary of each mesh; 0: none."""
+    """Best distinct grasps in the row of each mesh; 0: none."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +92,8 @@ class Sweep(Guarded, ManyMeshes):
 
     inputs: Annotated[tuple[str, ...], ARGUMENT, Parser("PATH|SHAPE")]
     """Meshes, folders and shapes, to be given before the options: mesh files, folders, which are
-    searched recursively, globs in quotes such as 'lib/**/*.stl', lists of these (.txt, one per
-    line); also on an object store (s3://BUCKET/FOLDER). Shapes in closed form with one finger
+    searched recursively, globs in quotes such as 'lib/**/*.stl', tables of meshes (.csv, .parquet);
+    also on an object store (s3://BUCKET/FOLDER). Shapes in closed form with one finger
     fixed: circle, square (in the middle of a side) and sphere; ./circle is a file or folder. Shapes
     have two fingers."""
 

@@ -386,9 +386,9 @@ class ManyMeshes:
     """The argument of commands on many meshes, as `batch.inputs.find_meshes` takes it."""
 
     inputs: Annotated[tuple[str, ...], ARGUMENT, Parser("PATH")]
-    """Mesh files, folders, globs or lists: folders are searched recursively, globs are in quotes
-    ('lib/**/*.stl'), lists are files (.txt, one of these per line); also on an object store
-    (s3://BUCKET/FOLDER)."""
+    """Mesh files, folders, globs or tables: folders are searched recursively, globs are in quotes
+    ('lib/**/*.stl'), tables (.csv, .parquet) have a row per mesh: path, and name, scale, unit,
+    mass, hand, ... of this mesh; also on an object store (s3://BUCKET/FOLDER)."""
 
 
 @dataclass(frozen=True, kw_only=True)

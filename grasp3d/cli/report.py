@@ -6,6 +6,7 @@ While something is computed they show its progress, on standard error.
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,6 +40,8 @@ from grasp3d.system.names import printable
 
 if TYPE_CHECKING:
     from grasp3d.arrays import Floats
+    from grasp3d.batch.inputs import MeshFile
+    from grasp3d.jobs.running import Done
     from grasp3d.mesh import ObjectMesh
 
 Grasps = GraspTable | EvaluatedPoses
@@ -92,32 +95,38 @@ class Report:
                 yield
 
     def each_mesh(
-        self, work: Callable[..., Any], files: list[Any], settings: Any, *,
-        lost: Callable[..., Any], text: str, command: Any,
-    ) -> list[Any]:  # fmt: skip
+        self, work: Callable[..., Any], files: list["MeshFile"], settings: Any, *,
+        text: str, command: Any,
+    ) -> "list[Done[MeshFile, Any]]":  # fmt: skip
         """Work on each mesh: on one here, on several in child processes; show a progress bar.
 
         Args:
-            work: Called with a mesh, the settings and `force`; returns a result with a name.
+            work: Called with a mesh, the settings and `force`.
             files: The meshes.
             settings: Passed on.
-            lost: Makes the result of a mesh whose process failed.
             text: What is done.
             command: The options, with those of the processes.
 
         Returns:
-            The results, by name.
+            What has become of each, by name.
         """
-        from grasp3d.batch.run import run as run_each  # which most commands need not
+        from grasp3d.jobs.child import LostError  # which most commands need not
+        from grasp3d.jobs.running import run
 
-        work = partial(work, force=command.force)
+        task, cluster = partial(work, settings=settings, force=command.force), command.cluster
         if len(files) == 1:
             with self.progress(f"{text} {files[0].name}"):
-                return [work(files[0], settings)]
-        results = run_each(work, files, settings, lost=lost, cluster=command.cluster, compiled=True)
+                return list(run(task, files, cluster=replace(cluster, workers=0, scheduler=None)))
+        results = run(task, files, cluster=cluster, compiled=True)
         with self.bar(MofNCompleteColumn()) as bar:
-            rows = bar.track(results, total=len(files), description=text)
-            return sorted(rows, key=lambda row: row.name)
+            every = list(bar.track(results, total=len(files), description=text))
+        named = [
+            replace(one, error=LostError(f"{one.job.source}: {one.error}"))
+            if isinstance(one.error, LostError)
+            else one
+            for one in every
+        ]
+        return sorted(named, key=lambda done: done.job.name)
 
     def line(self, text: str) -> None:
         """Print a line, which a terminal wraps at words."""

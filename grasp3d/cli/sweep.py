@@ -2,33 +2,31 @@
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from grasp3d.batch.inputs import MeshFile
-from grasp3d.batch.storage.files import local_path
-from grasp3d.batch.sweeping import (
-    SweepSettings,
-    SweptMesh,
-    find_targets,
-    lost_mesh,
-    mean_of,
-    sweep_mesh,
-    sweep_on_one_thread,
-    sweep_shape,
-)
+from grasp3d.batch.batch_settings import BatchSettings
+from grasp3d.batch.inputs import MeshFile, find_meshes, local_copy
 from grasp3d.cli.commands import Sweep
 from grasp3d.cli.options import number, typed_angle
 from grasp3d.cli.report import FAILED, Report, angle_text, escaped
-from grasp3d.errors import GraspError, SettingError
+from grasp3d.errors import SettingError
+from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.pictures.figures import METADATA, save_as
 from grasp3d.pictures.fractions import meaning_in, sweep_figure
+from grasp3d.planar import Circle, Square
+from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings, search_cone
 from grasp3d.settings.friction import friction_interval
 from grasp3d.settings.parsing import plain_values
+from grasp3d.settings.sampling import check_search_angle
+from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
+from grasp3d.stability.label import Mode
 from grasp3d.surface.sweeps import Sweep as Fractions
-from grasp3d.surface.sweeps import write_sweeps
+from grasp3d.surface.sweeps import mean_sweep, sweep, write_sweeps
 from grasp3d.system.names import safe_stem
+from grasp3d.system.places import local_path
 from grasp3d.system.tables import SUFFIXES
 
 MAX_VALUES = 10_000
@@ -41,6 +39,59 @@ REQUIRED = "required: resolution below which so much of the area is S; --max-edg
 
 COLUMNS = 5
 """Resolutions whose area fractions are printed."""
+
+
+SHAPES: dict[str, Callable[[], AngleDistribution]] = {
+    "circle": Circle,
+    "square": Square,
+    "sphere": SphereAngles,
+}
+"""Shapes in closed form, with one finger fixed (on the square in the middle of a side)."""
+
+
+@dataclass(frozen=True)
+class SweepSettings:
+    """Frictions and sensor resolutions of a sweep, and how to label.
+
+    Attributes:
+        friction: Coulomb coefficients.
+        sensor_resolution: Resolutions alpha [rad].
+        sampling: How grasps are searched for. Its search angle, if given, must cover all frictions
+            and resolutions.
+    """
+
+    friction: tuple[float, ...]
+    sensor_resolution: tuple[float, ...]
+    sampling: Sampling = field(default_factory=Sampling)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
+    fingers: int = 2
+    reach: ReachSettings = field(default_factory=ReachSettings)
+
+    def __post_init__(self) -> None:
+        if not self.friction or not self.sensor_resolution:
+            raise SettingError("a sweep needs at least one friction and one sensor resolution")
+        for friction in self.friction:
+            GraspModel(friction=friction)
+        for resolution in self.sensor_resolution:
+            GraspModel(sensor_resolution=resolution)
+        check_search_settings(self.model, self.sampling)
+        check_search_angle(self.sampling, search_cone(self.model))
+
+    @property
+    def model(self) -> GraspModel:
+        """Largest friction and coarsest resolution, which need the widest search."""
+        return GraspModel(
+            friction=max(self.friction),
+            sensor_resolution=max(self.sensor_resolution),
+            fingers=self.fingers,
+        )
+
+    def swept(self, name: str, angles: AngleDistribution, mode: Mode) -> Fractions:
+        """The area fractions of critical angles at all frictions and resolutions."""
+        return sweep(
+            angles, friction=self.friction, sensor_resolution=self.sensor_resolution, name=name,
+            mode=mode,
+        )  # fmt: skip
 
 
 def run(command: Sweep, report: Report) -> int:
@@ -57,10 +108,14 @@ def run(command: Sweep, report: Report) -> int:
     names, meshes = find_targets(command.inputs)
     shapes = [sweep_shape(name, settings) for name in names]
     table, figure = _outputs(command, names, meshes)
-    swept = _swept(command, report, meshes, settings)
-    failures = {mesh.name: mesh.error for mesh in swept if mesh.error}
-    members = [mesh.sweep for mesh in swept if mesh.sweep is not None]
-    mean = mean_of(members)
+    swept = report.each_mesh(sweep_mesh, meshes, settings, text="sweeping", command=command)
+    if len(meshes) == 1 and swept[0].error is not None:
+        raise swept[0].error
+    failures = {one.job.name: str(one.error) for one in swept if one.error is not None}
+    found = [one.value for one in swept if one.value is not None]
+    members = [member for member, _ in found]
+    several = len(members) > 1
+    mean = [mean_sweep(members, name=f"mean of {len(members)} meshes")] if several else []
     every = [*shapes, *members, *mean]
     shown = every if len(members) <= MAX_SHOWN else [*shapes, *mean]
     write_sweeps(
@@ -71,11 +126,78 @@ def run(command: Sweep, report: Report) -> int:
         save_as(drawn, figure)
         _print_sweeps(report, every, fractions)
     report.lines(failures.values(), FAILED)
-    report.warnings(f"{mesh.name}: {line}" for mesh in swept for line in mesh.warnings)
+    report.warnings(f"{member.name}: {line}" for member, lines in found for line in lines)
     if failures:
         report.line(f"{len(swept) - len(failures)} swept, {len(failures)} failed")
     report.written(table, *([figure] if shown else []))
     return 1 if failures else 0
+
+
+def find_targets(inputs: Iterable[str]) -> tuple[list[str], list[MeshFile]]:
+    """Find the shapes and meshes to sweep; the name of a shape takes precedence over a file name.
+
+    Args:
+        inputs: Names of shapes, or inputs of `find_meshes`; `./circle` is always a path.
+
+    Returns:
+        Names of shapes, and meshes; each once.
+
+    Raises:
+        SettingError: There is no input.
+        MeshError: A path is missing, or there is no mesh in the inputs that are no shapes.
+    """
+    distinct = list(dict.fromkeys(inputs))
+    if not distinct:
+        raise SettingError(
+            f"nothing to sweep: name a mesh file, a folder of meshes, or {', '.join(SHAPES)}"
+        )
+    paths = [item for item in distinct if item not in SHAPES]
+    shapes = [item for item in distinct if item in SHAPES]
+    return shapes, find_meshes(paths) if paths else []
+
+
+def sweep_mesh(
+    mesh: MeshFile, settings: SweepSettings, *, force: bool = False
+) -> tuple[Fractions, tuple[str, ...]]:
+    """Label a mesh file once, and compute its area fractions at all frictions and resolutions.
+
+    Args:
+        mesh: The file.
+        settings: Frictions, sensor resolutions, and how to label.
+        force: Accept lengths that cannot be meant for an object of this size.
+
+    Returns:
+        The sweep, and warnings.
+
+    Raises:
+        GraspError: The mesh cannot be labelled.
+    """
+    from grasp3d.surface.labelling import Labelling  # needs ray tracing and the compiler
+
+    own = BatchSettings(mesh=settings.mesh, reach=settings.reach).of_mesh(mesh.own)
+    with local_copy(mesh.source) as path:
+        task = Labelling.read(
+            path, settings.model, settings.sampling, own.reach, None, own.mesh, force=force
+        )
+    labels = task.labels()
+    return settings.swept(mesh.name, labels.angle_distribution(), "label"), labels.warnings
+
+
+def sweep_shape(name: str, settings: SweepSettings) -> Fractions:
+    """Compute the area fractions of a shape in closed form.
+
+    Args:
+        name: One of `SHAPES`.
+        settings: Frictions and sensor resolutions of two fingers.
+
+    Raises:
+        SettingError: The settings are for more fingers.
+    """
+    if settings.fingers != 2:
+        raise SettingError(
+            f"{name} is known in closed form for two fingers only; got {settings.fingers}"
+        )
+    return settings.swept(name, SHAPES[name](), "scan")
 
 
 def _outputs(command: Sweep, shapes: list[str], meshes: list[MeshFile]) -> tuple[Path, Path]:
@@ -88,19 +210,6 @@ def _outputs(command: Sweep, shapes: list[str], meshes: list[MeshFile]) -> tuple
     command.check_output(table, SUFFIXES, "table", inputs=sources)
     command.check_output(figure, METADATA, "figure", inputs=sources)
     return table, figure
-
-
-def _swept(
-    command: Sweep, report: Report, meshes: list[MeshFile], settings: SweepSettings
-) -> list[SweptMesh]:
-    """Sweep each mesh once."""
-    work = sweep_mesh if len(meshes) == 1 else sweep_on_one_thread
-    swept: list[SweptMesh] = report.each_mesh(
-        work, meshes, settings, lost=lost_mesh, text="sweeping", command=command
-    )
-    if len(meshes) == 1 and swept[0].error:
-        raise GraspError(swept[0].error)
-    return swept
 
 
 def _print_sweeps(report: Report, sweeps: Sequence[Fractions], required: list[float]) -> None:

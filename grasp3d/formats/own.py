@@ -27,7 +27,7 @@ from grasp3d.system.documents import described, load_json
 from grasp3d.system.files import check_suffix
 from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import unsupported
-from grasp3d.system.versions import package_version
+from grasp3d.system.versions import newer_version, package_version
 
 OBJECT = (None, "", "object")
 """Frames of poses that are that of the object."""
@@ -76,6 +76,8 @@ def _fields_of(header: Mapping[str, Any], given: Given) -> dict[str, Any]:
     for name, value in CONVENTIONS.items():
         if header.get(name, value) != value:
             raise ContactError(f"{name} must be {value}; got {described(header[name])}")
+    if newer := newer_version(header.get("version")):
+        raise ContactError(newer)
     other = {} if at or frame in OBJECT else {"frame": frame}
     return {
         "unit": stated_unit(header.get("unit"), given.unit),

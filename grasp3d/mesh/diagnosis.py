@@ -211,7 +211,7 @@ def check_mesh(
         file_bytes=given.path.stat().st_size if given.path else None,
         file_unit=mesh.file_unit,
         unit=mesh.unit,
-        guess=guess_unit(float(extents.max())),
+        guess=guess_unit(mesh.options.scale * float(extents.max())),
         size=mesh.size,
         extents=tuple((scale * extents).tolist()),
         bodies=bodies,

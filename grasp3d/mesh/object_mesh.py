@@ -121,12 +121,12 @@ class ObjectMesh:
     @property
     def file_scale(self) -> float:
         """Factor from the file's coordinates to those of the mesh."""
-        return scale_of(self.file_unit)
+        return scale_of(self.file_unit) * self.options.scale
 
     @property
     def file_size(self) -> float:
-        """The object's size in the file's coordinates."""
-        return self.size / self.file_scale
+        """The object's size in the unit of the file."""
+        return self.size / scale_of(self.file_unit)
 
     @property
     def extent(self) -> float:

@@ -29,7 +29,7 @@ class UnitGuess:
 
 
 def guess_unit(size: float) -> UnitGuess:
-    """Guess the unit of a mesh that states none; the guess is reported and never applied.
+    """Guess the unit of a mesh that states none.
 
     Args:
         size: Largest extent of the object, in the unknown unit.
@@ -61,6 +61,22 @@ def unit_warning(size: float, unit: Unit | None) -> str:
         )
     sizes = " or ".join(length_text(size * METRES[other]) for other in better)
     return f"{text}: is the unit right? If its unit were {' or '.join(better)} it would be {sizes}"
+
+
+def guessed_unit(where: str, size: float) -> tuple[Unit, str]:
+    """The unit that is used where it is to be guessed, and the warning of it.
+
+    Args:
+        where: The mesh, for the error.
+        size: Its largest extent, in its unit.
+
+    Raises:
+        SettingError: No unit is likely, or several are equally so.
+    """
+    guess = guess_unit(size)
+    if guess.unit is None:
+        raise SettingError(f"{where}: its unit cannot be guessed ({guess.reason}); state it")
+    return guess.unit, f"its unit, {guess.unit}, is a guess ({guess.reason})"
 
 
 def unknown_unit(what: str, source: str, size: float) -> SettingError:

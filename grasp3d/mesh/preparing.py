@@ -18,7 +18,7 @@ from grasp3d.errors import MeshError, SettingError
 from grasp3d.mesh.measures import Triangles, center_and_volume, rounding_of, surface_extent
 from grasp3d.mesh.normals import CornerNormals, corner_normals
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh, scale_of
-from grasp3d.mesh.plausible_units import unit_warning, unknown_unit
+from grasp3d.mesh.plausible_units import guessed_unit, unit_warning, unknown_unit
 from grasp3d.mesh.reading.mesh_files import read_mesh
 from grasp3d.mesh.reading.scenes import flattened
 from grasp3d.mesh.reading.sources import RawMesh, unit_called
@@ -126,7 +126,7 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
         (16, 0.278)
     """
     if isinstance(source, ObjectMesh) and source.unit is None:
-        unit = MeshOptions.of(options, fields).unit
+        unit = MeshOptions.of(options, fields).stated_unit
         source = source if unit is None else source.with_unit(unit)
     own = source.options if isinstance(source, ObjectMesh) else None
     settings = MeshOptions.of(options or own, fields)
@@ -159,23 +159,31 @@ def prepare(
         SettingError: The unit of the mesh is needed, but not known; or the centre of mass is far
             away.
     """
-    given = read_source(source)
+    given, guess = read_source(source), ""
+    extent = options.scale * given.extent
+    if options.unit == "guess":
+        unit = given.unit
+        if unit is None:
+            unit, guess = guessed_unit(given.where, extent)
+        options = replace(options, unit=unit)
     if (options.unit or given.unit) is None:
         lengths = (f"{name} is {length}" for name, length in with_units("", (options, *settings)))
         if what := in_metres or next(lengths, ""):
-            raise unknown_unit(what, given.name, given.extent)
+            raise unknown_unit(what, given.name, extent)
     check_cost(len(given.faces) // 2, options.max_memory, given.where, "simplify the mesh")
     remedy = "mend it in a CAD program, or give --repair none"
     limits = Limits(SECONDS, MEMORY, f"{given.where}: repairing it", remedy)
     arguments = given.vertices, given.faces, options.repair, given.where
     repaired = in_limits(limits, repair_surface, *arguments)
-    return _refined(given, repaired, options), repaired, given
+    return _refined(given, repaired, options, guess), repaired, given
 
 
-def _refined(source: RawMesh, repaired: RepairedSurface, options: MeshOptions) -> ObjectMesh:
+def _refined(
+    source: RawMesh, repaired: RepairedSurface, options: MeshOptions, guess: str
+) -> ObjectMesh:
     """The mesh of a repaired surface: contact normals, refinement, mass properties; see prepare."""
-    unit, where = options.unit or source.unit, source.where
-    metres, error = scale_of(unit), rounding_of(source.vertices)
+    unit, where = options.stated_unit or source.unit, source.where
+    metres, error = scale_of(unit) * options.scale, rounding_of(source.vertices)
     center, size = surface_extent(repaired.vertices, repaired.faces)
     surface = Triangles((repaired.vertices - center) / size, repaired.faces)
     normals = corner_normals(surface, options.crease_angle)
@@ -194,7 +202,14 @@ def _refined(source: RawMesh, repaired: RepairedSurface, options: MeshOptions) -
         center_from = "given"
     warnings = [
         *_warnings(source, repaired, unit, volume, center_from),
-        *filter(None, [unit_warning(size, unit), _center_warning(surface, center_mass, options)]),
+        *filter(
+            None,
+            [
+                guess,
+                unit_warning(options.scale * size, unit),
+                _center_warning(surface, center_mass, options),
+            ],
+        ),
     ]
     added = np.arange(len(repaired.vertices), len(refined.vertices))
     points = np.concatenate([repaired.vertices, refined.vertices[added] * size + center])

@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +10,10 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from grasp3d.arrays import Floats, Ints, locked
-from grasp3d.batch.batch_settings import ClusterSettings
-from grasp3d.batch.run import run
 from grasp3d.errors import GraspError, MeshError, OutputError, SettingError
+from grasp3d.jobs.child import LostError
+from grasp3d.jobs.cluster_settings import ClusterSettings
+from grasp3d.jobs.running import run
 from grasp3d.mesh import ObjectMesh
 from grasp3d.outcomes.simulation_settings import SimulationSettings
 from grasp3d.system.files import atomic_write
@@ -48,26 +50,18 @@ def parts_of(mesh: ObjectMesh, settings: SimulationSettings, cluster: ClusterSet
             f"{source}: is open, so it bounds no body that could be simulated; close it "
             "(--repair full)"
         )
-    parts: Parts | GraspError
-
-    def lost(_: object, reason: str) -> GraspError:
-        return GraspError(
-            f"{source}: CoACD, which divides it into convex parts, {reason}; try a larger "
+    task = partial(_parts, settings=settings)
+    (done,) = run(task, [(mesh.vertices, mesh.faces)], cluster=cluster)
+    if isinstance(done.error, LostError):
+        raise GraspError(
+            f"{source}: CoACD, which divides it into convex parts, {done.error}; try a larger "
             "part_threshold, or repair the mesh (--repair full)"
         )
-
-    (parts,) = run(_parts, [(mesh.vertices, mesh.faces)], settings, lost=lost, cluster=cluster)
-    if isinstance(parts, GraspError):
-        raise parts
-    return parts
+    return done.result
 
 
-def _parts(surface: tuple[Floats, Ints], settings: SimulationSettings) -> Parts | GraspError:
-    """Convex parts of a surface, or why there are none."""
-    try:
-        return convex_parts(*surface, threshold=settings.part_threshold, seed=settings.seed)
-    except GraspError as error:
-        return error
+def _parts(surface: tuple[Floats, Ints], settings: SimulationSettings) -> Parts:
+    return convex_parts(*surface, threshold=settings.part_threshold, seed=settings.seed)
 
 
 def convex_parts(vertices: Floats, faces: Ints, *, threshold: float = 0.02, seed: int = 0) -> Parts:

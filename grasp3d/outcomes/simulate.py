@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from grasp3d.batch.batch_settings import ClusterSettings
-from grasp3d.batch.run import run
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.best import best_grasps
@@ -18,6 +17,8 @@ from grasp3d.grasps.jaw_grasps import JawGrasps
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import GivenHand, given_hand
 from grasp3d.hand.jaws import Jaws
+from grasp3d.jobs.cluster_settings import ClusterSettings
+from grasp3d.jobs.running import run
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.outcomes.fingers import Fingers
 from grasp3d.outcomes.parts import coacd_module, parts_of
@@ -51,15 +52,6 @@ class Job:
 
     number: int
     attempts: tuple[Attempt, ...]
-
-
-@dataclass(frozen=True)
-class JobResult:
-    """The outcomes of a job, in the order of its attempts; the error is empty if it succeeded."""
-
-    number: int
-    outcomes: tuple[Outcome, ...]
-    error: str = ""
 
 
 def simulate_grasps(
@@ -112,7 +104,7 @@ def simulate_grasps(
         >>> import numpy as np
         >>> import trimesh
         >>> import grasp3d
-        >>> from grasp3d.batch import ClusterSettings
+        >>> from grasp3d.jobs import ClusterSettings
         >>> from grasp3d.formats import GraspPoses
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.04, 0.02]), unit="m")
         >>> from_above = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -221,23 +213,18 @@ def simulate_attempts(
         Job(number, tuple(attempts[first : first + ATTEMPTS]))
         for number, first in enumerate(range(0, len(attempts), ATTEMPTS))
     ]
-    results: dict[int, JobResult] = {}
-    for result in run(simulate_job, jobs, stage, lost=_lost, cluster=cluster):
-        results[result.number] = result
-        report_progress(len(results) / len(jobs))
-    errors = [one.error for one in results.values() if one.error]
+    outcomes, errors = dict[int, tuple[Outcome, ...]](), []
+    for done in run(partial(simulate_job, stage=stage), jobs, cluster=cluster):
+        number, broken = done.job.number, (Outcome(Fate.BROKEN),) * len(done.job.attempts)
+        outcomes[number] = broken if done.value is None else done.value
+        errors += [] if done.error is None else [done.error]
+        report_progress(len(outcomes) / len(jobs))
     if errors and len(errors) == len(jobs):
-        raise GraspError(f"no grasp could be simulated: {errors[0]}")
-    return tuple(one for job in jobs for one in results[job.number].outcomes)
+        raise GraspError(f"no grasp could be simulated: the simulation {errors[0]}")
+    return tuple(one for job in jobs for one in outcomes[job.number])
 
 
-def simulate_job(job: Job, stage: Stage) -> JobResult:
-    """Simulate the attempts of a job."""
+def simulate_job(job: Job, stage: Stage) -> tuple[Outcome, ...]:
+    """Simulate the attempts of a job, in their order."""
     model, data = grasp_model(stage)
-    outcomes = (simulate_attempt(model, data, attempt, stage) for attempt in job.attempts)
-    return JobResult(job.number, tuple(outcomes))
-
-
-def _lost(job: Job, reason: str) -> JobResult:
-    broken = (Outcome(Fate.BROKEN),) * len(job.attempts)
-    return JobResult(job.number, broken, f"the simulation {reason}")
+    return tuple(simulate_attempt(model, data, attempt, stage) for attempt in job.attempts)

@@ -1,7 +1,7 @@
 """Checks of single values of settings."""
 
 import math
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Literal, get_args
 
 from grasp3d.errors import SettingError
@@ -65,7 +65,7 @@ def check_range(
         unit: Unit, for the message.
 
     Raises:
-        SettingError: It is outside.
+        SettingError: It is outside, or no number.
 
     Example:
         >>> from grasp3d.settings.checks import check_range
@@ -74,6 +74,8 @@ def check_range(
             ...
         grasp3d.errors.SettingError: level must be above 0.5 and below 1; got 1
     """
+    if not isinstance(value, Real):
+        raise SettingError(f"{name} must be a number; got {value!r}")
     above = least < value if ends[0] == "(" else least <= value
     below = value < most if ends[1] == ")" else value <= most
     whole = not isinstance(least, int) or isinstance(value, Integral)

@@ -3,13 +3,15 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from grasp3d.settings.checks import check_choice, check_range
+from grasp3d.settings.parsing import IN_PYTHON
 from grasp3d.settings.regions import Region
 from grasp3d.settings.units import DEGREE, Length, Lengths, LengthSettings, Radians, Unit
 
 Repair = Literal["none", "safe", "full"]
+GivenUnit = Literal["m", "cm", "mm", "in", "guess"]
 MIN_MEMORY = 0.5
 
 
@@ -20,9 +22,11 @@ class MeshOptions(LengthSettings):
     A length is in metres, or has a unit: '3mm', '0.3cm', '0.1in'; see `Length`.
 
     Attributes:
+        scale: Factor by which the coordinates of the file are multiplied before all else, above 0.
         unit: Unit of the file's coordinates: from it they become metres; none: the unit that the
-            file states, if any. Without either, lengths are in the mesh's own unit, and nothing can
-            be said about grippers, masses and lengths with a unit.
+            file states, if any; guess: that unit, or where the file states none the one in which
+            the object has a usual size, which a warning names. Without any, lengths are in the
+            mesh's own unit, and nothing can be said about grippers, masses and lengths with a unit.
         max_edge: Longest edge of the mesh, a length; longer edges are divided. none: 1/32 of the
             object's size.
         crease_angle: An edge whose faces meet at more than this angle is a crease (a sharp edge):
@@ -50,7 +54,8 @@ class MeshOptions(LengthSettings):
         194
     """
 
-    unit: Unit | None = None
+    scale: Annotated[float, IN_PYTHON] = 1.0
+    unit: GivenUnit | None = None
     max_edge: Length[float | None] = Length(None)
     crease_angle: Radians = 30.0 * DEGREE
     repair: Repair = "safe"
@@ -61,12 +66,18 @@ class MeshOptions(LengthSettings):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.unit is not None:
-            check_choice("unit", self.unit, Unit)
+            check_choice("unit", self.unit, GivenUnit)
+        check_range("scale", self.scale, 0.0, ends="()")
         if self.max_edge is not None:
             check_range("max_edge", self.max_edge, 0.0, ends="(]")
         check_range("crease angle", self.crease_angle, 0.0, math.pi, degrees=True)
         check_choice("repair", self.repair, Repair)
         check_range("max memory", self.max_memory, MIN_MEMORY, unit="GB")
+
+    @property
+    def stated_unit(self) -> Unit | None:
+        """The unit; None: none is stated, or it is to be guessed."""
+        return None if self.unit == "guess" else self.unit
 
     @classmethod
     def of(

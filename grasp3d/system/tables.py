@@ -250,26 +250,16 @@ def write_table(path: Path, table: pa.Table) -> None:
         write(table, temporary)
 
 
-def pack_records(
+def table_of_records(
     records: Sequence[RecordT], kind: type[RecordT], settings: Mapping[str, Any]
-) -> bytes:
-    """Return records as the bytes of a Parquet file; the schema depends on the dataclass only.
+) -> pa.Table:
+    """Make a table of records, whose schema depends on the dataclass only.
 
     Args:
         records: Instances of `kind`; text must be valid Unicode.
         kind: The dataclass; only fields of plain values may be None.
         settings: Stored as JSON in the schema's metadata under `grasp3d`.
     """
-    table = table_of_records(records, kind, settings)
-    sink = pa.BufferOutputStream()
-    pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
-    return bytes(sink.getvalue())
-
-
-def table_of_records(
-    records: Sequence[RecordT], kind: type[RecordT], settings: Mapping[str, Any]
-) -> pa.Table:
-    """Return records as a table, whose schema depends on the dataclass only; see `pack_records`."""
     return table_of_rows(records, get_type_hints(kind), settings=settings)
 
 
@@ -279,33 +269,25 @@ def _schema(kinds: Mapping[str, Any], settings: Mapping[str, Any]) -> pa.Schema:
     return pa.schema(fields, metadata={"grasp3d": json.dumps(settings)})
 
 
-def unpack_records(data: bytes, kind: type[RecordT]) -> tuple[list[RecordT], bool]:
-    """Read records from the bytes of `pack_records`; missing columns get the fields' defaults.
+def records_of_table(table: pa.Table, kind: type[RecordT]) -> list[RecordT]:
+    """Make records of a table; missing columns get the fields' defaults, others are ignored.
 
     Args:
-        data: Content of the Parquet file.
+        table: As of `table_of_records`.
         kind: The dataclass of the records.
 
-    Returns:
-        The records, and whether the columns are exactly the fields of `kind`.
-
     Raises:
-        ValueError: The file is damaged or was not written by `pack_records`; the message gives the
-            reason.
+        ValueError: A column has other values; the message gives the reason.
     """
     hints = get_type_hints(kind)
     try:
-        table = pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
-        if b"grasp3d" not in (table.schema.metadata or {}):
-            raise ValueError("it was not written by grasp3d")  # noqa: TRY301
         present = {name: each for name, each in hints.items() if name in table.column_names}
         rows = table.select(list(present)).cast(_schema(present, {})).to_pylist()
         record = _reader(kind)
         assert record is not None  # of a dataclass
-        records = list(map(record, rows))
-    except (pa.ArrowException, OSError, TypeError, ValueError) as error:
+        return list(map(record, rows))
+    except (pa.ArrowException, TypeError, ValueError) as error:
         raise ValueError(reason_of(error)) from error
-    return records, table.column_names == list(hints)
 
 
 def _without_none(hint: Any) -> Any:

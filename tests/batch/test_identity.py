@@ -1,8 +1,8 @@
 import hashlib
-import math
 import struct
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,11 +23,7 @@ def test_labels_are_those_of_this_version_of_the_method() -> None:
     lines = [f"method {identity.METHOD}"]
     surfaces = {
         "box": (shapes.box((1.0, 0.6, 0.8)), GraspModel(), Sampling(rays=16)),
-        "cone": (
-            shapes.cone(0.35, sections=24),
-            GraspModel(friction=0.75),
-            Sampling(max_opening=0.3),
-        ),
+        "cone": (shapes.cone(0.35, sections=24), GraspModel(0.75), Sampling(max_opening=0.3)),
         "three": (shapes.sphere(1), GraspModel(fingers=3), Sampling(candidates=16)),
     }
     for name, (surface, model, sampling) in surfaces.items():
@@ -42,34 +38,28 @@ def test_labels_are_those_of_this_version_of_the_method() -> None:
 
 
 def test_a_key_depends_on_the_content_and_all_settings(monkeypatch: pytest.MonkeyPatch) -> None:
-    settings = BatchSettings()
-    key = mesh_key("c", settings)
-    assert key == mesh_key("c", BatchSettings(GraspModel(), Sampling(), MeshOptions()))
-    reach = ReachSettings(HAND, "as-is")
-    others = (
-        replace(settings, reach=reach),
-        replace(settings, reach=ReachSettings(HAND)),
-        replace(settings, reach=ReachSettings(HAND, "as-is", "y")),
-        replace(settings, reach=ReachSettings(HAND, "stable")),
-        replace(settings, reach=ReachSettings(HAND, "as-is", approach_within=1.0)),
-        replace(settings, reach=ReachSettings(replace(HAND, clearance=0.001), "as-is")),
-        replace(settings, best=4),
-        replace(settings, model=GraspModel(friction=0.25)),
-        replace(settings, sampling=Sampling(max_opening=0.1)),
-        replace(settings, mesh=MeshOptions(unit="mm")),
-    )
-    assert len({mesh_key("c", other) for other in others} | {key, mesh_key("d", settings)}) == 12
-    same = replace(settings, reach=ReachSettings(replace(HAND), "as-is"))
-    assert mesh_key("c", same) == mesh_key("c", others[0])
-    monkeypatch.setattr(identity, "METHOD", 99)
-    assert mesh_key("c", settings) != key
+    def key(content: str = "c", own: dict[str, Any] | None = None, **changes: Any) -> str:
+        return mesh_key(content, replace(BatchSettings(), **changes), own or {})
 
+    def held(*arguments: Any, clearance: float = HAND.clearance, **options: Any) -> str:
+        hand = replace(HAND, clearance=clearance)
+        return key(reach=ReachSettings(hand, *arguments, **options))
 
-def test_equal_settings_have_equal_text() -> None:
-    whole = BatchSettings(GraspModel(friction=1), Sampling(max_opening=math.inf))
-    point = BatchSettings(GraspModel(friction=1.0), Sampling(max_opening=math.inf))
+    keys = [
+        key(), key("d"), key(own={"scale": 2.0}), key(own={"scale": 3.0}), key(own={"unit": "m"}),
+        key(best=4), key(model=GraspModel(friction=0.25)), key(sampling=Sampling(max_opening=0.1)),
+        key(mesh=MeshOptions(unit="mm")), key(mesh=MeshOptions(scale=2.0)),
+        held(), held("as-is"), held("as-is", "y"), held("stable"), held(approach_within=1.0),
+        held(clearance=0.001),
+    ]  # fmt: skip
+    assert len(set(keys)) == len(keys)
+    assert key(model=GraspModel(), sampling=Sampling()) == keys[0]
+    assert held("as-is") == keys[11]
+    whole, point = (BatchSettings(GraspModel(friction=one)) for one in (1, 1.0))
     assert settings_key(whole) == settings_key(point)
-    assert '"max_opening":null' in settings_text(whole)
+    assert '"max_opening":null' in settings_text(BatchSettings())
+    monkeypatch.setattr(identity, "METHOD", 99)
+    assert key() != keys[0]
 
 
 def test_the_content_hash_covers_the_file_and_its_side_files(tmp_path: Path) -> None:

@@ -1,200 +1,103 @@
-"""A library of meshes from Python: labelled, resumed, and robust to failures."""
+"""A library of meshes from Python: labelled, resumed, in parts, from tables, and after failures."""
 
+import errno
 import os
-from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
-import trimesh
 
-from grasp3d import GraspModel, MeshOptions, Sampling
-from grasp3d.batch import labelling, library, read_summary
-from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
-from grasp3d.batch.labelling import Unchanged, label_job
-from grasp3d.batch.library import BatchProgress, LibraryLabels, label_library
-from grasp3d.batch.plan import Job
-from grasp3d.batch.row import Outcome, Row
-from grasp3d.errors import FileUnreadError, OutputError
+from grasp3d import GraspModel, MeshOptions, Sampling, load_mesh, open_library
+from grasp3d.batch import Library, labelling
+from grasp3d.batch.batch_settings import BatchSettings
+from grasp3d.batch.library import BatchProgress, label_library
+from grasp3d.batch.row import Outcome
+from grasp3d.errors import FileUnreadError, MeshError, OutputError, SettingError
+from grasp3d.jobs import ClusterSettings
+from grasp3d.system import places
+from grasp3d.system.files import atomic_write
 from tests.helpers import shapes
+from tests.helpers.commands import export
 from tests.helpers.jobs import TIMINGS
 
 QUICK = BatchSettings(GraspModel(), Sampling(rays=8), MeshOptions(max_edge=10.0), best=1)
 HERE = ClusterSettings(workers=0)
-LOCATIONS = frozenset({"source", "stamp", "error"})
-"""Columns that depend on the location of a file."""
+NAMES = ["a.ply", "b.stl", "bad.stl", "d.ply", "deep/c.obj"]
 
 
-def mesh(path: Path, size: float = 1.0, subdivisions: int = 1) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    vertices, faces = shapes.sphere(subdivisions)
-    trimesh.Trimesh(vertices * (size, 1.0, 1.5), faces, process=False).export(path)
-    return path
+def mesh(path: Path, size: float = 1.0) -> Path:
+    vertices, faces = shapes.sphere(1)
+    return export(path, (vertices * (size, 1.0, 1.5), faces))
 
 
 def small_library(folder: Path) -> Path:
-    for number, name in enumerate(("a.ply", "b.stl", "deep/c.obj", "d.ply"), 2):
-        mesh(folder / name, number)
+    for number, name in enumerate(name for name in NAMES if name != "bad.stl"):
+        mesh(folder / name, 1.0 + number)
     (folder / "bad.stl").write_text("nonsense", encoding="ascii")
     return folder
 
 
 def label(
-    inputs: Path | str, output: Path | str, settings: BatchSettings = QUICK, **options: object
-) -> tuple[LibraryLabels, list[str]]:
-    """Label in this process; returns the result, and the meshes that were labelled, in order."""
+    inputs: Path | str, output: Path | str, settings: BatchSettings = QUICK, **options: Any
+) -> tuple[Library, list[str]]:
+    """Label in this process, without a report; returns the meshes that were labelled too."""
     labelled: list[str] = []
 
     def record(progress: BatchProgress) -> None:
-        if progress.row is not None:
-            labelled.append(progress.row.mesh)
+        labelled.extend([] if progress.row is None else [progress.row.mesh])
 
-    options = {"cluster": HERE, "progress": record} | options
-    return label_library([inputs], output, settings, **options), labelled  # type: ignore[arg-type]
+    options = {"cluster": HERE, "progress": record, "report": False, **options}
+    return label_library([inputs], output, settings, **options), sorted(labelled)
 
 
-def values(rows: Iterable[Row], besides: frozenset[str] = frozenset()) -> list[dict[str, str]]:
-    """Values of rows, except those that differ between runs."""
-    return [
-        {key: str(value) for key, value in asdict(row).items() if key not in TIMINGS | besides}
-        for row in sorted(rows, key=lambda row: row.mesh)
-    ]
+def values(library: Library, *besides: str) -> list[dict[str, str]]:
+    """Values of the rows, except those that differ between runs."""
+    left_out, rows = {*TIMINGS, "source", "stamp", *besides}, map(asdict, library.rows())
+    return [{key: str(row[key]) for key in row if key not in left_out} for row in rows]
+
+
+@contextmanager
+def unchanged(folder: Path) -> Iterator[None]:
+    """Nothing inside changes a folder, but for locks."""
+
+    def files() -> dict[Path, int]:
+        found = (path for path in folder.rglob("*") if path.is_file() and "lock" not in path.name)
+        return {path: path.stat().st_mtime_ns for path in found}
+
+    before = files()
+    yield
+    assert files() == before
 
 
 @pytest.mark.slow
-def test_every_mesh_has_a_row_and_its_files(tmp_path: Path) -> None:
-    done, labelled = label(small_library(tmp_path / "in"), tmp_path / "out")
-    assert list(done.rows) == ["a.ply", "b.stl", "bad.stl", "d.ply", "deep/c.obj"]
-    assert [row.mesh for row in done.failed] == ["bad.stl"]
-    sizes = [(tmp_path / "in" / name).stat().st_size for name in labelled]
-    assert sizes == sorted(sizes, reverse=True)  # the largest first
-    for row in done.rows.values():
-        for name in (row.labels, row.fields, row.thumbnail, row.page, row.model):
+def test_every_mesh_has_a_row_and_its_files_whatever_labels_it(tmp_path: Path) -> None:
+    source, states = small_library(tmp_path / "in"), list[BatchProgress]()
+    done, _ = label(source, tmp_path / "out", report=True, progress=states.append)
+    assert list(done.meshes) == NAMES
+    for row in done.rows():
+        assert (row.outcome == Outcome.REFUSED) == bool(row.error) == (row.mesh == "bad.stl")
+        for name in (row.surface, row.thumbnail, row.page):
             assert bool(name) == (row.outcome == Outcome.LABELLED)
             assert not name or (tmp_path / "out" / name).stat().st_size > 0
-    assert values(read_summary(tmp_path / "out")) == values(done.rows.values())
-    assert done.summary.to_table()["mesh"].to_pylist() == list(done.rows)
     assert (tmp_path / "out" / "report" / "index.html").is_file()
+    assert done.settings["model"]["friction"] == QUICK.model.friction
+    assert (states[0].left, states[0].fraction, states[0].row) == (5, 0.0, None)
+    assert (states[-1].left, states[-1].labelled, states[-1].failed) == (0, 4, 1)
+    assert states[-1].fraction == pytest.approx(1.0)
+    assert all(a.fraction < b.fraction for a, b in pairwise(states))
+    two, _ = label(source, tmp_path / "two", report=True, cluster=ClusterSettings(workers=2))
+    assert values(two) == values(done)
+    for path in (one for k in ("ply", "webp", "glb") for one in (tmp_path / "out").rglob(f"*.{k}")):
+        other = tmp_path / "two" / path.relative_to(tmp_path / "out")
+        assert other.read_bytes() == path.read_bytes()
 
 
-@pytest.mark.slow
-def test_only_new_changed_and_missing_meshes_are_labelled_again(
-    tmp_path: Path,
-) -> None:
-    source, out = small_library(tmp_path / "in"), tmp_path / "out"
-    first, _ = label(source, out)
-    again, labelled = label(source, out)
-    assert (labelled, again.finished) == ([], 5)  # refused meshes are finished as well
-    assert values(again.rows.values()) == values(first.rows.values())
-    (out / "labels" / "d.ply").unlink()
-    assert label(source, out)[1] == ["d.ply"]
-    assert (out / "labels" / "d.ply").is_file()
-    mesh(source / "a.ply", 1.2)
-    mesh(source / "new.ply", 1.3)
-    more, labelled = label(source, out)
-    assert sorted(labelled) == ["a.ply", "new.ply"]
-    assert len(more.rows) == 6
-    before, after = first.rows["a.ply"], more.rows["a.ply"]
-    assert before.size != after.size
-    rest = [row for row in more.rows.values() if row.mesh not in {"a.ply", "new.ply"}]
-    assert values(rest) == values([row for row in first.rows.values() if row.mesh != "a.ply"])
-
-
-def test_a_mesh_is_identified_by_its_content_not_by_its_date_or_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    results: list[object] = []
-
-    def recorded(job: Job, settings: BatchSettings) -> Row | Unchanged:
-        results.append(label_job(job, settings))
-        return results[-1]  # type: ignore[return-value]
-
-    source, out = small_library(tmp_path / "in"), tmp_path / "out"
-    first, _ = label(source, out)
-    moved = source.rename(tmp_path / "moved")
-    for path in moved.rglob("*.*"):
-        os.utime(path, (1, 1))
-    monkeypatch.setattr(library, "label_job", recorded)
-    again, _ = label(moved, out)
-    assert [type(one) for one in results] == [Unchanged] * 5
-    assert values(again.rows.values(), LOCATIONS) == values(first.rows.values(), LOCATIONS)
-    results.clear()
-    label(moved, out)
-    assert results == []  # the new dates are stored
-
-
-@pytest.mark.slow
-def test_other_settings_and_force_label_again(tmp_path: Path) -> None:
-    source, out = small_library(tmp_path / "in"), tmp_path / "out"
-    label(source, out)
-    assert len(label(source, out, overwrite=True)[1]) == 5
-    other = replace(QUICK, model=GraspModel(friction=0.8))
-    states: list[BatchProgress] = []
-    done, _ = label(source, out, other, progress=states.append)
-    assert sum(state.row is not None for state in states) == 5
-    assert states[0].stale == 4  # the fifth was refused
-    fresh, _ = label(source, tmp_path / "fresh", other)
-    assert values(done.rows.values()) == values(fresh.rows.values())
-    assert values(read_summary(out)) == values(fresh.rows.values())
-
-
-def test_libraries_with_the_same_settings_grow_together_others_are_refused(tmp_path: Path) -> None:
-    one, two, out = tmp_path / "one", tmp_path / "two", tmp_path / "out"
-    mesh(one / "mug.ply")
-    mesh(two / "cup.ply")
-    label(one, out)
-    done, _ = label(two, out)
-    assert list(done.rows) == ["cup.ply"]
-    assert [row.mesh for row in read_summary(out)] == ["cup.ply", "mug.ply"]
-    other = replace(QUICK, best=0)
-    with pytest.raises(OutputError, match="other settings"):
-        label(two, out, other)
-    assert [row.mesh for row in read_summary(out)] == ["cup.ply", "mug.ply"]
-    label(two, out, other, overwrite=True)
-    assert [row.mesh for row in read_summary(out)] == ["cup.ply"]
-
-
-def test_a_file_has_one_row_however_it_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    source, out = small_library(tmp_path / "in"), tmp_path / "out"
-    label(source, out)
-    for inputs in (f"{source}/deep/*.obj", source / "deep", source / "deep" / "c.obj"):
-        done, _ = label(inputs, out)
-        assert (list(done.rows), done.finished) == (["deep/c.obj"], 1)
-    monkeypatch.chdir(source)
-    done, _ = label("deep", out)
-    assert list(done.rows) == ["deep/c.obj"]
-    assert len(read_summary(out)) == 5
-
-
-def test_another_file_of_the_same_name_has_its_own_row(tmp_path: Path) -> None:
-    one, two, out = tmp_path / "one", tmp_path / "two", tmp_path / "out"
-    mesh(one / "mug.ply")
-    other = mesh(two / "mug.ply", 2.0)
-    first, _ = label(one, out)
-    done, _ = label(two, out)
-    assert list(done.rows) == [str(other)]
-    rows = {row.mesh: row for row in read_summary(out)}
-    assert rows["mug.ply"] == first.rows["mug.ply"]
-    assert len({row.labels for row in rows.values()}) == 2
-    both = label_library([one, two], out, QUICK, cluster=HERE)
-    assert (len(both.rows), both.finished) == (2, 2)
-
-
-def test_a_replaced_file_with_the_same_date_is_labelled_again(tmp_path: Path) -> None:
-    source, out = tmp_path / "in", tmp_path / "out"
-    for size in (1.0, 2.0):
-        path = mesh(source / "a.stl", size)
-        os.utime(path, ns=(10**18, 10**18))
-        done, labelled = label(source, out)
-        assert labelled == ["a.stl"]
-    assert path.stat().st_size == done.rows["a.stl"].bytes
-
-
-def test_temporary_failures_are_tried_again(
+def test_only_what_is_new_changed_or_lost_is_labelled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def unread(path: Path) -> str:
@@ -202,50 +105,205 @@ def test_temporary_failures_are_tried_again(
 
     source, out = small_library(tmp_path / "in"), tmp_path / "out"
     monkeypatch.setattr(labelling, "content_hash", unread)
-    done, _ = label(source, out)
-    assert {row.outcome for row in done.failed} == {Outcome.LOST}
+    assert {row.outcome for row in label(source, out)[0].rows()} == {Outcome.LOST}
     monkeypatch.undo()
-    assert len(label(source, out)[1]) == 5
+    assert label(source, out)[1] == NAMES
+    assert label(source, out)[1] == []  # what was refused is finished as well
+    moved = source.rename(tmp_path / "moved")
+    for path in moved.rglob("*.*"):
+        os.utime(path, (1, 1))
+    assert label(moved, out)[1] == []  # the content counts
+    date = (moved / "a.ply").stat().st_mtime_ns
+    os.utime(mesh(moved / "a.ply", 1.2), ns=(date, date))  # whatever the date is
+    mesh(moved / "new.ply", 1.3)
+    assert label(f"{moved}/*.stl", out)[1] == []
+    assert label(moved, out)[1] == ["a.ply", "new.ply"]
+    fresh, _ = label(moved, tmp_path / "fresh")
+    assert values(open_library(out), "error") == values(fresh, "error")
 
 
-def test_results_of_another_run_are_not_inputs(tmp_path: Path) -> None:
-    mesh(tmp_path / "mug.ply")
-    label(tmp_path, tmp_path / "first")
-    done, _ = label(tmp_path, tmp_path / "second")
-    assert list(done.rows) == ["mug.ply"]
+def test_other_settings_are_refused_unless_they_replace_all(tmp_path: Path) -> None:
+    source, out = mesh(tmp_path / "in" / "a.ply").parent, tmp_path / "out"
+    label(source, out)
+    other = replace(QUICK, best=0)
+    with unchanged(tmp_path):
+        for options in ({"settings": other}, {"surfaces": "tar"}):
+            with pytest.raises(OutputError, match=r"has results of .*replace them with --overwr"):
+                label(source, out, **options)
+        with pytest.raises(SettingError, match="no surfaces are called 'zip'"):
+            label(source, out, surfaces="zip")
+    mesh(tmp_path / "two" / "b.ply")
+    done, labelled = label(tmp_path / "two", out, other, overwrite=True, surfaces="tar")
+    assert labelled == list(open_library(out).meshes) == ["b.ply"]
+    assert values(done) == values(label(tmp_path / "two", tmp_path / "c", other, surfaces="tar")[0])
+    assert not list((out / "surfaces").rglob("*.ply"))
 
 
-def test_the_progress_counts_all_meshes(tmp_path: Path) -> None:
-    states: list[BatchProgress] = []
+def test_parts_make_the_whole(tmp_path: Path) -> None:
     source, out = small_library(tmp_path / "in"), tmp_path / "out"
-    label(source, out, progress=states.append)
-    assert (states[0].left, states[0].fraction, states[0].row) == (5, 0.0, None)
-    assert (states[-1].left, states[-1].labelled, states[-1].failed) == (0, 4, 1)
-    assert states[-1].fraction == pytest.approx(1.0)
-    assert all(a.fraction <= b.fraction for a, b in pairwise(states))
-    assert Counter(state.row.mesh for state in states if state.row).most_common(1)[0][1] == 1
+    one, first = label(source, out, part="1/2", surfaces="tar")
+    assert list(one.meshes) == first == NAMES[::2]
+    assert label(source, out, part="2/2")[1] == NAMES[1::2]
+    whole, labelled = label(source, out)
+    assert labelled == []
+    assert values(whole) == values(label(source, tmp_path / "whole", surfaces="tar")[0])
+    for part in ("0/2", "3/2", "1", "a/b", "1/2/3", "1/1"):
+        with pytest.raises(SettingError, match=r"part must be I/N|a part overwrites nothing"):
+            label(source, out, part=part, overwrite=True)
 
 
-# Faults: each of these runs in a process of its own.
+def test_surfaces_hold_the_same_labels_however_they_are_stored(tmp_path: Path) -> None:
+    source = mesh(tmp_path / "in" / "deep" / "a.ply").parents[1]
+    ply, tar, none = (label(source, tmp_path / k, surfaces=k)[0] for k in ("ply", "tar", "none"))
+    one, two = ply.labels("deep/a.ply"), tar.labels("deep/a.ply")
+    assert one.model == two.model == QUICK.model
+    for name in ("label", "critical_angle", "margin", "partners"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+    for library in (ply, tar, none):
+        (row,) = library.table(["mesh", "vertex_label", "vertex_margin"]).to_pylist()
+        assert row["vertex_label"] == one.label.tolist()
+        np.testing.assert_allclose(row["vertex_margin"], one.margin, rtol=1e-6)
+    assert values(tar, "surface") == values(ply, "surface") == values(none, "surface")
+    with pytest.raises(MeshError, match="has no surface here"):
+        none.labels("deep/a.ply")
 
 
-@pytest.mark.slow
-def test_the_number_of_processes_does_not_change_the_results(tmp_path: Path) -> None:
-    source = small_library(tmp_path / "in")
-    for vertices, faces in (shapes.box(), shapes.lopsided()):
-        trimesh.Trimesh(vertices, faces).export(source / f"{len(vertices)}.ply")
-    settings = replace(QUICK, sampling=Sampling(rays=16), mesh=MeshOptions(max_edge=0.3))
-    rows = {}
-    for workers in (0, 2):
-        out, cluster = tmp_path / f"out{workers}", ClusterSettings(workers=workers)
-        done, _ = label(source, out, settings, cluster=cluster)
-        rows[workers] = values(done.rows.values())
-        files = sorted(path for path in out.rglob("*.*") if path.parent.name != "summary")
-        rows[f"files {workers}"] = {  # type: ignore[index]
-            str(path.relative_to(out)): path.read_bytes()
-            for path in files
-            if path.is_file() and path.suffix in {".ply", ".parquet", ".webp", ".glb"}
-        }
-    assert rows[0] == rows[2]
-    assert rows["files 0"] == rows["files 2"]  # type: ignore[index]
-    assert len(rows["files 0"]) == 4 * 6  # type: ignore[index]
+TABLE = """\
+path,name,scale,unit,mass,hand,table,up
+egg.ply,,,,,,,
+egg.ply,large,2,cm,,,,
+egg.ply,held,,cm,0.5,franka,as-is,y
+gone.ply,,,cm,,,,
+"""
+
+
+def test_a_table_has_settings_of_each_mesh(tmp_path: Path) -> None:
+    path, out = mesh(tmp_path / "egg.ply", 2.0), tmp_path / "out"
+    table = tmp_path / "objects.csv"
+    table.write_text(TABLE, encoding="utf-8")
+    done, labelled = label(table, out, force=True)
+    rows = {row.mesh: row for row in done.rows()}
+    assert labelled == sorted(rows) == ["egg.ply", "gone.ply", "held", "large"]
+    assert rows["gone.ply"].outcome is Outcome.REFUSED
+    assert "no such file" in rows["gone.ply"].error
+    plain, large, held = (rows[name] for name in ("egg.ply", "large", "held"))
+    assert (plain.unit, large.unit, large.file_unit) == (None, "m", "cm")
+    assert (held.mass, held.gripper, plain.mass, plain.gripper) == (0.5, "franka", None, None)
+    assert [one.size for one in (plain, large, held)] == pytest.approx([4.0, 0.08, 0.04])
+    surface = load_mesh(path, scale=2.0, unit="cm", max_edge=10.0)
+    scene = done.labels("held").scene
+    assert scene is not None
+    assert scene.table is not None
+    np.testing.assert_allclose(scene.table.normal, [0.0, 1.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(done.labels("large").mesh.vertices, surface.vertices, atol=1e-8)
+    table.write_text(TABLE.replace("large,2", "large,3"), encoding="utf-8")
+    mesh(tmp_path / "gone.ply")
+    assert label(table, out, force=True)[1] == ["gone.ply", "large"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("path,scale\nb.ply,1\negg.ply,0", "egg.ply: scale must be above 0; got 0"),
+        ("path,scale\negg.ply,-1", "scale must be above 0; got -1"),
+        ("path,scale\negg.ply,two", "egg.ply: scale must be a number; got 'two'"),
+        ("path,unit\negg.ply,km", "egg.ply: no unit is called 'km'"),
+        ("path,hand\negg.ply,frank", "frank"),
+        ("path,mass\negg.ply,-2", "mass"),
+        ("path\negg.ply\nb.ply\negg.ply", "row 3: names egg.ply a second time (first in row 1)"),
+        ("path,name\negg.ply,b\nb.ply,b", "row 2: names b a second time"),
+        ("path,weight\negg.ply,1", "no column is called 'weight'"),
+        ("file\negg.ply", "no column is called 'file'"),
+        ("name\negg.ply", "has no column path"),
+        ("path,name\negg.ply,a\n,b", "row 2: names no mesh file in its column path"),
+        ("", "cannot be read"),
+        ("path\n", "no mesh in it"),
+    ],
+)
+def test_a_bad_table_is_one_sentence(tmp_path: Path, text: str, message: str) -> None:
+    mesh(tmp_path / "egg.ply")
+    (tmp_path / "objects.csv").write_text(text, encoding="utf-8")
+    with unchanged(tmp_path), pytest.raises(MeshError) as caught:
+        label(tmp_path / "objects.csv", tmp_path / "out")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_same_content_is_labelled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, computed = list[str](), labelling._computed  # noqa: SLF001
+
+    def counted(path: Path, *arguments: Any) -> Any:
+        made.append(path.name)
+        return computed(path, *arguments)
+
+    monkeypatch.setattr(labelling, "_computed", counted)
+    for name in "abc":
+        mesh(tmp_path / "in" / f"{name}.ply", 1.7)
+    mesh(tmp_path / "in" / "d.ply", 1.8)
+    done, _ = label(tmp_path / "in", tmp_path / "out", surfaces="tar")
+    assert len(made) == 2
+    a, b, c, d = done.rows()
+    assert (a.stable, b.stable, a.content) == (c.stable, c.stable, c.content)
+    assert d.content != a.content
+    assert [done.labels(f"{name}.ply").mesh.size for name in "abc"] == [a.size] * 3
+
+
+def test_a_file_of_the_same_name_from_another_folder_is_refused(tmp_path: Path) -> None:
+    one = mesh(tmp_path / "one" / "mug.ply")
+    two = mesh(tmp_path / "two" / "mug.ply", 2.0)
+    label(one.parent, tmp_path / "out")
+    with unchanged(tmp_path), pytest.raises(OutputError, match=r"has the name mug\.ply, by which"):
+        label(two.parent, tmp_path / "out")
+    both = label_library([one.parent, two.parent], tmp_path / "both", QUICK, cluster=HERE)
+    assert list(both.meshes) == sorted(map(str, (one, two)))
+    assert len({row.surface for row in both.rows()}) == 2
+
+
+@pytest.mark.parametrize("whole", range(6))
+def test_a_full_disk_is_one_sentence_and_is_resumed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, whole: int
+) -> None:
+    written = [0]
+
+    def full(path: Path) -> Any:
+        written[0] += 1
+        if written[0] > whole:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return atomic_write(path)
+
+    source, out = small_library(tmp_path / "in"), tmp_path / "out"
+    monkeypatch.setattr(places, "atomic_write", full)
+    with pytest.raises(OutputError, match=r"no space left; free some, or name another folder\)$"):
+        label(source, out, surfaces="ply")
+    monkeypatch.undo()
+    label(source, out)
+    assert values(open_library(out)) == values(label(source, tmp_path / "fresh")[0])
+
+
+def test_damaged_chunks_are_labelled_again(tmp_path: Path) -> None:
+    source, out = small_library(tmp_path / "in"), tmp_path / "out"
+    expected = values(label(source, out)[0])
+    (chunk,) = (out / "labels").iterdir()
+    data = chunk.read_bytes()
+    for damaged in (data[: len(data) // 2], b"", b"prose", bytes(len(data))):
+        (chunk,) = (out / "labels").iterdir()
+        chunk.write_bytes(damaged)
+        with pytest.raises(OutputError, match=f"{chunk.name}: is damaged"):
+            open_library(out)
+        done, labelled = label(source, out)
+        assert (labelled, values(done)) == (NAMES, expected)
+
+
+def test_files_of_others_are_left_alone_and_results_are_no_inputs(tmp_path: Path) -> None:
+    source = mesh(tmp_path / "in" / "a.ply").parent
+    mine = mesh(tmp_path / "out" / "labels" / "mine.parquet.ply")
+    with unchanged(tmp_path), pytest.raises(OutputError, match="is not of grasp3d batch; name an"):
+        label(source, tmp_path / "out")
+    label(source, tmp_path / "good")
+    (tmp_path / "good" / "labels" / "all-mine.parquet").write_bytes(mine.read_bytes())
+    with unchanged(tmp_path), pytest.raises(OutputError, match=r"all-mine\.parquet: is damaged"):
+        label(source, tmp_path / "good")
+    mesh(tmp_path / "mug.ply")
+    label(tmp_path / "mug.ply", tmp_path / "first")
+    with pytest.raises(MeshError, match=r"mug\.ply\.ply: is a result; it would be overwritten"):
+        label(tmp_path / "first" / "surfaces" / "mug.ply.ply", tmp_path / "first")

@@ -84,3 +84,18 @@ def test_strict_accepts_no_warnings(folder: Path) -> None:
     assert grasp3d("check", "box.stl", "--strict", cwd=folder).returncode == 0
     assert grasp3d("check", "pierced.ply", cwd=folder).returncode == 0
     assert grasp3d("check", "pierced.ply", "--strict", cwd=folder).returncode == 1
+
+
+def test_a_table_states_scale_and_unit_of_each_mesh_and_units_are_guessed(folder: Path) -> None:
+    text = "path,name,scale,unit\nbox.stl,large,2,cm\nbox.stl,small,1000,\ngone.stl,,,\n"
+    (folder / "objects.csv").write_text(text, encoding="utf-8")
+    words = ("check", "objects.csv", "--unit", "guess", "--workers", "1", "-o", "report.json")
+    run = grasp3d(*words, cwd=folder)
+    assert (run.returncode, "Traceback" in run.stderr) == (1, False)
+    assert "failed: gone.stl: there is no such file" in run.stdout
+    gone, large, small = json.loads((folder / "report.json").read_text("utf-8"))["meshes"]
+    assert [one["mesh"] for one in (gone, large, small)] == ["gone.stl", "large", "small"]
+    assert (large["unit"], large["file_unit"], small["file_unit"]) == ("m", "cm", "mm")
+    assert large["extents"] == pytest.approx([0.0008, 0.0012, 0.0016])
+    assert small["extents"] == pytest.approx([0.04, 0.06, 0.08])
+    assert "its unit, mm, is a guess" in run.stdout.replace("\n", " ")

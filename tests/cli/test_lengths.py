@@ -50,9 +50,9 @@ def test_a_mesh_of_a_batch_fails_where_a_length_cannot_be_meant(
     assert done.returncode == 1
     assert "1 labelled, 1 failed" in done.stdout
     assert "failed: max_opening is 10 mm, 0.000928 times the size of large.glb" in done.stdout
-    assert "max_opening 0.01\n" in (folder / "out/labels/small.ply").read_bytes()[:4096].decode(
-        "ascii", "replace"
-    )
+    assert "max_opening 0.01\n" in (folder / "out/surfaces/small.glb.ply").read_bytes()[
+        :4096
+    ].decode("ascii", "replace")
     done = grasp3d(*words, "--max-opening", "1cm", cwd=folder)
     assert "0 to label" not in done.stdout
     assert "; 2 of them were finished before" in done.stdout

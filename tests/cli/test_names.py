@@ -5,9 +5,9 @@ import os
 import sys
 from pathlib import Path
 
-import pyarrow.parquet as pq
 import pytest
 
+from grasp3d import open_library
 from grasp3d.pictures import opengl
 from grasp3d.system.names import as_unicode, safe_stem, short_hash
 from tests.helpers import shapes
@@ -79,12 +79,12 @@ def test_a_batch_overwrites_no_mesh_and_no_result(tmp_path: Path) -> None:
     assert (run.returncode, "Traceback" in run.stderr) == (1, False)
     assert f"{len(meshes)} labelled, 1 failed" in run.stdout
     assert {name: (tmp_path / name).read_bytes() for name in meshes} == before
-    rows = pq.read_table(tmp_path / "in" / "summary").to_pylist()
-    made = {row["labels"] for row in rows if not row["error"]}
+    rows = open_library(tmp_path / "in").table().to_pylist()
+    made = {row["surface"] for row in rows if not row["error"]}
     assert len({name.casefold() for name in made}) == len(made) == len(meshes)
     assert all((tmp_path / "in" / name).is_file() for name in made)
-    assert {f"labels/{safe_stem(as_unicode(stem))}.ply" for stem in STEMS} <= made
-    assert {"labels/a/mug.ply", "labels/b/mug.ply", "labels/mug_obj.ply"} <= made
+    assert {f"surfaces/{safe_stem(as_unicode(f'{stem}.stl'))}.ply" for stem in STEMS} <= made
+    assert {f"surfaces/{name}.ply" for name in ("a/mug.stl", "b/mug.stl", "mug.obj")} <= made
     lines = run.stdout.splitlines()
     assert any(line.startswith("[red].stl ") for line in lines)
     assert any(line.startswith(":apple: \\[b].stl ") for line in lines)

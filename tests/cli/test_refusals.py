@@ -117,9 +117,9 @@ hand --picture a.png | --picture needs a gripper
 hand nope | 'nope'; known: franka (panda), robotiq_2f85, robotiq_2f140, wsg50, tactile
 hand franka --fingers a b | is none
 batch void -o out | no mesh in it
-batch list.txt -o out | list.txt, line 2: nowhere.stl: there is no such file or folder
+batch list.csv -o out | list.csv, row 2: names ball.ply a second time (first in row 1); remove one
 batch nothing://lib -o out | no file system is called nothing://
-batch 'void/**x/[a' -o out | is not a valid file name pattern
+batch 'void/**x/[a' -o out | cannot be opened (Invalid pattern: '**' can only be
 batch ball.ply -o ball.ply | its folder is a file
 view . --screenshot a.png | was not written by grasp3d batch
 view bad.ply --screenshot a.png | have no property 'critical_angle'
@@ -160,7 +160,7 @@ label ball.ply --hand leap | --hand: leap is a hand with joints, known without i
 label ball.ply --hand void/ | --hand: void: is a folder; name a file
 label ball.ply --hand damaged.json | damaged.json: is no JSON
 label ball.ply --hand notes.csv | unsupported gripper format .csv
-label ball.ply --unit feet | --unit must be one of m, cm, mm, in; got 'feet'
+label ball.ply --unit feet | --unit must be one of m, cm, mm, in, guess; got 'feet'
 label ball.ply --mass heavy | mass must be
 label ball.ply --density 1000 --mass 1 | mass and density exclude each other
 label ball.ply --grasps-format acronym | give their number with --best
@@ -250,7 +250,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "0 0 0 1\n1 0 0 2\n0 1 0 7\n3 0 1 2\n",
         "nan.off": "OFF\n3 1 0\n0 0 0\n1 0 0\n0 nan 0\n3 0 1 2\n",
         "bad.csv": "a,b,c\n1,2,3\n",
-        "list.txt": "ball.ply\nnowhere.stl\n",
+        "list.csv": "path\nball.ply\nball.ply\n",
         "pair.json": json.dumps([pair]),
         "far.json": json.dumps([[pair[0], [-5000, 0, 0]]]),
         "three.json": json.dumps([[*pair, [0, 30, 0]]]),

@@ -13,12 +13,13 @@ import pytest
 
 from grasp3d import GraspModel, Sampling, label_surface, load_mesh
 from grasp3d.batch.inputs import MeshFile
-from grasp3d.batch.sweeping import (
+from grasp3d.cli.sweep import (
     SweepSettings,
+    angles_in,
     find_targets,
+    frictions_in,
     sweep_mesh,
 )
-from grasp3d.cli.sweep import angles_in, frictions_in
 from grasp3d.errors import MeshError, SettingError
 from tests.helpers import shapes
 from tests.helpers.commands import export, printed
@@ -155,10 +156,8 @@ def test_shapes_are_found_before_files_and_meshes_once(tmp_path: Path) -> None:
 def test_the_search_cone_covers_the_sweep(tmp_path: Path) -> None:
     ball = export(tmp_path / "ball.ply", shapes.sphere(2))
     narrow = SweepSettings((0.2,), (0.0, 0.1), Sampling(rays=16))
-    swept = sweep_mesh(MeshFile("ball", str(ball)), narrow).sweep
-    assert swept is not None
+    swept, _ = sweep_mesh(MeshFile("ball", str(ball)), narrow)
     assert swept.distribution.limit == pytest.approx(math.atan(0.2) + 0.05)
     wide = SweepSettings((2.0,), (3.0,), Sampling(rays=16))
-    swept = sweep_mesh(MeshFile("ball", str(ball)), wide).sweep
-    assert swept is not None
+    swept, _ = sweep_mesh(MeshFile("ball", str(ball)), wide)
     assert swept.distribution.limit == math.pi / 2.0

@@ -13,7 +13,7 @@ import pyarrow.csv as pc
 import pyarrow.parquet as pq
 import pytest
 import pyvista
-from format_pages import with_summary
+from format_pages import with_rows
 
 from grasp3d import (
     GraspModel,
@@ -25,13 +25,15 @@ from grasp3d import (
     sweep,
     validate_grasps,
 )
-from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
-from grasp3d.batch.checking import check_file, write_checks
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.row import COLUMNS, BestGrasp, Outcome, Row
+from grasp3d.cli.check import check_file, write_checks
 from grasp3d.formats import write_fields, write_glb, write_grasps, write_npz, write_ply, write_vtp
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
+from grasp3d.jobs import ClusterSettings
+from grasp3d.jobs.running import Done
 from grasp3d.mesh.repair.work import RepairStep
 from grasp3d.outcomes import simulate_grasps, write_validation
 from grasp3d.quality.loads import Load
@@ -275,7 +277,8 @@ def test_validation(tmp_path: Path) -> None:
 
 
 def test_reports_of_check(tmp_path: Path) -> None:
-    checked = check_file(MeshFile("box.obj", str(shapes.LIBRARY / "box.obj")), BatchSettings())
+    mesh_file = MeshFile("box.obj", str(shapes.LIBRARY / "box.obj"))
+    checked = Done(mesh_file, check_file(mesh_file, BatchSettings()))
     (keys,) = tables("Reports of check")
     write_checks(tmp_path / "out.json", [checked], BatchSettings())
     (mesh,) = json.loads((tmp_path / "out.json").read_text())["meshes"]
@@ -287,8 +290,8 @@ def test_reports_of_check(tmp_path: Path) -> None:
         assert set(re.findall("`(.+?)`", row)) == set(names)
 
 
-def test_summary() -> None:
-    columns, best = tables_of(with_summary(PAGE.read_text(encoding="utf-8")), "Summary")
+def test_columns_of_the_rows() -> None:
+    columns, best = tables_of(with_rows(PAGE.read_text(encoding="utf-8")), "Columns of the rows")
     assert set(asdict(Row("mug"))) == columns
     assert {field.name for field in fields(BestGrasp)} == best
     for outcome in Outcome:

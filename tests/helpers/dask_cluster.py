@@ -82,6 +82,14 @@ def runs(process: psutil.Process, word: str) -> bool:
         return False
 
 
+def has_ended(pid: int) -> bool:
+    """Whether a process has ended."""
+    try:
+        return bool(psutil.Process(pid).status() == psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return True
+
+
 def wait_for(found: Callable[[], T], seconds: float = 15.0) -> T:
     """Wait until a function returns a true value; returns it."""
     end = time.monotonic() + seconds

@@ -1,82 +1,78 @@
-"""Cheap jobs that fail in all the ways in which meshes can; the child imports nothing heavy."""
+"""Cheap tasks that fail in all the ways in which meshes can; the child imports nothing heavy."""
 
 import ctypes
 import os
 import signal
+import sys
+import threading
 import time
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from grasp3d.batch.limits import NeedsMemory, allowed_memory
+from grasp3d.errors import GraspError
+from grasp3d.system.context import thread_count
 
 TIMINGS = frozenset({"seconds", "seconds_reading", "seconds_labelling", "seconds_writing"})
-"""Columns of a summary that differ between runs."""
+"""Columns of a library that differ between runs."""
 
 
-@dataclass(frozen=True)
-class Work:
-    """A cheap job whose name says how it behaves; it records its times in a folder."""
-
-    name: str
-    log: Path | None = None
-
-    @property
-    def kind(self) -> str:
-        return self.name.split("-")[0]
+def raise_(error: BaseException) -> None:
+    raise error
 
 
-@dataclass(frozen=True)
-class Done:
-    name: str
-    reason: str = ""
-    memory: float | None = None
+class NotUnpicklableError(Exception):
+    """Pickles, but does not unpickle."""
+
+    def __init__(self, one: str, two: str) -> None:
+        super().__init__(one + two)
 
 
-def lost(job: Work, reason: str) -> Done:
-    return Done(job.name, reason)
+FAULTS: dict[str, tuple[Callable[[], Any], str]] = {
+    "crash": (lambda: ctypes.string_at(0), "crashed or was killed (segmentation fault)"),
+    "killed": (
+        lambda: os.kill(os.getpid(), signal.SIGKILL),
+        "was killed from outside, most likely for lack of memory",
+    ),
+    "hang": (  # in machine code, while no other thread of Python runs
+        lambda: ctypes.PyDLL(None).sleep(60), "took longer than 6 s and was ended",
+    ),
+    "memory": (
+        lambda: [np.ones(1_250_000) for _ in range(2000)],
+        "took more than 0.5 GB of memory and was ended; fewer --workers leave more to each",
+    ),
+    "too much": (
+        lambda: np.ones(10**15), "requested more memory than is available",
+    ),
+    "quits": (lambda: os._exit(3), "ended its process without a result (exit code 3)"),
+    "refuses": (lambda: raise_(GraspError("no such thing")), "no such thing"),
+    "raises": (
+        lambda: raise_(ValueError("an error of\ntwo lines")),
+        "unexpected ValueError: an error of two lines; please report this mesh",
+    ),
+    "exits": (
+        lambda: sys.exit(2), "unexpected RuntimeError: SystemExit: 2; please report this mesh",
+    ),
+    "does not pickle": (
+        threading.Lock,
+        "unexpected TypeError: cannot pickle '_thread.lock' object; please report this mesh",
+    ),
+    "pickles in part": (
+        lambda: raise_(NotUnpicklableError("one", "two")),
+        "unexpected NotUnpicklableError: onetwo; please report this mesh",
+    ),
+}  # fmt: skip
+"""What a job does that is called so, and the error that it has."""
 
 
-def work(job: Work, pause: float) -> Done:
-    """Behave according to the job's name, and record the times of every attempt."""
-    begun = time.monotonic()
-    first = True
-    if job.log is not None:
-        mark = job.log / f"{job.name}.begun"
-        first = not mark.exists()
-        mark.write_text(f"{begun}", encoding="ascii")
-    misbehave(job.kind, first=first)
-    time.sleep(pause)
-    if job.log is not None:
-        (job.log / job.name).write_text(f"{begun} {time.monotonic()}", encoding="ascii")
-    return Done(job.name, memory=allowed_memory())
-
-
-def misbehave(kind: str, *, first: bool) -> None:
-    if kind == "crash" or (kind == "crash once" and first):
-        ctypes.string_at(0)
-    if kind == "killed" or (kind == "killed once" and first):
-        os.kill(os.getpid(), signal.SIGKILL)
-    if kind == "kills its worker":
+def work(job: str, pause: float = 0.0) -> Any:
+    """Fail as the job's name says, or return the process, its session, folder and threads."""
+    print("printed text", flush=True)  # noqa: T201, discarded
+    if job in FAULTS:
+        return FAULTS[job][0]()
+    if job == "kills its worker":
         os.kill(os.getppid(), signal.SIGKILL)
         time.sleep(60.0)
-    if kind == "hang":
-        time.sleep(60.0)
-    if kind == "raises":
-        raise ValueError("an error of\ntwo lines")
-    if kind == "exceeds its limit":
-        _ = [np.ones(1_250_000) for _ in range(52)]
-        time.sleep(0.3)
-    needed = {"0.4 GB": 0.4, "0.7 GB": 0.7, "1e6 GB": 1e6}.get(kind, 0.0)
-    allowed = allowed_memory()
-    if allowed is not None and needed > allowed:
-        raise NeedsMemory(needed)
-
-
-def process_id(job: Work, pause: float) -> Done:  # noqa: ARG001
-    return Done(str(os.getpid()))
-
-
-def needs_2_gb(job: Work, pause: float) -> Done:  # noqa: ARG001
-    raise NeedsMemory(2.0)
+    time.sleep(pause if job.startswith("well") else 60.0)
+    return os.getpid(), os.getsid(0), os.getcwd(), thread_count()  # noqa: PTH109

@@ -9,8 +9,8 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from grasp3d import load_mesh
-from grasp3d.batch import ClusterSettings
 from grasp3d.errors import MeshError, SettingError
+from grasp3d.jobs import ClusterSettings
 from grasp3d.outcomes import SimulationSettings, convex_parts
 from grasp3d.outcomes import parts as module
 from grasp3d.outcomes.parts import parts_of

@@ -13,13 +13,13 @@ import trimesh
 
 import grasp3d
 from grasp3d import GraspModel, ObjectMesh, ParallelGripper, load_mesh
-from grasp3d.batch import ClusterSettings
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.formats import GraspPoses
+from grasp3d.jobs import ClusterSettings
 from grasp3d.outcomes import Fate, SimulationSettings, simulate_grasps
 from grasp3d.outcomes.pulling import Attempt
 from grasp3d.outcomes.scene import Stage
-from grasp3d.outcomes.simulate import Job, JobResult, simulate_attempts, simulate_job
+from grasp3d.outcomes.simulate import Job, Outcome, simulate_attempts, simulate_job
 from tests.helpers import slider_hand
 from tests.outcomes.test_fingers import stage
 
@@ -191,10 +191,10 @@ def test_settings_outside_their_range_are_refused(fields: dict[str, object], mes
 FINE = Attempt(np.eye(4), 0.05, 0.5)
 
 
-def _crash(job: Job, of: Stage) -> JobResult:
+def _crash(job: Job, stage: Stage) -> tuple[Outcome, ...]:
     if job.number == 0:
         os._exit(7)
-    return simulate_job(job, of)
+    return simulate_job(job, stage)
 
 
 @pytest.mark.slow

@@ -19,7 +19,6 @@ from grasp3d import (
     write_npz,
     write_vtp,
 )
-from grasp3d.batch.row import Summary
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.stability import COLORS, Label
 from grasp3d.surface import GraspTable
@@ -121,7 +120,7 @@ def test_without_pandas_a_sentence_names_the_extra(
 ) -> None:
     monkeypatch.setattr("grasp3d.system.tables.find_spec", lambda _: None)
     found = sweep(labels.angle_distribution(), friction=0.5, sensor_resolution=0.1)
-    for one in (labels, grasps, found, Summary()):
+    for one in (labels, grasps, found):
         with pytest.raises(OutputError, match=r"pip install 'grasp3d\[pandas\]'"):
             one.to_dataframe()
 

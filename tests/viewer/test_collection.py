@@ -25,10 +25,10 @@ from grasp3d import (
     load_mesh,
     write_ply,
 )
-from grasp3d.batch import ClusterSettings
 from grasp3d.errors import MeshError, OutputError, SettingError
 from grasp3d.formats.surfaces.files import READERS, writer_for
 from grasp3d.formats.surfaces.stored import Stored
+from grasp3d.jobs import ClusterSettings
 from grasp3d.mesh.reading.sources import Source
 from grasp3d.pictures.colors import labels_at
 from grasp3d.pictures.subject import Subject, subject_of
@@ -249,7 +249,7 @@ def _stored(folder: Path) -> Path:
     done = label_library(
         [meshes], folder / "out", settings, cluster=ClusterSettings(workers=0), report=False
     )
-    assert len(done.failed) == 1
+    assert len(done.meshes) == 3
     return folder / "out"
 
 
@@ -286,10 +286,7 @@ def copied(stored: Path, tmp_path: Path) -> Path:
 
 
 def test_a_missing_file_of_one_object_does_not_affect_the_others(copied: Path) -> None:
-    (copied / "labels" / "box.stl.ply").unlink(missing_ok=True)
-    for folder in ("labels", "fields"):
-        for path in (copied / folder).glob("box*"):
-            path.unlink()
+    (copied / "surfaces" / "box.stl.ply").unlink()
     collection = open_collection(copied)
     with pytest.raises(MeshError, match="there is no such file"):
         collection.items[0].open()
@@ -300,8 +297,8 @@ def test_a_missing_file_of_one_object_does_not_affect_the_others(copied: Path) -
 def test_folders_without_results_are_refused(tmp_path: Path, copied: Path) -> None:
     with pytest.raises(OutputError, match="was not written by grasp3d batch"):
         open_collection(tmp_path)
-    (copied / "summary" / "part-00099.parquet").write_bytes(b"no table")
-    with pytest.raises(OutputError, match=r"part-00099.parquet: is damaged"):
+    (copied / "labels" / "all-00099.parquet").write_bytes(b"no table")
+    with pytest.raises(OutputError, match=r"all-00099.parquet: is damaged"):
         open_collection(copied)
 
 

@@ -11,27 +11,28 @@ from urllib.parse import quote
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+from upath import UPath
 
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.row import Outcome, Row, headed
-from grasp3d.batch.storage.folder import Folder
 from grasp3d.quality.loads import load_settings
 from grasp3d.settings.model_text import SAFE_LABELS
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import COLORS, MEANING, Label, hex_color
 from grasp3d.system.counts import counted
 from grasp3d.system.names import printable
+from grasp3d.system.places import writing
 from grasp3d.system.versions import package_version
 
 REPORT = "report/index.html"
 """Path of the page below the output folder."""
 
 
-def write_report(output: Folder, rows: Collection[Row], settings: BatchSettings) -> None:
+def write_report(folder: UPath, rows: Collection[Row], settings: BatchSettings) -> None:
     """Write the first page of a library, whose meshes have their pages already.
 
     Args:
-        output: Folder of the results; the page goes to `report` below it.
+        folder: Folder of the results; the page goes to `report` below it.
         rows: All meshes, in the order of the table.
         settings: Settings of the labels.
 
@@ -51,7 +52,8 @@ def write_report(output: Folder, rows: Collection[Row], settings: BatchSettings)
         meshes=counted(len(rows), "meshes"),
         made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     )  # fmt: skip
-    output.write(REPORT, page.encode("utf-8"))
+    with writing(folder / REPORT) as part:
+        part.write_text(page, encoding="utf-8")
 
 
 @cache
@@ -98,8 +100,8 @@ def _data(rows: Sequence[Row], names: Sequence[str]) -> dict[str, Any]:
             {
                 name: address(path)
                 for name, path in (
-                    ("page", row.page), ("thumbnail", row.thumbnail), ("labels", row.labels),
-                    ("table", row.fields),
+                    ("page", row.page), ("thumbnail", row.thumbnail),
+                    ("labels", row.surface if row.surface.endswith(".ply") else ""),
                 )
                 if path
             }

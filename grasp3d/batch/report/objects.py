@@ -3,6 +3,7 @@
 import base64
 import io
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from PIL import Image
@@ -10,7 +11,6 @@ from PIL import Image
 from grasp3d.arrays import Bytes
 from grasp3d.batch.report.index import REPORT, address, environment
 from grasp3d.batch.row import Row, headed
-from grasp3d.batch.storage.folder import Folder
 from grasp3d.describe.grasp_facts import facts
 from grasp3d.formats import write_glb
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
@@ -34,7 +34,7 @@ QUALITY = 85
 
 
 def write_object(
-    row: Row, labels: SurfaceLabels, best: GraspTable | EvaluatedPoses | None, output: Folder,
+    row: Row, labels: SurfaceLabels, best: GraspTable | EvaluatedPoses | None, folder: Path,
     path: str,
 ) -> Row:  # fmt: skip
     """Write the page of a mesh, its coloured surface, and the picture of the first page.
@@ -45,24 +45,21 @@ def write_object(
         row: Row of the mesh.
         labels: The labelled surface.
         best: The best grasps; None: there are none.
-        output: Folder of the results.
+        folder: Folder below which they are written.
         path: Path of the files below it, without a suffix.
 
     Returns:
         The row, with the paths of these files.
-
-    Raises:
-        OutputError: A file cannot be written.
     """
-    page = f"{path}.html"
-    row = replace(row, page=page, model=f"{path}.glb")
-    with output.atomic_write(row.model) as file:
-        write_glb(file, labels)
+    page, model = f"{path}.html", f"{path}.glb"
+    row = replace(row, page=page)
+    (folder / page).parent.mkdir(parents=True)
+    write_glb(folder / model, labels)
     picture, grasps, shown = "", list[str](), 0 if best is None else min(best.size, MOST)
     if can_render():
         pixels = draw_labels(labels, size=SIZE)
         row = replace(row, thumbnail=f"{path}.webp")
-        output.write(row.thumbnail, _webp(pixels, SMALLER))
+        (folder / row.thumbnail).write_bytes(_webp(pixels, SMALLER))
         picture = _embedded(pixels)
         if best is not None and shown:
             few = best.take(np.arange(shown))
@@ -70,8 +67,7 @@ def write_object(
     text = environment().get_template("object.html").render(
         row=row,
         up=address(REPORT, page),
-        files={"labelled PLY": row.labels, "table of its vertices": row.fields,
-               "coloured GLB": row.model},
+        files={"labelled PLY": row.surface, "coloured GLB": model},
         page=page,
         picture=picture,
         parts={"S": row.stable, "M": row.ambiguous, "U": row.no_grasp_found},
@@ -83,7 +79,7 @@ def write_object(
             for number in range(best.size)
         ] if best is not None else [],
     )  # fmt: skip
-    output.write(page, text.encode("utf-8"))
+    (folder / page).write_text(text, encoding="utf-8")
     return row
 
 

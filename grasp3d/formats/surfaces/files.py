@@ -40,6 +40,7 @@ from grasp3d.system.documents import parse_json
 from grasp3d.system.files import check_suffix
 from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import printable
+from grasp3d.system.versions import newer_version
 
 WRITERS: dict[str, Callable[[Path, SurfaceLabels], None]] = {
     ".ply": layouts.write_ply, ".glb": layouts.write_glb, ".npz": layouts.write_npz,
@@ -94,6 +95,8 @@ def labels_in(path: Path, *, unit: Unit | None = None) -> SurfaceLabels | None:
     stored = read_file(_stored, path)
     if stored is None:
         return None
+    if newer := newer_version(stored.settings.get("version")):
+        raise MeshError(f"{stored.source.where}: {newer}")
     try:
         return _labels(stored, unit)
     except DAMAGE as error:
@@ -115,8 +118,10 @@ def _labels(stored: Stored, unit: Unit | None) -> SurfaceLabels:
         mesh = mesh.with_unit(unit)
     if mesh.options.region is not None:
         mesh = replace(mesh, region=locked(values["reason"] != Reason.EXCLUDED))
-    if mesh.unit is not None and settings.options.unit is None:  # lengths are in metres from here
-        scale = mesh.file_scale
+    if (
+        mesh.unit is not None and settings.options.stated_unit is None
+    ):  # lengths are in metres from here
+        scale = scale_of(mesh.file_unit)
         powers = {LENGTH: scale, AREA: scale**2}
         values = {name: one * powers.get(FIELDS[name].unit, 1) for name, one in values.items()}
         settings = replace(
@@ -203,15 +208,17 @@ def _mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
     report["repairs"] = tuple(RepairStep(**step) for step in report["repairs"])
     report["source"], report["warnings"] = str(report["source"]), tuple(report["warnings"])
     mesh = ObjectMesh(
-        vertices=locked(vertices * scale_of(settings.options.unit)),
+        vertices=locked(
+            vertices * (scale_of(settings.options.stated_unit) * settings.options.scale)
+        ),
         file_points=locked(vertices), faces=locked(faces), canonical=locked(canonical),
         file_vertices=settings.file_vertices,
         corner_normals=CornerNormals(locked(corners), locked(normals), locked(of_vertices)),
         center=locked(center), size=float(size), center_mass=locked(center_mass),
         volume=float(surface["volume"]), options=settings.options, report=MeshReport(**report),
     )  # fmt: skip
-    if mesh.file_unit != settings.options.unit:
-        raise ValueError(f"its unit is {mesh.file_unit} and {settings.options.unit}")
+    if mesh.file_unit != settings.options.stated_unit:
+        raise ValueError(f"its unit is {mesh.file_unit} and {settings.options.stated_unit}")
     return mesh
 
 

@@ -11,10 +11,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from grasp3d.batch.row import Outcome, Row
-from grasp3d.batch.store import read_summary
+from grasp3d.batch.chunks import Library, open_library
+from grasp3d.batch.row import Outcome
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.formats.surfaces.files import READERS, labels_in, read_labels
+from grasp3d.formats.surfaces.files import READERS, labels_in
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.mesh import ObjectMesh
@@ -177,7 +177,7 @@ def open_collection(
         raise MeshError(f"{where}: there is no such file or folder")
     labels = None
     if target.suffix.lower() in READERS and not target.is_dir():
-        labels = labels_in(target, unit=options.unit)
+        labels = labels_in(target, unit=options.stated_unit)
     if labels is None and not target.is_dir():
         check_search_settings(model, sampling)
         settings = reach or ReachSettings(), model, sampling
@@ -199,7 +199,7 @@ def open_collection(
             "label it again"
         )
     if labels is None:
-        return _batch_collection(target, model, unit=options.unit)
+        return _batch_collection(target, model, unit=options.stated_unit)
     subject = subject_of(labels, target.name)
     return _single(target.name, lambda: subject, *_stored_settings(labels, model))
 
@@ -226,15 +226,16 @@ def _stored_settings(labels: SurfaceLabels, model: GraspModel) -> tuple[GraspMod
 
 def _batch_collection(folder: Path, model: GraspModel, unit: Unit | None) -> Collection:
     """All labelled meshes of a batch, in the order of their names."""
-    rows = read_summary(folder)
-    labelled = [row for row in rows if row.outcome is Outcome.LABELLED and row.labels]
+    library = open_library(folder)
+    rows = library.rows(["mesh", "outcome", "warnings"])
+    labelled = [row for row in rows if row.outcome is Outcome.LABELLED]
     if not labelled:
         raise MeshError(
             f"{printable(str(folder))}: none of its {len(rows)} meshes was labelled; see "
             "report/index.html"
         )
     settings, last = (model, Sampling()), LastOpened()
-    readers = [partial(_read_result, folder, row, unit) for row in labelled]
+    readers = [partial(_read_result, library, row.mesh, row.warnings, unit) for row in labelled]
     items = tuple(
         Item(as_unicode(row.mesh), last.kept(reader))
         for row, reader in zip(labelled, readers, strict=True)
@@ -248,11 +249,11 @@ def _batch_collection(folder: Path, model: GraspModel, unit: Unit | None) -> Col
     return Collection(items, *settings, (f"{note}reasons",) if left_out else ())
 
 
-def _read_result(folder: Path, row: Row, unit: Unit | None) -> Subject:
-    """Read one mesh of a batch. Raises MeshError if its labelled PLY is missing or damaged."""
+def _read_result(library: Library, mesh: str, warnings: str, unit: Unit | None) -> Subject:
+    """Read one mesh of a batch. Raises MeshError if its labelled surface is missing or damaged."""
     report_progress(0.0)
-    subject = subject_of(read_labels(folder / row.labels, unit=unit), row.mesh)
-    notes = (text for text in row.warnings.split("; ") if text)
+    subject = subject_of(library.labels(mesh, unit=unit), mesh)
+    notes = (text for text in warnings.split("; ") if text)
     return replace(subject, notes=tuple(dict.fromkeys((*notes, *subject.notes))))
 
 

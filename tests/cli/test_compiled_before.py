@@ -1,27 +1,16 @@
-"""Commands compile nothing that was compiled ahead, and runs compile before their first job."""
+"""Commands compile nothing that was compiled ahead."""
 
 import os
 import subprocess
 import sys
-import time
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import pytest
 import trimesh
 
 import grasp3d
 from grasp3d._kernels.ahead import warmup
-from grasp3d.batch import cluster
-from grasp3d.batch.batch_settings import ClusterSettings
-from grasp3d.batch.job_requests import Request
-from grasp3d.batch.limits import CallFailedError, CallFailure
-from grasp3d.batch.run import run
 from tests.helpers import mesh_files
-from tests.helpers.jobs import Work, lost, work
 
 ROOT = Path(grasp3d.__file__).parents[1]
 
@@ -80,54 +69,3 @@ def test_no_command_compiles_what_was_compiled_ahead(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-2:] == ["compiled", "undeclared"]
     assert "compiling" not in done.stderr
-
-
-@dataclass
-class Calls:
-    """Calls in child processes, which are recorded but not made."""
-
-    failing: bool = False
-    made: list[tuple[Any, ...]] = field(default_factory=list)
-
-    def __call__(self, function: Callable[..., Any] | bytes, *arguments: Any, **limits: Any) -> str:
-        time.sleep(0.01)
-        self.made.append((function, *arguments))
-        assert not {"memory", "seconds"} & set(limits)
-        if self.failing:
-            raise CallFailedError(CallFailure.CANCELLED, "was cancelled")
-        return ""
-
-
-@pytest.mark.parametrize("workers", [0, 1])
-def test_a_run_compiles_before_its_first_job(workers: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    order: list[object] = []
-    monkeypatch.setattr("grasp3d.batch.run.warmup", lambda: order.append("compiled"))
-    job = Work("well")
-    for compiled in (True, False):
-        options: dict[str, Any] = {"started": order.append, "compiled": compiled}
-        rows = run(work, [job], 0.0, lost=lost, cluster=ClusterSettings(workers=workers), **options)
-        assert len(list(rows)) == 1
-    assert order == ["compiled", job, job]
-
-
-def test_each_worker_of_a_cluster_prepares_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Several threads of a worker get their first requests at once."""
-    calls = Calls()
-    monkeypatch.setattr(cluster, "call_pickled", calls)
-    monkeypatch.setattr(cluster, "_prepared", set())
-    plain = Request(b"job", "", memory=1.0, seconds=1.0, versions="")
-    prepared = Request(b"job", "", 1.0, 1.0, versions="", preparation=b"compile")
-    with ThreadPoolExecutor(4) as threads:
-        for request in [prepared, plain] * 4:
-            threads.submit(cluster.prepare, request, bool)
-    assert calls.made == [(b"compile", "")]
-
-
-def test_a_cancelled_preparation_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls = Calls(failing=True)
-    monkeypatch.setattr(cluster, "call_pickled", calls)
-    monkeypatch.setattr(cluster, "_prepared", set())
-    request = Request(b"job", "", 1.0, 1.0, versions="", preparation=b"compile")
-    cluster.prepare(request, bool)
-    cluster.prepare(request, bool)
-    assert len(calls.made) == 2

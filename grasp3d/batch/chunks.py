@@ -1,0 +1,442 @@
+"""Labels of a library on disk: files of rows, each written once and whole.
+
+A chunk is `labels/NAME.parquet`, with a row for each of its meshes, and `surfaces/NAME.tar` with
+their labelled surfaces, unless these are files of their own. What is in a chunk is done. Of two
+rows of a mesh, as a run that is killed may leave them, the one that was written later holds.
+"""
+
+import io
+import json
+import re
+import tarfile
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+from upath import UPath
+
+from grasp3d.batch.inputs import local_copy
+from grasp3d.batch.row import COLUMNS, Row
+from grasp3d.errors import MeshError, OutputError
+from grasp3d.settings.units import Unit
+from grasp3d.system.names import printable, reason_of
+from grasp3d.system.places import converted, place, writing
+from grasp3d.system.tables import records_of_table, table_of_records
+from grasp3d.system.versions import newer_version
+
+if TYPE_CHECKING:
+    from grasp3d.surface.fields import Array
+    from grasp3d.surface.labels import SurfaceLabels
+
+NAME = r"(all|\d+of\d+)-\d{5,}\.parquet"
+"""Names of chunks, as a regular expression."""
+
+SECONDS = 60.0
+"""Time after which rows are written, however few [s]."""
+
+MOST_BYTES = 100e6
+"""Size of the surfaces at which they are written, however few."""
+
+VERTICES = {"label": pa.int8(), "critical_angle": pa.float32(), "margin": pa.float32()}
+"""Columns of each vertex of a surface, lists in the columns `vertex_NAME`, and their types."""
+
+
+class DamagedError(OutputError):
+    """A file of results that cannot be read."""
+
+    def __init__(self, path: UPath, reason: str) -> None:
+        self.path, self.is_chunk = path, bool(re.fullmatch(NAME, path.name))
+        remedy = "the same batch command removes it and labels its meshes again"
+        if path.suffix == ".tar":
+            remedy = f"remove labels/{path.stem}.parquet too, and label its meshes again"
+        elif not self.is_chunk:
+            remedy = "remove it"
+        super().__init__(
+            f"{printable(str(path))}: is damaged, or not written by grasp3d batch ({reason}); "
+            f"{remedy}"
+        )
+
+
+@dataclass(frozen=True)
+class LabelledMesh:
+    """All that is stored of one mesh."""
+
+    row: Row
+    vertices: Mapping[str, "Array"]
+    """By the names of `VERTICES`, shape (V,) each; empty: the mesh was not labelled."""
+    files: Mapping[str, bytes]
+    """Contents of its files in the report, by path below the output folder."""
+    surface: bytes = b""
+    """Its labelled surface, a PLY of its own or an NPZ for the .tar of the chunk; empty: none."""
+
+
+class ChunkWriter:
+    """Collects labelled meshes and writes them, a chunk when there are enough."""
+
+    def __init__(self, folder: UPath, prefix: str, head: Mapping[str, Any], most: int) -> None:
+        """Write nothing yet.
+
+        Args:
+            folder: Folder of the results.
+            prefix: Beginning of the names of chunks; no other run has the same at the same time.
+            head: What the chunks have in common, for their metadata.
+            most: Rows of a chunk, at most.
+        """
+        self._folder, self._prefix, self._head, self._most = folder, prefix, head, most
+        paths = _found(folder, f"labels/{prefix}-*.parquet")
+        numbers = [int(path.stem.rpartition("-")[2]) for path in paths]
+        self._number = max(numbers, default=-1)
+        self._waiting: list[LabelledMesh] = []
+        self._bytes, self._since = 0, 0.0
+
+    @property
+    def waits(self) -> bool:
+        """Whether meshes wait to be written."""
+        return bool(self._waiting)
+
+    def add(self, done: LabelledMesh) -> None:
+        """Store a labelled mesh; its row is written a little later.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        files = dict(done.files)
+        if done.row.surface.endswith(".ply"):
+            files[done.row.surface], done = done.surface, replace(done, surface=b"")
+        for name, data in files.items():
+            with writing(self._folder / name) as part:
+                part.write_bytes(data)
+        if not self._waiting:
+            self._since = time.monotonic()
+        self._waiting.append(replace(done, files={}))
+        self._bytes += len(done.surface)
+        late = time.monotonic() - self._since >= SECONDS
+        if late or len(self._waiting) >= self._most or self._bytes >= MOST_BYTES:
+            self.write()
+
+    def write(self) -> None:
+        """Write the meshes that wait; without any an empty chunk.
+
+        Raises:
+            OutputError: They cannot be written.
+        """
+        meshes = sorted(self._waiting, key=lambda one: one.row.mesh)
+        surfaces = [(one.row.surface, one.surface) for one in meshes if one.surface]
+        self._write(_table(meshes), surfaces or None)
+        self._waiting, self._bytes = [], 0
+
+    def merge(self) -> None:
+        """Join small chunks of these names, and remove rows that hold no more.
+
+        Raises:
+            OutputError: They cannot be written.
+        """
+        library = current(self._folder)
+        own = [one for one in library.chunks if one.path.stem.startswith(f"{self._prefix}-")]
+        last = {name: library.chunks[at].path.stem for name, (at, _) in library.meshes.items()}
+        held, groups = Counter(last.values()), list[list[Chunk]]()
+        for one in own:
+            rows = held[one.path.stem]
+            if rows >= self._most:
+                continue
+            if not groups or sum(held[each.path.stem] for each in groups[-1]) + rows > self._most:
+                groups.append([])
+            groups[-1].append(one)
+        for group in groups:
+            rows = sum(held[one.path.stem] for one in group)
+            is_alone = len(group) == 1 and rows == group[0].rows
+            if is_alone and (rows or len(library.chunks) == 1):
+                continue
+            if rows:
+                self._join(group, last)
+            for one in group:
+                with converted(one.path, OutputError, "removed"):
+                    one.path.unlink()
+        there = {path.stem for path in _found(self._folder, f"labels/{self._prefix}-*.parquet")}
+        for tar in _found(self._folder, f"surfaces/{self._prefix}-*.tar"):
+            if tar.stem not in there:
+                with converted(tar, OutputError, "removed"):
+                    tar.unlink()
+
+    def _join(self, chunks: Sequence["Chunk"], last: Mapping[str, str]) -> None:
+        """Write the rows of several chunks as one, without those that hold no more."""
+        tables = []
+        for chunk in chunks:
+            table = chunk.read(None)
+            holds = [last[name] == chunk.path.stem for name in table["mesh"].to_pylist()]
+            tables.append(table.filter(pa.array(holds, pa.bool_())))
+        names = [set(one["surface"].to_pylist()) for one in tables]
+        surfaces = (
+            surface
+            for chunk, held in zip(chunks, names, strict=True)
+            for surface in chunk.surfaces()
+            if surface[0] in held
+        )
+        self._write(
+            pa.concat_tables(tables, promote_options="permissive").sort_by("mesh"),
+            surfaces if any(chunk.tar.exists() for chunk in chunks) else None,
+            chunks[-1].head["written"],
+        )
+
+    def _write(
+        self,
+        table: pa.Table,
+        surfaces: Iterable[tuple[str, bytes]] | None,
+        written: int | None = None,
+    ) -> None:
+        """Write a chunk: its surfaces first, since what is in its table is done."""
+        self._number += 1
+        name = f"{self._prefix}-{self._number:05d}"
+        if surfaces is not None:
+            target = self._folder / "surfaces" / f"{name}.tar"
+            with writing(target) as part, tarfile.open(part, "w") as tar:
+                for member, data in surfaces:
+                    info = tarfile.TarInfo(member)
+                    info.size = len(data)
+                    tar.addfile(info, io.BytesIO(data))
+        head = {**self._head, "written": written or time.time_ns()}
+        schema = _described(table.schema).with_metadata({"grasp3d": json.dumps(head)})
+        with writing(self._folder / "labels" / f"{name}.parquet") as part:
+            pq.write_table(table.cast(schema), part, compression="zstd", write_page_checksum=True)
+
+
+def _found(folder: UPath, pattern: str) -> list[UPath]:
+    with converted(folder, OutputError, "read"):
+        return sorted(path for path in folder.glob(pattern) if path.name[0] != ".")  # unfinished
+
+
+def _table(meshes: Sequence[LabelledMesh]) -> pa.Table:
+    """The rows of meshes, with the values of their vertices."""
+    table = table_of_records([one.row for one in meshes], Row, {})
+    for name, kind in VERTICES.items():
+        lists = [one.vertices.get(name) for one in meshes]
+        table = table.append_column(f"vertex_{name}", pa.array(lists, pa.list_(kind)))
+    return table
+
+
+def _described(schema: pa.Schema) -> pa.Schema:
+    """A schema whose columns say what they mean, and in which unit."""
+    return pa.schema(
+        one.with_metadata({"meaning": COLUMNS[one.name].meaning, "unit": COLUMNS[one.name].unit})
+        if one.name in COLUMNS
+        else one.with_metadata({"meaning": f"{one.name[7:]} of each vertex of the surface"})
+        for one in schema
+    )
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A chunk that is on disk."""
+
+    path: UPath
+    head: Mapping[str, Any]
+    """What it says of itself: version, settings, when it was written."""
+    rows: int
+
+    @classmethod
+    def at(cls, path: UPath) -> "Chunk":
+        """Read what a chunk says of itself.
+
+        Raises:
+            OutputError: It is damaged, or was not written by grasp3d, or by a newer version.
+        """
+        with _undamaged(path), path.open("rb") as file:
+            parquet = pq.ParquetFile(file)
+            head = dict(json.loads(parquet.schema_arrow.metadata[b"grasp3d"]))
+            head["written"], rows = int(head["written"]), parquet.metadata.num_rows
+        if newer := newer_version(head.get("version")):
+            raise OutputError(f"{printable(str(path))}: {newer}")
+        return cls(path, head, rows)
+
+    @property
+    def tar(self) -> UPath:
+        """File of its surfaces, if there is one."""
+        return self.path.parent.parent / "surfaces" / f"{self.path.stem}.tar"
+
+    def read(self, columns: Collection[str] | None) -> pa.Table:
+        """Read columns, those of them that it has; none: all.
+
+        Raises:
+            OutputError: It is damaged.
+        """
+        with _undamaged(self.path), self.path.open("rb") as file:
+            parquet = pq.ParquetFile(file, page_checksum_verification=True)
+            there = parquet.schema_arrow.names
+            return parquet.read(None if columns is None else [c for c in columns if c in there])
+
+    def surfaces(self) -> Iterator[tuple[str, bytes]]:
+        """Names and contents of its surfaces; none where there is no file of them."""
+        if not self.tar.exists():
+            return
+        with (
+            _undamaged(self.tar),
+            self.tar.open("rb") as file,
+            tarfile.open(fileobj=file, mode="r|") as tar,
+        ):
+            for member in tar:
+                data = tar.extractfile(member)
+                assert data is not None  # all members are files
+                yield member.name, data.read()
+
+
+@contextmanager
+def _undamaged(path: UPath) -> Iterator[None]:
+    """Raise an OutputError for a file that cannot be read."""
+    try:
+        yield
+    except (
+        pa.ArrowException,
+        tarfile.TarError,
+        OSError,
+        ValueError,
+        TypeError,
+        LookupError,
+    ) as error:
+        raise DamagedError(path, reason_of(error)) from error
+
+
+@dataclass(frozen=True)
+class Library:
+    """A library of labelled meshes, as `label_library` has written it."""
+
+    folder: UPath
+    chunks: tuple[Chunk, ...]
+    only: frozenset[str] | None = None
+    """Names of the meshes that it is restricted to; none: all."""
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The settings with which all its meshes were labelled."""
+        return dict(self.chunks[-1].head["settings"])
+
+    @cached_property
+    def meshes(self) -> dict[str, tuple[int, int]]:
+        """Number of the chunk of each mesh and of the row in it, by its name, in their order."""
+        found = {
+            name: (number, row)
+            for number, chunk in enumerate(self.chunks)
+            for row, name in enumerate(chunk.read(["mesh"])["mesh"].to_pylist())
+        }
+        return {name: found[name] for name in sorted(found) if not self.only or name in self.only}
+
+    def table(self, columns: Iterable[str] | None = None) -> pa.Table:
+        """The rows as a table, a row per mesh in the order of their names.
+
+        Args:
+            columns: Names of the columns; None: all but those of vertices (`vertex_label`,
+                `vertex_critical_angle` and `vertex_margin`, lists with a value per vertex).
+
+        Raises:
+            OutputError: A file is damaged, or there is no such column.
+        """
+        names = list(COLUMNS) if columns is None else list(columns)
+        try:
+            tables = [chunk.read(names) for chunk in self.chunks]
+        except DamagedError as error:
+            if error.path.exists():
+                raise
+            return replace(current(self.folder), only=self.only).table(names)  # joined since
+        table = pa.concat_tables(tables, promote_options="permissive")
+        if missing := [name for name in names if name not in table.column_names]:
+            raise OutputError(f"{printable(str(self.folder))}: has no column {missing[0]}")
+        starts = [0]
+        for one in tables:
+            starts.append(starts[-1] + one.num_rows)
+        rows = [starts[chunk] + row for chunk, row in self.meshes.values()]
+        return table.take(pa.array(rows, pa.int64())).select(names)
+
+    def rows(self, columns: Iterable[str] | None = None) -> list[Row]:
+        """The rows as records, in the order of the meshes' names.
+
+        Args:
+            columns: Names of the columns that are read, others have their defaults; None: all.
+
+        Raises:
+            OutputError: A file is damaged.
+        """
+        return records_of_table(self.table(columns), Row)
+
+    def labels(self, mesh: str, *, unit: Unit | None = None) -> "SurfaceLabels":
+        """The labelled surface of a mesh, with its grasps and settings.
+
+        Args:
+            mesh: Name of the mesh.
+            unit: Unit of the mesh, for files that state none.
+
+        Raises:
+            MeshError: There is no such mesh, or its surface is not stored.
+        """
+        from grasp3d.formats import read_labels  # rows are read without it
+
+        where = printable(f"{self.folder}: {mesh}")
+        if mesh not in self.meshes:
+            raise MeshError(f"{where} is not in this library")
+        number, row = self.meshes[mesh]
+        chunk = self.chunks[number]
+        name = chunk.read(["surface"])["surface"][row].as_py()
+        if not name:
+            raise MeshError(f"{where} has no surface here; label it with --surfaces ply")
+        if name.endswith(".ply"):
+            with local_copy(str(self.folder / name)) as path:
+                return read_labels(path, unit=unit)
+        data = next((data for member, data in chunk.surfaces() if member == name), None)
+        if data is None:
+            raise MeshError(f"{where}: its surface is missing in {chunk.tar.name}")
+        with tempfile.TemporaryDirectory(prefix="grasp3d-") as folder:
+            path = Path(folder, name)
+            path.write_bytes(data)
+            return read_labels(path, unit=unit)
+
+
+def current(folder: UPath) -> Library:
+    """What is in a folder of labels; the chunk that was written last is at the end.
+
+    Raises:
+        OutputError: A chunk is damaged, or was written by a newer version.
+    """
+    try:
+        chunks = [Chunk.at(path) for path in _found(folder, "labels/*.parquet")]
+        library = Library(folder, tuple(sorted(chunks, key=lambda one: one.head["written"])))
+        _ = library.meshes
+    except DamagedError as error:
+        if error.path in _found(folder, "labels/*.parquet"):
+            raise
+        return current(folder)  # another part of the run has just joined it with others
+    return library
+
+
+def open_library(folder: str | Path) -> Library:
+    """Open a library of labelled meshes.
+
+    Args:
+        folder: Folder of the results of `label_library` or `grasp3d batch`, or its address.
+
+    Raises:
+        OutputError: It has no labels, or they are damaged, or of a newer version.
+
+    Example:
+        >>> import grasp3d
+        >>> from grasp3d.jobs import ClusterSettings
+        >>> here = ClusterSettings(workers=0)
+        >>> _ = grasp3d.label_library(["meshes/box.obj"], "results", cluster=here, report=False)
+        >>> library = grasp3d.open_library("results")
+        >>> library.table(["mesh", "stable"]).num_rows
+        1
+        >>> library.labels("box.obj").fractions()["S"] > 0.5
+        True
+    """
+    library = current(place(str(folder), OutputError))
+    if not library.chunks:
+        raise OutputError(
+            f"{printable(str(folder))}: was not written by grasp3d batch; label the meshes of a "
+            "folder with grasp3d batch, or give the path of one mesh"
+        )
+    return library

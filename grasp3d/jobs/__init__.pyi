@@ -1,0 +1,1 @@
+from .cluster_settings import ClusterSettings as ClusterSettings

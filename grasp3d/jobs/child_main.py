@@ -1,0 +1,60 @@
+"""Main loop of a process that makes calls for its parent.
+
+A request is a pickled function; an answer is a code, and the pickled result or exception.
+"""
+
+import contextlib
+import gc
+import os
+import pickle
+import queue
+import signal
+import sys
+import threading
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import cloudpickle
+
+from grasp3d.system.limited_reading import pickled_error
+
+VALUE, RAISED = range(2)
+"""Codes of an answer, before the pickled result or exception."""
+
+
+def main() -> None:
+    """Answer requests; `_receive` ends this process."""
+    inbox: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    null = os.open(os.devnull, os.O_RDWR)  # what is called reads and prints nothing
+    os.dup2(null, 0)
+    os.dup2(null, 1)
+    if sys.platform == "linux":  # when memory runs out this process goes: the parent reports it
+        with contextlib.suppress(OSError):
+            Path("/proc/self/oom_score_adj").write_text("900", encoding="ascii")
+    threading.Thread(target=_receive, args=(requests, inbox), daemon=True).start()
+    while True:
+        pickle.dump(_answer(inbox.get()), answers)
+        answers.flush()
+        gc.collect()
+        gc.freeze()  # later collections skip what stays in memory, above all modules
+
+
+def _receive(requests: BinaryIO, inbox: "queue.SimpleQueue[Any]") -> None:
+    """Queue requests; end this process and those that it started when the parent ends."""
+    with contextlib.suppress(EOFError, pickle.UnpicklingError):
+        while True:
+            inbox.put(pickle.load(requests))  # noqa: S301, from the parent
+    with contextlib.suppress(AttributeError):  # Windows has no groups
+        os.killpg(0, signal.SIGKILL)
+    os._exit(0)
+
+
+def _answer(work: bytes) -> tuple[int, bytes]:
+    """The code of the answer, and what follows it."""
+    try:
+        return VALUE, cloudpickle.dumps(pickle.loads(work)())  # noqa: S301, from the parent
+    except Exception as error:  # noqa: BLE001, the parent raises it
+        return RAISED, pickled_error(error, cloudpickle.dumps)
+    except BaseException as error:  # noqa: BLE001, sys.exit must not end the process
+        return RAISED, pickled_error(RuntimeError(f"{type(error).__name__}: {error}"))

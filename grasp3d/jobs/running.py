@@ -1,0 +1,153 @@
+"""Running jobs, each in a watched child process, so that a failing job affects no other."""
+
+import contextlib
+import pickle
+import threading
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Generic, TypeVar, cast
+
+import psutil
+
+from grasp3d._kernels.ahead import warmup
+from grasp3d.errors import GraspError
+from grasp3d.jobs.child import USABLE_MEMORY, Attempt, LostError, end_idle
+from grasp3d.jobs.cluster_settings import MIN_WORKER_MEMORY, ClusterSettings
+from grasp3d.system.context import available_processors, is_strict, running
+from grasp3d.system.names import describe_unexpected
+
+JobT = TypeVar("JobT")
+ValueT = TypeVar("ValueT")
+
+_LIMITS = ("memory.max", "memory.high", "memory/memory.limit_in_bytes")
+"""Files with the limits of a control group: of version 2, and of version 1."""
+
+_CONTROL_GROUPS = Path("/sys/fs/cgroup")
+
+
+@dataclass(frozen=True)
+class Done(Generic[JobT, ValueT]):
+    """A job that is finished, in one way or another."""
+
+    job: JobT
+    value: ValueT | None = None
+    """What the task has returned."""
+    error: GraspError | None = None
+    """What it has raised, or a `LostError` of its process; None: it has returned."""
+
+    @property
+    def result(self) -> ValueT:
+        """The value. Raises the error, if there is one."""
+        if self.error is not None:
+            raise self.error
+        return cast("ValueT", self.value)
+
+
+def run(
+    task: Callable[[JobT], ValueT],
+    jobs: Sequence[JobT],
+    *,
+    cluster: ClusterSettings,
+    compiled: bool = False,
+) -> Generator[Done[JobT, ValueT]]:
+    """Call a task for every job, and yield each when it is finished.
+
+    Args:
+        task: Called with a job; it may raise a `GraspError`.
+        jobs: Begun in their order. The last ones get the threads of processes without a job.
+        cluster: Which processes run the jobs, and the limits of a job.
+        compiled: Whether the kernels are compiled before the jobs, outside their limits and times.
+
+    Raises:
+        SettingError: No cluster runs at the given address, or its workers cannot run the jobs.
+        GraspError: The cluster's scheduler is gone.
+    """
+    if not jobs:
+        return
+    if compiled and cluster.scheduler is None:
+        warmup()
+    work = partial(_done, task, strict=is_strict())
+    if cluster.workers == 0:  # a crash of a job ends this process
+        yield from map(work, jobs)
+        return
+    if cluster.scheduler is None:
+        finished = _here(work, jobs, cluster)
+    else:
+        from grasp3d.jobs.cluster import on_cluster  # jobs on this machine need no Dask
+
+        finished = on_cluster(cluster.scheduler, work, jobs, cluster)
+    with contextlib.closing(finished):
+        for job, answer in finished:
+            if isinstance(answer, str):
+                yield Done(job, error=LostError(answer))
+            else:
+                yield pickle.loads(answer)  # noqa: S301, from a child process of ours
+
+
+def _done(
+    task: Callable[[JobT], ValueT], job: JobT, *, strict: bool, threads: int | None = None
+) -> Done[JobT, ValueT]:
+    """Call a task, for which warnings are errors if it is strict."""
+    try:
+        with running(strict=strict, threads=threads):
+            return Done(job, task(job))
+    except GraspError as error:
+        error.__cause__ = error.__context__ = None  # of other libraries, which may not pickle
+        return Done(job, error=error)
+    except MemoryError:
+        return Done(job, error=LostError("requested more memory than is available"))
+    except Exception as error:  # noqa: BLE001, a bug met by one mesh must not end the others
+        return Done(job, error=LostError(describe_unexpected(error)))
+
+
+def _here(
+    work: Callable[..., object], jobs: Sequence[JobT], cluster: ClusterSettings
+) -> Generator[tuple[JobT, bytes | str]]:
+    """Run jobs on this machine: a thread for each child process, which watches it."""
+    processes = local_workers(cluster)
+    share, closed = USABLE_MEMORY * machine_memory() / processes, threading.Event()
+    pending: dict[Future[bytes | str], JobT] = {}
+    numbers = iter(range(len(jobs)))
+    pool = ThreadPoolExecutor(processes, "grasp3d-batch")
+
+    def begin() -> None:
+        for number in numbers:
+            threads = max(1, processes // (len(pending) + len(jobs) - number))
+            attempt = Attempt.of(work, jobs[number], cluster, threads)
+            pending[pool.submit(attempt.answer, share, closed.is_set)] = jobs[number]
+            if len(pending) >= processes:
+                return
+
+    try:
+        begin()
+        while pending:
+            finished = [
+                (pending.pop(one), one.result())
+                for one in wait(pending, return_when=FIRST_COMPLETED).done
+            ]
+            begin()  # before the rows are worked on: no process waits for that
+            yield from finished
+    finally:
+        closed.set()
+        pool.shutdown(cancel_futures=True)
+        end_idle()
+
+
+def local_workers(cluster: ClusterSettings) -> int:
+    """Jobs to run at once on this machine, limited by its processors and its memory."""
+    if cluster.workers is not None:
+        return cluster.workers
+    least = cluster.worker_memory or MIN_WORKER_MEMORY
+    return max(1, min(available_processors(), int(USABLE_MEMORY * machine_memory() / least)))
+
+
+def machine_memory() -> float:
+    """Memory of the machine, or the limit of a container, if that is lower [GB]."""
+    limits = [float(psutil.virtual_memory().total)]
+    for name in _LIMITS:
+        with contextlib.suppress(OSError, ValueError):  # none, or the word max
+            limits.append(float((_CONTROL_GROUPS / name).read_text(encoding="ascii")))
+    return min(limit for limit in limits if limit > 0.0) / 1e9
