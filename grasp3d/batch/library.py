@@ -5,6 +5,7 @@ import logging
 import os
 import re
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -34,7 +35,7 @@ from grasp3d.settings.checks import check_choice
 from grasp3d.stability.label import Label
 from grasp3d.system.context import is_strict
 from grasp3d.system.files import TEMPORARY_PREFIX
-from grasp3d.system.names import as_unicode, printable, safe_stem, short_hash
+from grasp3d.system.names import as_unicode, name_key, printable, safe_stem, short_hash
 from grasp3d.system.places import converted, place
 from grasp3d.system.versions import package_version
 
@@ -174,10 +175,14 @@ def label_library(
     with _locked(folder, prefix):
         earlier = _earlier(folder, remove=overwrite)
         head = _head(settings, surfaces, earlier, many=many)
+        keys = Counter(name_key(mesh.name) for mesh in meshes)
         jobs = [
-            _job(mesh, earlier.rows.get(mesh.name), head["surfaces"])
+            _job(
+                mesh, earlier.rows.get(mesh.name), head["surfaces"],
+                is_unique=keys[name_key(mesh.name)] == 1,
+            )
             for mesh in meshes[first - 1 :: parts]
-        ]
+        ]  # fmt: skip
         todo = [job for job in jobs if not earlier.has(job.mesh, settings, force=force)]
         todo.sort(key=lambda job: short_hash(job.mesh.name))  # so that the time left is known
         state = BatchProgress(len(jobs) - len(todo), 0, 0, len(todo), 0.0 if todo else 1.0)
@@ -355,8 +360,14 @@ def _head(
     return head
 
 
-def _job(mesh: MeshFile, row: Row | None, surfaces: Surfaces) -> Job:
+def _job(mesh: MeshFile, row: Row | None, surfaces: Surfaces, *, is_unique: bool) -> Job:
     """The job of a mesh, whose results are called like its file.
+
+    Args:
+        mesh: The mesh.
+        row: The row that it has in the folder; None: it has none.
+        surfaces: How surfaces are stored.
+        is_unique: Whether no other mesh has its name on file systems that ignore case.
 
     Raises:
         OutputError: The folder has labels of another file of this name.
@@ -372,6 +383,7 @@ def _job(mesh: MeshFile, row: Row | None, surfaces: Surfaces) -> Job:
                 )
     # Names may be paths from anywhere, and WebDataset's keys have neither slashes nor dots.
     path = "/".join(map(safe_stem, PurePosixPath(mesh.name.replace(os.sep, "/")).parts))
+    path = path if is_unique else f"{path}-{short_hash(mesh.name)}"
     key = f"{re.sub(r'[/.]', '_', path)}-{short_hash(mesh.name)}.npz"
     return Job(mesh, path, {"ply": f"surfaces/{path}.ply", "tar": key}.get(surfaces, ""))
 

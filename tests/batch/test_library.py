@@ -307,3 +307,12 @@ def test_files_of_others_are_left_alone_and_results_are_no_inputs(tmp_path: Path
     label(tmp_path / "mug.ply", tmp_path / "first")
     with pytest.raises(MeshError, match=r"mug\.ply\.ply: is a result; it would be overwritten"):
         label(tmp_path / "first" / "surfaces" / "mug.ply.ply", tmp_path / "first")
+
+
+def test_names_that_differ_in_case_alone_have_files_of_their_own(tmp_path: Path) -> None:
+    for number, name in enumerate(("MUG.ply", "mug.ply", "cup.ply"), 1):
+        mesh(tmp_path / "in" / name, number)
+    done, _ = label(tmp_path / "in", tmp_path / "out")
+    surfaces = {row.mesh: row.surface for row in done.rows()}
+    assert surfaces["cup.ply"] == "surfaces/cup.ply.ply"
+    assert len({name.lower() for name in surfaces.values()}) == 3
