@@ -26,8 +26,8 @@ from grasp3d.batch.chunks import (
 from grasp3d.batch.identity import METHOD, content_hash, mesh_key, settings_text
 from grasp3d.batch.inputs import MeshFile, find_meshes, local_copy
 from grasp3d.batch.labelling import Job, JobSettings, label_job, lost_job
-from grasp3d.batch.report.index import write_report
-from grasp3d.batch.row import COLUMNS, Outcome, Row
+from grasp3d.batch.report.index import SHOWN, write_report
+from grasp3d.batch.row import Outcome, Row
 from grasp3d.errors import GraspError, MeshError, OutputError, SettingError
 from grasp3d.jobs.cluster_settings import ClusterSettings
 from grasp3d.jobs.running import run
@@ -207,8 +207,7 @@ def label_library(
         writer.merge()
     library = open_library(output)
     if report:
-        columns = [name for name in COLUMNS if name != "grasps"]
-        write_report(folder, library.rows(columns), settings)
+        write_report(folder, library.rows(SHOWN), settings)
     return replace(library, only=frozenset(job.mesh.name for job in jobs))
 
 

@@ -91,7 +91,7 @@ class ProgressDisplay:
 
     def __init__(self, bar: Progress) -> None:
         self._bar, self._task = bar, bar.add_task("labelling", total=1.0, status="")
-        self._begun = self._last_line = 0.0
+        self._last_line, self._measured_from = 0.0, (0.0, 0.0)
         self._reasons: set[str] = set()
         self.first = BatchProgress(0, 0, 0, 0, 0.0)
         """The progress at the beginning."""
@@ -101,8 +101,8 @@ class ProgressDisplay:
     def __call__(self, progress: BatchProgress) -> None:
         """Show the progress."""
         now, console = time.monotonic(), self._bar.console
-        if not self._begun:
-            self._begun = self._last_line = now
+        if not self._last_line:
+            self._last_line = now
             self.first = progress
             self._bar.reset(self._task)
             left = counted(progress.left, "meshes")
@@ -110,7 +110,9 @@ class ProgressDisplay:
         self.counts = (
             f"{progress.labelled} labelled, {progress.failed} failed, {progress.left} left"
         )
-        status = f"{self.counts}{self._pace(progress, now - self._begun)}"
+        if progress.labelled + progress.failed == 1:  # before it the kernels may be compiled
+            self._measured_from = now, progress.fraction
+        status = f"{self.counts}{self._pace(progress, now)}"
         self._bar.update(self._task, completed=progress.fraction, status=status)
         if progress.row is not None and progress.row.outcome is not Outcome.LABELLED:
             self._show_failure(progress.row)
@@ -119,12 +121,13 @@ class ProgressDisplay:
             self._last_line = now
             console.print(status)
 
-    def _pace(self, progress: BatchProgress, seconds: float) -> str:
-        """Meshes per minute, and the time that is left by the sizes of the files."""
-        done = progress.labelled + progress.failed
-        if not done or seconds < MEASURED:
+    def _pace(self, progress: BatchProgress, now: float) -> str:
+        """Meshes per minute since the first one, and the time left by the sizes of files."""
+        begun, before = self._measured_from
+        done, seconds = progress.labelled + progress.failed - 1, now - begun
+        if done < 1 or seconds < MEASURED:
             return ""
-        left = seconds * (1.0 - progress.fraction) / progress.fraction
+        left = seconds * (1.0 - progress.fraction) / (progress.fraction - before)
         time_left = f"{left / 3600.0:.1f} h" if left > 5400.0 else f"{left / 60.0:.0f} min"
         return f", {60.0 * done / seconds:.3g} a minute, about {time_left} to go"
 

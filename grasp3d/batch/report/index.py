@@ -14,7 +14,7 @@ from markupsafe import Markup
 from upath import UPath
 
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.row import Outcome, Row, headed
+from grasp3d.batch.row import COLUMNS, Outcome, Row, headed
 from grasp3d.quality.loads import load_settings
 from grasp3d.settings.model_text import SAFE_LABELS
 from grasp3d.settings.parsing import plain_values
@@ -28,12 +28,20 @@ REPORT = "report/index.html"
 """Path of the page below the output folder."""
 
 
+SHOWN = (
+    "mesh", "outcome", "error", "unit", "verdict", "verdict_text", "causes", "stable", "ambiguous",
+    "no_grasp_found", "warnings", "page", "thumbnail", "surface",
+    *(name for name, column in COLUMNS.items() if column.heading),
+)  # fmt: skip
+"""Columns of the rows that the page is made of."""
+
+
 def write_report(folder: UPath, rows: Collection[Row], settings: BatchSettings) -> None:
     """Write the first page of a library, whose meshes have their pages already.
 
     Args:
         folder: Folder of the results; the page goes to `report` below it.
-        rows: All meshes, in the order of the table.
+        rows: All meshes, with the columns `SHOWN`, in the order of the table.
         settings: Settings of the labels.
 
     Raises:
