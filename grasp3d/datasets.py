@@ -1,9 +1,6 @@
 """Labelled libraries for training: the objects of a library one by one, as arrays."""
 
 import io
-import tarfile
-from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +61,7 @@ class LabelledObjects:
             for mesh, outcome in zip(*table.to_pydict().values(), strict=True)
             if outcome == "labelled"
         )
-        self._chunk = lru_cache(CHUNKS)(lambda number: _Loaded.of(self._library.chunks[number]))
+        self._loaded: dict[int, list[dict[str, Any]]] = {}
 
     def __len__(self) -> int:
         """Number of the objects."""
@@ -73,15 +70,20 @@ class LabelledObjects:
     def __getitem__(self, index: int) -> dict[str, Any]:
         """One object, see the class."""
         number, row = self._where[index]
-        chunk = self._chunk(number)
-        item = dict(chunk.rows[row])
+        chunk = self._library.chunks[number]
+        if number not in self._loaded:
+            if len(self._loaded) == CHUNKS:
+                del self._loaded[next(iter(self._loaded))]
+            self._loaded[number] = _items_of(chunk)
+        item = dict(self._loaded[number][row])
         surface = item.pop("surface")
         metres = METRES.get(item.pop("file_unit"), 1.0)
         if surface.endswith(".ply"):
             labels = self._library.labels(item["mesh"])
             item |= {"points": labels.mesh.vertices, "normals": -labels.mesh.normals}
         elif surface:
-            with np.load(io.BytesIO(chunk.surface(surface))) as arrays:
+            [(_, data)] = chunk.surfaces([surface])
+            with np.load(io.BytesIO(data)) as arrays:
                 factor = metres * float(str(arrays["setting_scale"]))
                 item |= {"points": factor * arrays["vertices"], "normals": arrays["normal"]}
         if self._tensor is None:
@@ -106,42 +108,18 @@ class LabelledObjects:
         return [int(one) for one in np.lexsort((objects, files[chunks]))]
 
 
-@dataclass(frozen=True)
-class _Loaded:
-    """A chunk in memory."""
-
-    chunk: Chunk
-    rows: list[dict[str, Any]]
-    """What an item has of each row, and the name and unit of its surface."""
-    members: dict[str, tuple[int, int]]
-    """Position and size of each surface in the file of surfaces, by name [bytes]."""
-
-    @classmethod
-    def of(cls, chunk: Chunk) -> "_Loaded":
-        """Read a chunk."""
-        names = ["mesh", "surface", "file_unit"]
-        table = chunk.read([*names, *(f"vertex_{name}" for name in VERTICES), "grasps"])
-        grasps = table["grasps"].combine_chunks()
-        columns = {name: table[name].to_pylist() for name in names}
-        columns |= {name: _split(table[f"vertex_{name}"].combine_chunks()) for name in VERTICES}
-        starts = grasps.offsets.to_numpy()[1:-1]
-        columns |= {
-            f"grasp_{name}": np.split(_grasp_values(grasps.flatten(), name), starts)
-            for name in _GRASPS
-        }
-        rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-        members = {}
-        if chunk.tar.exists():
-            with chunk.tar.open("rb") as file, tarfile.open(fileobj=file) as tar:
-                members = {one.name: (one.offset_data, one.size) for one in tar}
-        return cls(chunk, rows, members)
-
-    def surface(self, name: str) -> bytes:
-        """The content of a surface."""
-        start, size = self.members[name]
-        with self.chunk.tar.open("rb") as file:
-            file.seek(start)
-            return bytes(file.read(size))
+def _items_of(chunk: Chunk) -> list[dict[str, Any]]:
+    """What an item has of each row of a chunk, and the name and unit of its surface."""
+    names = ["mesh", "surface", "file_unit"]
+    table = chunk.read([*names, *(f"vertex_{name}" for name in VERTICES), "grasps"])
+    grasps = table["grasps"].combine_chunks()
+    columns = {name: table[name].to_pylist() for name in names}
+    columns |= {name: _split(table[f"vertex_{name}"].combine_chunks()) for name in VERTICES}
+    starts = grasps.offsets.to_numpy()[1:-1]
+    columns |= {
+        f"grasp_{name}": np.split(_grasp_values(grasps.flatten(), name), starts) for name in _GRASPS
+    }
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def _split(lists: Any) -> list[Array]:

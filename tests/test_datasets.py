@@ -1,5 +1,6 @@
 """Labelled libraries for training: our own data set, and those of other libraries."""
 
+import pickle
 import re
 import sys
 from itertools import groupby
@@ -73,6 +74,13 @@ def test_orders_read_each_file_once(library: Library) -> None:
         assert sorted(order) == [*range(len(objects))]
         files = [library.meshes[objects[number]["mesh"]][0] for number in order]
         assert len([*groupby(files)]) == len(set(files))
+
+
+def test_processes_that_load_get_the_same_objects(library: Library) -> None:
+    objects = LabelledObjects(library.folder)
+    first, other = objects[0], pickle.loads(pickle.dumps(objects))[0]  # noqa: S301
+    assert first.keys() == other.keys()
+    assert all(np.array_equal(first[name], other[name]) for name in first if name != "grasp_pose")
 
 
 def test_without_pytorch_tensors_are_refused(

@@ -173,16 +173,15 @@ class ChunkWriter:
             table = chunk.read(None)
             holds = [last[name] == chunk.path.stem for name in table["mesh"].to_pylist()]
             tables.append(table.filter(pa.array(holds, pa.bool_())))
-        names = [set(one["surface"].to_pylist()) for one in tables]
+        names = [one["surface"].to_pylist() for one in tables]
         surfaces = (
             surface
             for chunk, held in zip(chunks, names, strict=True)
-            for surface in chunk.surfaces()
-            if surface[0] in held
+            for surface in chunk.surfaces(held)
         )
         self._write(
             pa.concat_tables(tables, promote_options="permissive").sort_by("mesh"),
-            surfaces if any(chunk.tar.exists() for chunk in chunks) else None,
+            surfaces if any(chunk.members for chunk in chunks) else None,
             chunks[-1].head["written"],
         )
 
@@ -272,35 +271,43 @@ class Chunk:
             there = parquet.schema_arrow.names
             return parquet.read(None if columns is None else [c for c in columns if c in there])
 
-    def surfaces(self) -> Iterator[tuple[str, bytes]]:
-        """Names and contents of its surfaces; none where there is no file of them."""
+    @cached_property
+    def members(self) -> dict[str, tuple[int, int]]:
+        """Position and size of each surface in the file of them [bytes], by name."""
         if not self.tar.exists():
-            return
-        with (
-            _undamaged(self.tar),
-            self.tar.open("rb") as file,
-            tarfile.open(fileobj=file, mode="r|") as tar,
-        ):
-            for member in tar:
-                data = tar.extractfile(member)
-                assert data is not None  # all members are files
-                yield member.name, data.read()
+            return {}
+        with _undamaged(self.tar), self.tar.open("rb") as file, tarfile.open(fileobj=file) as tar:
+            return {one.name: (one.offset_data, one.size) for one in tar}
+
+    def surfaces(self, names: Collection[str]) -> Iterator[tuple[str, bytes]]:
+        """Names and contents of surfaces, those of them that there are.
+
+        Raises:
+            OutputError: Their file is damaged.
+        """
+        if there := [name for name in names if name in self.members]:
+            with _undamaged(self.tar), self.tar.open("rb") as file:
+                for name in there:
+                    start, size = self.members[name]
+                    file.seek(start)
+                    yield name, bytes(file.read(size))
 
 
 @contextmanager
 def _undamaged(path: UPath) -> Iterator[None]:
-    """Raise an OutputError for a file that cannot be read."""
-    try:
-        yield
-    except (
-        pa.ArrowException,
-        tarfile.TarError,
-        OSError,
-        ValueError,
-        TypeError,
-        LookupError,
-    ) as error:
-        raise DamagedError(path, reason_of(error)) from error
+    """Raise a DamagedError for what is wrong with a file, an OutputError for what is with its disk.
+
+    Arrow raises an OSError without a number for the former; a batch removes damaged files.
+    """
+    damage = pa.ArrowException, tarfile.TarError, ValueError, TypeError, LookupError
+    with converted(path, OutputError, "read"):
+        try:
+            yield
+        except (*damage, OSError) as error:
+            of_disk = isinstance(error, OSError) and error.errno is not None
+            if of_disk and not isinstance(error, FileNotFoundError):
+                raise
+            raise DamagedError(path, reason_of(error)) from error
 
 
 @dataclass(frozen=True)
@@ -325,7 +332,8 @@ class Library:
             for number, chunk in enumerate(self.chunks)
             for row, name in enumerate(chunk.read(["mesh"])["mesh"].to_pylist())
         }
-        return {name: found[name] for name in sorted(found) if not self.only or name in self.only}
+        only = found if self.only is None else self.only
+        return {name: found[name] for name in sorted(found) if name in only}
 
     def table(self, columns: Iterable[str] | None = None) -> pa.Table:
         """The rows as a table, a row per mesh in the order of their names.
@@ -387,12 +395,12 @@ class Library:
         if name.endswith(".ply"):
             with local_copy(str(self.folder / name)) as path:
                 return read_labels(path, unit=unit)
-        data = next((data for member, data in chunk.surfaces() if member == name), None)
-        if data is None:
+        found = dict(chunk.surfaces([name]))
+        if not found:
             raise MeshError(f"{where}: its surface is missing in {chunk.tar.name}")
         with tempfile.TemporaryDirectory(prefix="grasp3d-") as folder:
             path = Path(folder, name)
-            path.write_bytes(data)
+            path.write_bytes(found[name])
             return read_labels(path, unit=unit)
 
 
