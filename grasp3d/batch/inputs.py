@@ -76,7 +76,7 @@ def find_meshes(inputs: Iterable[str], *, results: str | None = None) -> list[Me
     for item in inputs:
         is_table = item.lower().endswith(TABLES)
         for real, mesh in _of_table(item) if is_table else _of_place(item, results):
-            found.setdefault((real, mesh.name if mesh.own else ""), mesh)
+            found.setdefault((real, mesh.name if is_table else ""), mesh)
     if not found:
         where = printable(", ".join(inputs))
         raise MeshError(f"{where}: no mesh in it; files named {' '.join(SUFFIXES)} are read")
@@ -87,7 +87,10 @@ def find_meshes(inputs: Iterable[str], *, results: str | None = None) -> list[Me
             mesh if counts[mesh.name] == 1 else replace(mesh, name=as_unicode(other(mesh)))
             for mesh in meshes
         ]
-    return sorted(meshes, key=lambda mesh: (mesh.name, mesh.source))
+    counts = Counter(mesh.name for mesh in meshes)
+    if twice := [mesh.source for mesh in meshes if counts[mesh.name] > 1]:
+        raise MeshError(f"{printable(twice[0])}: is given twice, by a table and beside it")
+    return sorted(meshes, key=lambda mesh: mesh.name)
 
 
 def _of_place(item: str, results: str | None) -> Iterator[tuple[str, MeshFile]]:

@@ -6,12 +6,12 @@ import time
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from grasp3d.arrays import Floats
-from grasp3d.batch.batch_settings import BatchSettings
+from grasp3d.batch.batch_settings import BatchSettings, Surfaces
 from grasp3d.batch.chunks import VERTICES, LabelledMesh
 from grasp3d.batch.identity import content_hash, mesh_key
 from grasp3d.batch.inputs import MeshFile, local_copy
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from grasp3d.grasps.jaw_grasps import JawGrasps
     from grasp3d.surface.grasp_table import GraspTable
     from grasp3d.surface.labels import SurfaceLabels
-
-Surfaces = Literal["auto", "ply", "tar", "none"]
 
 KEPT = 16
 """Results that a process keeps: files with the same content are labelled once."""

@@ -233,7 +233,8 @@ def _check_meshes(meshes: Sequence[MeshFile], settings: BatchSettings, folder: U
             except GraspError as error:
                 raise MeshError(f"{printable(mesh.name)}: {error}") from error
         checked.add(own)
-        if mesh.source.startswith((f"{folder}/surfaces/", f"{folder}/report/")):
+        below = tuple(f"{_location(str(folder))}/{name}/" for name in ("surfaces", "report"))
+        if _location(mesh.source).startswith(below):
             raise MeshError(f"{printable(mesh.source)}: is a result; it would be overwritten")
 
 

@@ -316,3 +316,39 @@ def test_names_that_differ_in_case_alone_have_files_of_their_own(tmp_path: Path)
     surfaces = {row.mesh: row.surface for row in done.rows()}
     assert surfaces["cup.ply"] == "surfaces/cup.ply.ply"
     assert len({name.lower() for name in surfaces.values()}) == 3
+
+
+def test_a_chunk_that_cannot_be_read_now_is_no_damaged_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    label(small_library(tmp_path / "in"), tmp_path / "out")
+    (chunk,) = (tmp_path / "out" / "labels").iterdir()
+    before, opened = chunk.read_bytes(), Path.open
+
+    def refused(path: Path, *arguments: Any, **options: Any) -> Any:
+        if path.suffix == ".parquet":
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return opened(path, *arguments, **options)
+
+    monkeypatch.setattr(Path, "open", refused)
+    with pytest.raises(OutputError, match=r"cannot be read \(Permission denied\)$"):
+        label(tmp_path / "in", tmp_path / "out")
+    monkeypatch.undo()
+    assert chunk.read_bytes() == before
+
+
+def test_a_part_without_meshes_has_none(tmp_path: Path) -> None:
+    source = mesh(tmp_path / "in" / "a.ply").parent
+    label(source, tmp_path / "out")
+    done, labelled = label(source, tmp_path / "out", part="2/2")
+    assert (done.rows(), done.meshes, labelled) == ([], {}, [])
+
+
+def test_a_file_may_have_several_names_in_a_table_but_no_mesh_two_rows(tmp_path: Path) -> None:
+    mesh(tmp_path / "egg.ply")
+    (tmp_path / "t.csv").write_text("path,name\negg.ply,one\negg.ply,two\n", encoding="ascii")
+    done, _ = label(tmp_path / "t.csv", tmp_path / "out")
+    assert [*done.meshes] == ["one", "two"]
+    (tmp_path / "t.csv").write_text("path\negg.ply\n", encoding="ascii")
+    with pytest.raises(MeshError, match=r"egg\.ply: is given twice, by a table and beside it"):
+        label_library([tmp_path / "t.csv", tmp_path / "egg.ply"], tmp_path / "both", QUICK)

@@ -58,7 +58,7 @@ function fractions(parts) {
 function line(row) {
   const files = data.files[row], name = data.mesh[row];
   const why = element("span", "quiet", ` ${data.why[row]}`);
-  const links = ["labels", "table"].filter((one) => files[one]).map((one) => link(one, files[one]));
+  const links = files.labels ? [link("labels", files.labels)] : [];
   const parts = element("td", "text parts", ...fractions(data.parts[row]));
   parts.title = data.causes[row];
   return element("tr", "",
