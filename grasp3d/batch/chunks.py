@@ -222,11 +222,16 @@ def _table(meshes: Sequence[LabelledMesh]) -> pa.Table:
 
 
 def _described(schema: pa.Schema) -> pa.Schema:
-    """A schema whose columns say what they mean, and in which unit."""
+    """A schema whose columns say what they mean, and in which unit; `unit` is that of the row.
+
+    Fractions have none: people read them in per cent.
+    """
+    said = {name: (one.meaning, one.unit.replace("%", "")) for name, one in COLUMNS.items()}
+    of_vertices = {"label": "", "critical_angle": "rad", "margin": "rad"}
+    for name, unit in of_vertices.items():
+        said[f"vertex_{name}"] = f"{name} of each vertex of the surface", unit
     return pa.schema(
-        one.with_metadata({"meaning": COLUMNS[one.name].meaning, "unit": COLUMNS[one.name].unit})
-        if one.name in COLUMNS
-        else one.with_metadata({"meaning": f"{one.name[7:]} of each vertex of the surface"})
+        one.with_metadata(dict(zip(("meaning", "unit"), said[one.name], strict=True)))
         for one in schema
     )
 

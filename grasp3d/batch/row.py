@@ -141,12 +141,16 @@ def _column(
     return field(default=default, metadata={"column": column})
 
 
+_UNITS = {"critical_angle": "rad", "margin": "rad", "payload": "kg"}
+"""Units of what there are quantiles of; ε has none."""
+
+
 def _quantile(meaning: str, name: str, percent: int, **shown: Any) -> Any:
     def of(one: Labelled) -> float | None:
         return one.quantile(name, percent)
 
     text = f"{percent} % quantile over the surface, by area, of {meaning}"
-    return _column(text, of, **shown)
+    return _column(text, of, **{"unit": _UNITS.get(name, "")} | shown)
 
 
 def _required(percent: int, heading: str = "") -> Any:
@@ -270,18 +274,20 @@ class Row:
     )
     spare_resolution: float | None = _column(
         "of the best grasp: α* − α; negative: a finer sensor is needed; null: none is fine enough",
-        _known(attrgetter("verdict.spare_resolution")),
-    )
+        _known(attrgetter("verdict.spare_resolution")), unit="rad",
+    )  # fmt: skip
     task: str | None = _column(
         "what the grasps must resist; null, as all else on the load: there is none", "task"
     )
     mass: float | None = _column(
-        "mass of the object [kg]; null: not given",
+        "mass of the object; null: not given",
         lambda one: None if one.labels.load_case is None else one.labels.load_case.mass,
+        unit="kg",
     )
     grip_force_at_hand: float | None = _column(
-        "force at hand of each finger [N]; null: not given",
+        "force at hand of each finger; null: not given",
         lambda one: None if one.labels.load_case is None else one.labels.load_case.available,
+        unit="N",
     )
     holds: bool | None = _column(
         "whether some grasp holds the load, at the worst normals, with the force at hand; null: "
@@ -357,21 +363,22 @@ class Row:
     closed: bool | None = _column(
         "whether the surface encloses a volume", "labels.mesh.report.closed"
     )
-    area: float | None = _column("area of the surface", "labels.mesh.area")
+    area: float | None = _column("area of the surface", "labels.mesh.area", unit="unit²")
     volume: float | None = _column(
-        "enclosed volume; null where the surface is open", _known(attrgetter("labels.mesh.volume"))
-    )
+        "enclosed volume; null where the surface is open",
+        _known(attrgetter("labels.mesh.volume")), unit="unit³",
+    )  # fmt: skip
     center_mass: tuple[float, float, float] | None = _column(
-        "centre of mass", lambda one: tuple(one.labels.mesh.center_mass.tolist())
+        "centre of mass", lambda one: tuple(one.labels.mesh.center_mass.tolist()), unit="unit"
     )
     torque_scale: float | None = _column(
-        "length by which torques are divided in ε", "labels.mesh.torque_scale"
+        "length by which torques are divided in ε", "labels.mesh.torque_scale", unit="unit"
     )
     grasps: tuple[BestGrasp, ...] = _column(
         "best distinct grasps, the best first, see below", default=()
     )
     search_angle: float | None = _column(
-        "half-angle of the cone that was searched", "labels.search.cone"
+        "half-angle of the cone that was searched", "labels.search.cone", unit="rad"
     )
     repairs: str = _column(
         "what was repaired", lambda one: "; ".join(map(str, one.labels.mesh.report.repairs)),

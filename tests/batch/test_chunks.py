@@ -178,5 +178,8 @@ def test_a_chunk_says_what_is_in_it(tmp_path: Path) -> None:
     schema = pq.read_schema(written(tmp_path, "a") / "labels" / "all-00000.parquet")
     assert json.loads(schema.metadata[b"grasp3d"])["version"] == HEAD["version"]
     assert {"mesh", "vertex_label", "vertex_margin", "vertex_critical_angle"} < {*schema.names}
+    units = {"critical_angle_p10": b"rad", "payload_p50": b"kg", "held": b"",
+             "area": "unit²".encode(), "vertex_margin": b"rad"}  # fmt: skip
+    assert {name: schema.field(name).metadata[b"unit"] for name in units} == units
     for field in schema:
         assert field.metadata[b"meaning"]
