@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from grasp3d.errors import SettingError
+from grasp3d.hand.hand import Hand
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
@@ -30,6 +31,8 @@ class BatchSettings:
         sampling: How grasps are searched for.
         reach: The gripper that must reach each grasp, and the table.
         load: What each grasp must hold, and with which force; None: nothing.
+        more_hands: Further hands; each mesh is labelled for that of `reach` and for every one of
+            these. Rows and files are named after hand and mesh, 'franka/mug.stl'.
         best: Number of best distinct grasps that the row of each mesh keeps; 0: none.
     """
 
@@ -39,6 +42,7 @@ class BatchSettings:
     best: int = 5
     reach: ReachSettings = field(default_factory=ReachSettings)
     load: Load | None = None
+    more_hands: tuple[Hand, ...] = ()
 
     def __post_init__(self) -> None:
         kinds: dict[str, Any] = {
@@ -54,14 +58,25 @@ class BatchSettings:
         if isinstance(self.mesh.region, Mask):
             raise SettingError(f"{self.mesh.region} is of one mesh; a library takes a box")
         check_search_settings(self.model, self.sampling)
-        if self.reach.hand is not None:
-            self.reach.hand.check_fingers(self.model.fingers)
+        for hand in self.hands:
+            hand.check_fingers(self.model.fingers)
+        names = [hand.name for hand in self.hands]
+        if self.more_hands and (self.reach.hand is None or len({*names}) < len(names)):
+            raise SettingError(
+                "more_hands are further hands beside that of reach, each with another name; got "
+                f"{', '.join(names)}"
+            )
+
+    @property
+    def hands(self) -> tuple[Hand, ...]:
+        """All hands."""
+        return tuple(filter(None, (self.reach.hand, *self.more_hands)))
 
     def of_mesh(self, own: Mapping[str, Any]) -> "BatchSettings":
         """The settings of one mesh.
 
         Args:
-            own: What a table states of it, by the names of `OF_TABLES`.
+            own: What is stated of it alone, by the names of `OF_TABLES`.
 
         Raises:
             SettingError: A value is not valid, or not with the other settings.
@@ -70,4 +85,4 @@ class BatchSettings:
         for name, settings in changed.items():
             mine = {key: value for key, value in own.items() if OF_TABLES[key] == name}
             changed[name] = Load(**mine) if settings is None else replace(settings, **mine)
-        return replace(self, **changed) if own else self
+        return replace(self, more_hands=(), **changed) if own else self

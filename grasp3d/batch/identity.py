@@ -10,7 +10,7 @@ from typing import Any
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.errors import MeshError
 from grasp3d.mesh.reading.scenes import side_names
-from grasp3d.settings.parsing import plain_values
+from grasp3d.settings.parsing import plain, plain_values
 from grasp3d.system.documents import problem_of_file
 from grasp3d.system.names import printable
 
@@ -46,7 +46,7 @@ def mesh_key(content: str, settings: BatchSettings, own: Mapping[str, Any]) -> s
         settings: Settings of the labels of all meshes.
         own: Those of this mesh alone, as a table states them.
     """
-    mine = json.dumps(_canonical(dict(own)), sort_keys=True)
+    mine = json.dumps(_canonical({name: plain(one) for name, one in own.items()}), sort_keys=True)
     return hashlib.sha256(
         f"{content} {settings_key(settings)} {mine} {METHOD}".encode()
     ).hexdigest()

@@ -1,12 +1,13 @@
-"""Labelling one mesh of a batch: a pure function of the file and the settings."""
+"""Labelling one mesh of a batch, for each hand: a pure function of the file and the settings."""
 
 import math
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -22,6 +23,8 @@ from grasp3d.stability.label import Label
 
 if TYPE_CHECKING:
     from grasp3d.grasps.jaw_grasps import JawGrasps
+    from grasp3d.mesh import ObjectMesh
+    from grasp3d.settings import MeshOptions
     from grasp3d.surface.grasp_table import GraspTable
     from grasp3d.surface.labels import SurfaceLabels
 
@@ -47,7 +50,7 @@ class JobSettings:
 
 @dataclass(frozen=True)
 class Job:
-    """One mesh to label."""
+    """One mesh to label, for one hand."""
 
     mesh: MeshFile
     path: str
@@ -56,20 +59,28 @@ class Job:
     """Name of its surface, as its row has it; empty: none is stored."""
 
 
+Prepared: TypeAlias = "dict[MeshOptions, ObjectMesh]"
+"""A mesh as it was prepared with each options."""
+
 _finished: dict[tuple[str, Surfaces], LabelledMesh] = {}
 
 
-def label_job(job: Job, settings: JobSettings) -> LabelledMesh:
-    """Label one mesh.
+def label_jobs(jobs: Sequence[Job], settings: JobSettings) -> list[LabelledMesh]:
+    """Label one mesh, once for each job; it is read and prepared once.
 
     Args:
-        job: The mesh.
+        jobs: The mesh, with settings of its own that may differ.
         settings: Settings of the labels and of the results.
 
     Returns:
-        All that is stored of it; of a mesh that cannot be labelled a row with the reason in
+        All that is stored of each; where a mesh cannot be labelled a row with the reason in
         `error`.
     """
+    prepared: Prepared = {}
+    return [_label(job, settings, prepared) for job in jobs]
+
+
+def _label(job: Job, settings: JobSettings, prepared: Prepared) -> LabelledMesh:
     begun, mesh = time.perf_counter(), job.mesh
     row = Row(
         mesh=mesh.name, source=mesh.source, bytes=mesh.size, stamp=mesh.stamp, surface=job.surface
@@ -83,7 +94,7 @@ def label_job(job: Job, settings: JobSettings) -> LabelledMesh:
                 row, content=content, stamp=stamp,
                 key=mesh_key(content, settings.labels, mesh.own),
             )  # fmt: skip
-            done = _labelled(path, job, settings, row)
+            done = _labelled(path, job, settings, row, prepared)
     except GraspError as error:
         # Some pass by themselves; warnings are no errors for another run, which may not be strict.
         lost = isinstance(error, OutputError | FileUnreadError)
@@ -112,11 +123,13 @@ def _settings_of(settings: BatchSettings, own: tuple[tuple[str, Any], ...]) -> B
     return settings.of_mesh(dict(own))
 
 
-def _labelled(path: Path, job: Job, settings: JobSettings, row: Row) -> LabelledMesh:
+def _labelled(
+    path: Path, job: Job, settings: JobSettings, row: Row, prepared: Prepared
+) -> LabelledMesh:
     key = row.key, settings.surfaces
     known = _finished.get(key)
     if known is None or settings.has_pages:
-        known = _computed(path, job, settings, row)
+        known = _computed(path, job, settings, row, prepared)
         if settings.has_pages:
             return known
         _finished[key] = known
@@ -126,7 +139,9 @@ def _labelled(path: Path, job: Job, settings: JobSettings, row: Row) -> Labelled
     return replace(known, row=replace(known.row, **same))
 
 
-def _computed(path: Path, job: Job, settings: JobSettings, row: Row) -> LabelledMesh:
+def _computed(
+    path: Path, job: Job, settings: JobSettings, row: Row, prepared: Prepared
+) -> LabelledMesh:
     # Imported here: planning and reading rows need neither ray tracing nor the compiler.
     from grasp3d.formats import write_npz, write_ply
     from grasp3d.surface.labelling import Labelling
@@ -134,8 +149,10 @@ def _computed(path: Path, job: Job, settings: JobSettings, row: Row) -> Labelled
     own = _settings_of(settings.labels, tuple(job.mesh.own.items()))
     begun = time.perf_counter()
     task = Labelling.read(
-        path, own.model, own.sampling, own.reach, own.load, own.mesh, force=settings.force
-    )
+        prepared.get(own.mesh, path), own.model, own.sampling, own.reach, own.load, own.mesh,
+        force=settings.force,
+    )  # fmt: skip
+    prepared[own.mesh] = task.mesh
     read = time.perf_counter()
     labels = task.labels()
     _ = labels.epsilon_range, labels.load_result

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -25,7 +25,7 @@ from grasp3d.batch.chunks import (
 )
 from grasp3d.batch.identity import METHOD, content_hash, mesh_key, settings_text
 from grasp3d.batch.inputs import MeshFile, find_meshes, local_copy
-from grasp3d.batch.labelling import Job, JobSettings, label_job, lost_job
+from grasp3d.batch.labelling import Job, JobSettings, label_jobs, lost_job
 from grasp3d.batch.report.index import SHOWN, write_report
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.errors import GraspError, MeshError, OutputError, SettingError
@@ -169,8 +169,8 @@ def label_library(
     folder, (first, parts) = place(str(output), OutputError), _part(part)
     if part and overwrite:
         raise SettingError("a part overwrites nothing: remove the folder, then label all parts")
-    meshes = find_meshes(map(str, inputs), results=str(output))
-    _check_meshes(meshes, settings, folder)
+    found = find_meshes(map(str, inputs), results=str(output))
+    meshes = _settled(found, settings, folder)
     many, prefix = len(meshes) > MOST_PAGES, f"{first}of{parts}" if part else "all"
     with _locked(folder, prefix):
         earlier = _earlier(folder, remove=overwrite)
@@ -181,10 +181,9 @@ def label_library(
                 mesh, earlier.rows.get(mesh.name), head["surfaces"],
                 is_unique=keys[name_key(mesh.name)] == 1,
             )
-            for mesh in meshes[first - 1 :: parts]
+            for mesh in _settled(found[first - 1 :: parts], settings, folder)
         ]  # fmt: skip
         todo = [job for job in jobs if not earlier.has(job.mesh, settings, force=force)]
-        todo.sort(key=lambda job: short_hash(job.mesh.name))  # so that the time left is known
         state = BatchProgress(len(jobs) - len(todo), 0, 0, len(todo), 0.0 if todo else 1.0)
         progress(state)
         work = {job.mesh.name: job.mesh.size + BYTES_PER_MESH for job in todo}
@@ -193,13 +192,15 @@ def label_library(
         writer = ChunkWriter(folder, prefix, head, MOST_ROWS[many])
         if not earlier.rows:
             writer.write()  # marks the folder, and finds a full disk at once
-        done = run(partial(label_job, settings=each), todo, cluster=cluster, compiled=True)
+        done = run(
+            partial(label_jobs, settings=each), _groups(todo), cluster=cluster, compiled=True
+        )
         try:
             for one in done:
-                mesh = one.value or lost_job(one.job, str(one.error))
-                writer.add(mesh)
-                state = state.with_row(mesh.row, work[mesh.row.mesh] / whole)
-                progress(state)
+                for mesh in one.value or [lost_job(job, str(one.error)) for job in one.job]:
+                    writer.add(mesh)
+                    state = state.with_row(mesh.row, work[mesh.row.mesh] / whole)
+                    progress(state)
         finally:  # also when interrupted
             done.close()
             if writer.waits:
@@ -222,20 +223,44 @@ def _part(text: str | None) -> tuple[int, int]:
     return number, count
 
 
-def _check_meshes(meshes: Sequence[MeshFile], settings: BatchSettings, folder: UPath) -> None:
-    """Refuse meshes whose own settings are wrong, or that lie among the results."""
-    checked = set()
+def _settled(meshes: Sequence[MeshFile], settings: BatchSettings, folder: UPath) -> list[MeshFile]:
+    """The meshes for each hand, with their own settings checked and their hands read.
+
+    Raises:
+        MeshError: Settings are wrong, or a mesh lies among the results.
+    """
+    below = tuple(f"{_location(str(folder))}/{name}/" for name in ("surfaces", "report"))
+    of_mesh, settled = cache(lambda own: settings.of_mesh(dict(own))), list[MeshFile]()
     for mesh in meshes:
-        own = tuple(mesh.own.items())
-        if own not in checked:
-            try:
-                settings.of_mesh(mesh.own)
-            except GraspError as error:
-                raise MeshError(f"{printable(mesh.name)}: {error}") from error
-        checked.add(own)
-        below = tuple(f"{_location(str(folder))}/{name}/" for name in ("surfaces", "report"))
         if _location(mesh.source).startswith(below):
             raise MeshError(f"{printable(mesh.source)}: is a result; it would be overwritten")
+        try:
+            own = of_mesh(tuple(mesh.own.items()))
+            if settings.more_hands and "hand" in mesh.own:
+                raise SettingError("the table states its hand; leave out more_hands (--more-hands)")
+        except GraspError as error:
+            raise MeshError(f"{printable(mesh.name)}: {error}") from error
+        if "hand" in mesh.own:  # its content, which may change, as well as its name
+            settled.append(replace(mesh, own={**mesh.own, "hand": own.reach.hand}))
+        elif settings.more_hands:
+            settled += [
+                replace(mesh, name=f"{hand.name}/{mesh.name}", own={**mesh.own, "hand": hand})
+                for hand in settings.hands
+            ]
+        else:
+            settled.append(mesh)
+    return settled
+
+
+def _groups(jobs: Iterable[Job]) -> list[tuple[Job, ...]]:
+    """The jobs of each file together, in an order that has nothing to do with their sizes.
+
+    So the work that is done tells the time that is left.
+    """
+    groups: dict[str, list[Job]] = {}
+    for job in jobs:
+        groups.setdefault(job.mesh.source, []).append(job)
+    return [tuple(groups[source]) for source in sorted(groups, key=short_hash)]
 
 
 @contextmanager

@@ -41,7 +41,7 @@ def run(command: Batch, report: Report) -> int:
     """Run the command; returns the exit code."""
     settings = BatchSettings(
         command.reach.touching(command.model), command.sampling, command.mesh, command.best,
-        command.reach, command.load.chosen,
+        command.reach, command.load.chosen, command.more_hands,
     )  # fmt: skip
     with _show_progress(report) as progress, _interrupted_once():
         try:

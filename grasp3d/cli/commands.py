@@ -75,6 +75,10 @@ class Batch(Labelling, ManyMeshes):
     best: int = 5
     """Best distinct grasps in the row of each mesh; 0: none."""
 
+    more_hands: tuple[AnyHand, ...] = ()
+    """Further hands, beside that of --hand: each mesh is labelled for every hand. Rows and files
+    are then named after hand and mesh, as franka/mug.stl."""
+
 
 @dataclass(frozen=True)
 class Sweep(Guarded, ManyMeshes):

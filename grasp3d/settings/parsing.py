@@ -122,7 +122,7 @@ def plain_values(settings: Any) -> dict[str, Any]:
     kinds = getattr(settings, "parsed_fields", {})
     values = {one.name: getattr(settings, one.name) for one in fields(settings)}
     return {
-        name: kinds[name].plain(value) if name in kinds else _plain(value)
+        name: kinds[name].plain(value) if name in kinds else plain(value)
         for name, value in values.items()
     }
 
@@ -153,9 +153,10 @@ def settings_of_texts(kind: type[SettingsT], texts: Mapping[str, str]) -> Settin
     return kind(**values)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """One value as files have it."""
     if isinstance(value, tuple | list):
-        return type(value)(_plain(one) for one in value)
+        return type(value)(plain(one) for one in value)
     return plain_values(value) if is_dataclass(value) else value
 
 

@@ -13,7 +13,7 @@ from grasp3d import GraspModel, MeshOptions, Sampling, Table, best_grasps, label
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.chunks import LabelledMesh
 from grasp3d.batch.inputs import MeshFile
-from grasp3d.batch.labelling import Job, JobSettings, label_job
+from grasp3d.batch.labelling import Job, JobSettings, label_jobs
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.describe import verdict_of
 from grasp3d.errors import SettingError
@@ -41,7 +41,8 @@ def egg(folder: Path) -> Path:
 def done_of(source: Path, settings: BatchSettings = SETTINGS, **own: Any) -> LabelledMesh:
     mesh = MeshFile(source.name, str(source), source.stat().st_size, "stamp", own)
     job = Job(mesh, source.stem, f"surfaces/{source.stem}.ply")
-    return label_job(job, JobSettings(settings, "ply", has_pages=True, force=False))
+    [done] = label_jobs([job], JobSettings(settings, "ply", has_pages=True, force=False))
+    return done
 
 
 def labels_of(source: Path, **options: Any) -> SurfaceLabels:

@@ -18,7 +18,11 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.library import BatchProgress, label_library
 from grasp3d.batch.row import Outcome
 from grasp3d.errors import FileUnreadError, MeshError, OutputError, SettingError
+from grasp3d.hand.hand_files import write_hand
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.jobs import ClusterSettings
+from grasp3d.surface import labelling as surface_labelling
 from grasp3d.system import places
 from grasp3d.system.files import atomic_write
 from tests.helpers import shapes
@@ -246,6 +250,45 @@ def test_the_same_content_is_labelled_once(tmp_path: Path, monkeypatch: pytest.M
     assert (a.stable, b.stable, a.content) == (c.stable, c.stable, c.content)
     assert d.content != a.content
     assert [done.labels(f"{name}.ply").mesh.size for name in "abc"] == [a.size] * 3
+
+
+def test_each_mesh_is_read_once_and_labelled_for_every_hand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh(tmp_path / "in" / "egg.ply", 2.0)
+    options = MeshOptions(unit="cm", max_edge=0.02)
+    settings = [replace(QUICK, mesh=options, reach=ReachSettings(name, "as-is"))
+                for name in ("franka", "wsg50")]  # fmt: skip
+    read, prepare = list[str](), surface_labelling.prepare
+
+    def counted(source: Path, *arguments: Any, **options: Any) -> Any:
+        read.append(source.name)
+        return prepare(source, *arguments, **options)
+
+    monkeypatch.setattr(surface_labelling, "prepare", counted)
+    more = ParallelGripper.preset("wsg50")
+    both, _ = label(tmp_path / "in", tmp_path / "both", replace(settings[0], more_hands=(more,)))
+    assert read == ["egg.ply"]
+    singles = [label(tmp_path / "in", tmp_path / str(number), one)[0]
+               for number, one in enumerate(settings)]  # fmt: skip
+    assert list(both.meshes) == ["franka/egg.ply", "wsg50/egg.ply"]
+    apart = "mesh", "key", "surface"
+    assert values(both, *apart) == [row for one in singles for row in values(one, *apart)]
+    with pytest.raises(SettingError, match="further hands beside"):
+        replace(QUICK, more_hands=(more,))
+    table = tmp_path / "own.csv"
+    table.write_text("path,hand\nin/egg.ply,franka", encoding="utf-8")
+    with pytest.raises(MeshError, match="leave out more_hands"):
+        label(table, tmp_path / "own", replace(settings[0], more_hands=(more,)))
+
+
+def test_a_hand_whose_file_has_changed_is_another_hand(tmp_path: Path) -> None:
+    mesh(tmp_path / "egg.ply", 2.0)
+    file, table = tmp_path / "own.json", tmp_path / "objects.csv"
+    table.write_text(f"path,unit,hand\negg.ply,cm,{file}", encoding="utf-8")
+    for name, labelled in (("wsg50", ["egg.ply"]), ("wsg50", []), ("franka", ["egg.ply"])):
+        write_hand(file, ParallelGripper.preset(name))
+        assert label(table, tmp_path / "out")[1] == labelled
 
 
 def test_a_file_of_the_same_name_from_another_folder_is_refused(tmp_path: Path) -> None:

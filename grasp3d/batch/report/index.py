@@ -120,8 +120,8 @@ def _data(rows: Sequence[Row], names: Sequence[str]) -> dict[str, Any]:
 
 def _plain(settings: BatchSettings) -> dict[str, str]:
     """The settings as labelled files hold them."""
-    hand = settings.reach.hand
-    reach = {} if hand is None else plain_values(settings.reach) | {"hand": hand.name}
+    hands = ", ".join(hand.name for hand in settings.hands)
+    reach = plain_values(settings.reach) | {"hand": hands} if hands else {}
     load = {} if settings.load is None else load_settings(settings.load)
     values: dict[str, Any] = {
         **plain_values(settings.model),
