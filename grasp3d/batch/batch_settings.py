@@ -33,7 +33,8 @@ class BatchSettings:
         load: What each grasp must hold, and with which force; None: nothing.
         more_hands: Further hands; each mesh is labelled for that of `reach` and for every one of
             these. Rows and files are named after hand and mesh, 'franka/mug.stl'.
-        best: Number of best distinct grasps that the row of each mesh keeps; 0: none.
+        best: Number of best distinct grasps that the row of each mesh keeps; 0: none, and no
+            verdict, for which the jaws close on hundreds of poses.
     """
 
     model: GraspModel = field(default_factory=GraspModel)

@@ -14,7 +14,7 @@ from grasp3d.settings.parsing import plain, plain_values
 from grasp3d.system.documents import problem_of_file
 from grasp3d.system.names import printable
 
-METHOD = 7
+METHOD = 8
 """Version of the method; to be increased when labels or the row of the same mesh change."""
 
 

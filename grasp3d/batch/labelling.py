@@ -158,7 +158,8 @@ def _computed(
     _ = labels.epsilon_range, labels.load_result
     labelled = time.perf_counter()
     best = _best_of(labels, own.best)
-    row, surface = replace(row, grasps=_best_rows(best)).of(labels), b""
+    row = replace(row, grasps=_best_rows(best)).of(labels, judged=bool(own.best))
+    surface = b""
     with tempfile.TemporaryDirectory(prefix="grasp3d-") as temporary:
         folder = Path(temporary)
         if settings.surfaces != "none":

@@ -37,8 +37,9 @@ class Outcome(StrEnum):
 class Labelled:
     """A labelled surface, with what several columns are taken from."""
 
-    def __init__(self, labels: "SurfaceLabels") -> None:
-        self.labels = labels
+    def __init__(self, labels: "SurfaceLabels", *, judged: bool) -> None:
+        """Take a surface; without `judged` there is no verdict, which may close jaws for long."""
+        self.labels, self._judged = labels, judged
         self._quantiles: dict[str, Floats | None] = {}
 
     @cached_property
@@ -47,11 +48,11 @@ class Labelled:
         return self.labels.fractions()
 
     @cached_property
-    def verdict(self) -> "Verdict":
+    def verdict(self) -> "Verdict | None":
         """Whether the object is surely held."""
         from grasp3d.describe.verdict import verdict_of  # rows are read without it
 
-        return verdict_of(self.labels)
+        return verdict_of(self.labels) if self._judged else None
 
     @cached_property
     def causes(self) -> str:
@@ -182,12 +183,14 @@ _PAYLOAD = (
 )
 
 
-def _of_load(name: str) -> Callable[[Labelled], Any]:
-    """An attribute of what the verdict says of the load; None: there is no load."""
+def _of_verdict(*names: str) -> Callable[[Labelled], Any]:
+    """An attribute of the verdict, or of what it has there; None: there is no such thing."""
 
     def of(one: Labelled) -> Any:
-        found = one.verdict.load_result
-        return None if found is None else getattr(found, name)
+        found: Any = one.verdict
+        for name in names:
+            found = None if found is None else getattr(found, name)
+        return found
 
     return of
 
@@ -262,19 +265,22 @@ class Row:
         "name of the gripper or hand that must reach the grasps; null: ideal points",
         lambda one: None if one.labels.scene is None else one.labels.scene.hand.name,
     )
-    verdict: str | None = _column("surely, perhaps or not held", "verdict.word")
+    verdict: str | None = _column(
+        "surely, perhaps or not held; null: no best grasps are asked for", _of_verdict("word")
+    )
     verdict_text: str | None = _column(
-        "the verdict in one to three sentences", lambda one: str(one.verdict)
+        "the verdict in one to three sentences", lambda one: one.verdict and str(one.verdict)
     )
     causes: str | None = _column(
         "why parts of the surface are U, with their area fractions", "causes"
     )
     stable_grasps: int | None = _column(
-        "distinct S grasps; with a gripper, that it reaches; counted up to 1,000", "verdict.count"
+        "distinct S grasps; with a gripper, that it reaches; counted up to 1,000",
+        _of_verdict("count"),
     )
     spare_resolution: float | None = _column(
         "of the best grasp: α* − α; negative: a finer sensor is needed; null: none is fine enough",
-        _known(attrgetter("verdict.spare_resolution")), unit="rad",
+        _known(_of_verdict("spare_resolution")), unit="rad",
     )  # fmt: skip
     task: str | None = _column(
         "what the grasps must resist; null, as all else on the load: there is none", "task"
@@ -292,7 +298,7 @@ class Row:
     holds: bool | None = _column(
         "whether some grasp holds the load, at the worst normals, with the force at hand; null: "
         "mass or force not given",
-        _of_load("holds"),
+        _of_verdict("load_result", "holds"),
     )
     surface: str = _column(
         "path of the labelled PLY below the output folder, or name of the NPZ in the .tar that is "
@@ -331,7 +337,7 @@ class Row:
     payload_best: float | None = _column(
         "largest mass that a grasp surely holds with the force at hand, whatever the true normals "
         "are within the sensor resolution",
-        _known(_of_load("payload")), heading="Payload", unit="kg",
+        _known(_of_verdict("load_result", "payload")), heading="Payload", unit="kg",
     )  # fmt: skip
     payload_p10: float | None = _quantile(_PAYLOAD, "payload", 10)
     payload_p50: float | None = _quantile(_PAYLOAD, "payload", 50)
@@ -339,7 +345,7 @@ class Row:
     grip_force_needed: float | None = _column(
         "smallest force of each finger that surely holds the load, or 1 kg where no mass is given; "
         "inf: none does",
-        _of_load("needed"), heading="Grip force", unit="N",
+        _of_verdict("load_result", "needed"), heading="Grip force", unit="N",
     )  # fmt: skip
     held: float | None = _column(
         "area fraction of the grasps that surely hold the load with the force at hand",
@@ -393,9 +399,9 @@ class Row:
     seconds_writing: float | None = _column("time for best grasps, files and pictures [s]")
     seconds: float = _column("time for the mesh [s]", default=0.0, heading="Seconds")
 
-    def of(self, labels: "SurfaceLabels") -> "Row":
+    def of(self, labels: "SurfaceLabels", *, judged: bool = True) -> "Row":
         """This row, with the values of a labelled surface."""
-        one = Labelled(labels)
+        one = Labelled(labels, judged=judged)
         values = {name: column.of(one) for name, column in COLUMNS.items() if column.of}
         return replace(self, **values)
 

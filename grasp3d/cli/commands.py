@@ -73,7 +73,7 @@ class Batch(Labelling, ManyMeshes):
     that share the folder."""
 
     best: int = 5
-    """Best distinct grasps in the row of each mesh; 0: none."""
+    """Best distinct grasps in the row of each mesh; 0: none, and no verdict, which saves time."""
 
     more_hands: tuple[AnyHand, ...] = ()
     """Further hands, beside that of --hand: each mesh is labelled for every hand. Rows and files

@@ -16,7 +16,7 @@ from grasp3d.hand.reach_settings import ReachSettings
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND
 
-GOLDEN = "9dc393c94d61514f"
+GOLDEN = "746952c467030564"
 
 
 def test_labels_are_those_of_this_version_of_the_method() -> None:

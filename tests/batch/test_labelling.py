@@ -128,6 +128,9 @@ def test_with_a_gripper_a_row_has_the_verdict_and_poses(tmp_path: Path) -> None:
     assert (row.verdict, row.verdict_text) == (verdict.word, str(verdict))
     assert (row.stable_grasps, row.spare_resolution) == (verdict.count, verdict.spare_resolution)
     assert row.stable == labels.fractions()["S"] < labels_of(source).fractions()["S"]
+    fast = done_of(source, replace(SETTINGS, reach=ReachSettings(HAND, "as-is"), best=0)).row
+    assert (fast.verdict, fast.verdict_text, fast.stable_grasps, fast.grasps) == (None,) * 3 + ((),)
+    assert (fast.stable, fast.critical_angle_p50) == (row.stable, row.critical_angle_p50)
     for number, grasp in enumerate(row.grasps):
         assert np.reshape(grasp.pose, (4, 4)) == pytest.approx(best.poses[number])
         assert grasp.approach_margin == best.approach_margin[number]
