@@ -21,7 +21,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_design",
     "command_pages",
-    "format_pages",
+    "field_tables",
     "docstrings",
     "offline_math",
     "public_names",

@@ -43,13 +43,15 @@ from grasp3d import cli
 
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARY = ROOT / "meshes"
+GENERATED = {"_build", "commands", "files"}
+"""Folders of pages that are made from the program."""
 PAGES = (
     ROOT / "README.md",
     LIBRARY / "README.md",
     *(
         page
         for page in sorted((ROOT / "docs").rglob("*.md"))
-        if page.relative_to(ROOT).parts[1] not in {"_build", "commands"}  # made from the others
+        if not GENERATED & set(page.relative_to(ROOT).parts)
     ),
 )
 

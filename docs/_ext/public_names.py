@@ -1,13 +1,22 @@
-"""Public names: a page for each, where their packages load them, and links to them."""
+"""Public names: a list of those of each package, a page for each, and links to them.
+
+The names that packages export are public, those of modules that are no packages, and the classes
+that their annotations name, such as the parts of a result.
+"""
 
 import ast
+import importlib
 import inspect
+import pkgutil
 import re
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from pkgutil import resolve_name
+from typing import Any
 
-from command_pages import write_pages
 from docutils import nodes
+from generated_pages import replace_markers, write_pages
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
@@ -15,46 +24,118 @@ from sphinx.pycode import ModuleAnalyzer
 
 import grasp3d
 
-FOLDER = "names"
-"""Folder of the pages, beside those that list the names."""
+PAGE, FOLDER, MARKER = "reference/api", "names", r"<!-- names: ([\w ,]+) -->"
+MODULES = ("errors", "datasets")
+"""Modules beside the packages, whose own names are public."""
+FURTHER = ("Circle", "Outline", "OutlineContacts", "PlanarScan", "Square", "scan", "close_jaws",
+           "friction_interval", "mean_sweep", "preset_names", "reach_grasps", "validation_figure",
+           "write_hand", "write_sweeps")  # fmt: skip
+"""Names that no package exports, but that are called."""
+HIDDEN = ("grasp3d._kernels", "grasp3d.arrays", "grasp3d.cli", "grasp3d.pictures", "grasp3d.viewer")
+"""Where classes are parts of the program alone."""
 
 _MEMBERS = {"attribute", "method", "property"}
-_LISTED = re.compile(r"^   (grasp3d\.[\w.]+)$", re.MULTILINE)
+_QUOTED = re.compile(r"(?<!`)`([A-Z]\w+)`")
+_WORD = re.compile(r"[A-Za-z_]\w*")
 
 
-def names_on(page: Path) -> list[str]:
-    """The public names that a page lists in its summaries."""
-    return _LISTED.findall(page.read_text(encoding="utf-8"))
+@cache
+def defined() -> dict[str, str]:
+    """Full name of each class and function of the package, by its own name."""
+    found: dict[str, str] = {}
+    for info in pkgutil.walk_packages(grasp3d.__path__, "grasp3d."):
+        if info.name.startswith(HIDDEN) or info.name.endswith("__main__"):
+            continue
+        module = importlib.import_module(info.name)
+        for name, value in vars(module).items():
+            if not name.startswith("_") and getattr(value, "__module__", "") == info.name:
+                found.setdefault(name, f"{info.name}.{name}")
+    return found
 
 
-def page_of(name: str, listed_on: Path) -> str:
-    """The page of a public name, with a link to the page that lists it."""
+@cache
+def exported() -> dict[str, str]:
+    """Public names that packages and modules export, by the full name of what they are."""
+    found: dict[str, str] = {}
+    folder = Path(grasp3d.__file__).parent
+    packages = (
+        "grasp3d",
+        *sorted(f"grasp3d.{one.parent.name}" for one in folder.glob("*/__init__.py")),
+    )
+    for package in map(importlib.import_module, packages):
+        for name in getattr(package, "__all__", ()):
+            if not inspect.ismodule(getattr(package, name)) and name != "__version__":
+                found.setdefault(
+                    defining_name(f"{package.__name__}.{name}"), f"{package.__name__}.{name}"
+                )
+    for short, name in defined().items():
+        if name.split(".")[1] in MODULES or short in FURTHER:
+            found.setdefault(name, name)
+    return found
+
+
+@cache
+def public() -> dict[str, str]:
+    """Names with a page, by the full name of what they are: with the classes they are made of."""
+    found, new = dict(exported()), list(exported())
+    while new:
+        for short in set(_WORD.findall(" ".join(_named_by(resolve_name(new.pop()))))):
+            full = defined().get(short)
+            if full and full not in found and inspect.isclass(resolve_name(full)):
+                found[full] = full
+                new.append(full)
+    return found
+
+
+def _named_by(value: object) -> Iterator[str]:
+    """The annotations of a function, or of a class and its members, and the names in its texts."""
+    if inspect.isclass(value):
+        for one in (base for base in value.__mro__ if base.__module__.startswith("grasp3d")):
+            yield one.__name__
+            yield from map(str, inspect.get_annotations(one).values())
+            yield from _QUOTED.findall(inspect.getsource(one))
+            for member in vars(one).values():
+                yield from _named_by(getattr(member, "func", getattr(member, "fget", member)))
+    elif inspect.isfunction(value):
+        yield from map(str, value.__annotations__.values())
+
+
+def listed(packages: str) -> str:
+    """A summary of the names that are defined in packages, as a block of reStructuredText."""
+    chosen = packages.replace(",", " ").split()
+    names = [
+        name for full, name in (public() if chosen == ["types"] else exported()).items()
+        if (full not in exported() if chosen == ["types"] else full.split(".")[1] in chosen)
+    ]  # fmt: skip
+    names = sorted(names, key=lambda name: (name.count("."), name.rpartition(".")[2].lower()))
+    if chosen == ["types"]:
+        return ", ".join(f"{{py:obj}}`~{name}`" for name in names) + "."
+    lines = "\n".join(f"   {name}" for name in names)
+    return f"```{{eval-rst}}\n.. autosummary::\n   :nosignatures:\n\n{lines}\n```"
+
+
+def page_of(name: str) -> str:
+    """The page of a public name."""
     value, title = resolve_name(name), name.rpartition(".")[2]
+    directive = "autofunction" if callable(value) else "autodata"
     if inspect.isclass(value):
         directive = "autoclass"
-    else:
-        directive = "autofunction" if callable(value) else "autodata"
-    return (
-        f":orphan:\n\n{title}\n{'=' * len(title)}\n\n:doc:`/api/{listed_on.stem}` of the "
-        f":doc:`/api/index`\n\n.. {directive}:: {name}\n"
-    )
+    return f":orphan:\n\n{title}\n{'=' * len(title)}\n\n:doc:`/{PAGE}`\n\n.. {directive}:: {name}\n"
 
 
 def write_all(app: Sphinx) -> None:
-    """Write the page of each name that is listed."""
-    folder = Path(app.srcdir) / "api"
-    listed = {name: page for page in sorted(folder.glob("*.md")) for name in names_on(page)}
+    """Write the page of each public name."""
     pages: dict[str, str] = {}
     taken: set[str] = set()  # in small letters, as some file systems do not tell them apart
-    for name in sorted(listed, reverse=True):
+    for name in sorted(public().values(), reverse=True):
         file = name if name.lower() not in taken else f"{name}-2"
         taken.add(file.lower())
-        pages[f"{file}.rst"] = page_of(name, listed[name])
-    write_pages(folder / FOLDER, pages)
+        pages[f"{file}.rst"] = page_of(name)
+    write_pages(Path(app.srcdir) / "reference" / FOLDER, pages)
 
 
-def defining_module(name: str) -> str:
-    """The module that defines a public name, by the imports of its package.
+def defining_name(name: str) -> str:
+    """The full name of what a public name is, by the imports of its package.
 
     Raises:
         KeyError: The package does not import this name.
@@ -62,14 +143,15 @@ def defining_module(name: str) -> str:
     package, _, short = name.rpartition(".")
     folder = Path(grasp3d.__file__).parents[1].joinpath(*package.split("."))
     if not folder.is_dir():
-        return package
+        return name
     stub = folder / "__init__.pyi"
     tree = ast.parse((stub if stub.exists() else folder / "__init__.py").read_text("utf-8"))
     for node in tree.body:
-        if isinstance(node, ast.ImportFrom) and short in {
-            one.asname or one.name for one in node.names
-        }:
-            return f"{package}.{node.module}" if node.level else str(node.module)
+        if isinstance(node, ast.ImportFrom):
+            for one in node.names:
+                if short == (one.asname or one.name):
+                    start = f"{package}." if node.level else ""
+                    return defining_name(f"{start}{node.module}.{one.name}")
     raise KeyError(name)
 
 
@@ -78,9 +160,8 @@ def document_data(
 ) -> None:
     """Take the text on a constant from the module that defines it."""
     if what == "data":
-        short = name.rpartition(".")[2]
-        docs = ModuleAnalyzer.for_module(defining_module(name)).find_attr_docs()
-        lines[:] = docs["", short]
+        module, _, short = defining_name(name).rpartition(".")
+        lines[:] = ModuleAnalyzer.for_module(module).find_attr_docs()["", short]
 
 
 def resolve(
@@ -103,9 +184,10 @@ def resolve(
     return python.resolve_xref(env, node["refdoc"], app.builder, "obj", name, node, content)
 
 
-def setup(app: Sphinx) -> dict[str, bool]:
+def setup(app: Sphinx) -> dict[str, Any]:
     """Write the pages before they are read; resolve what the Python domain has not found."""
     app.connect("builder-inited", write_all)
     app.connect("missing-reference", resolve)
     app.connect("autodoc-process-docstring", document_data)
+    replace_markers(app, PAGE, {MARKER: listed})
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -3,8 +3,8 @@
    are those of Sphinx, which adds them up before it calls `score`. */
 const PLACES = [
   [/^(install|quickstart|tutorial|guide\/.*)$/, 3],
-  [/^commands\/.*$/, 1],
-  [/^(changelog|developing|gallery|benchmarks|shipped_meshes)$/, -4],
+  [/^reference\/commands\/.*$/, 1],
+  [/^developing$/, -4],
 ];
 const COMMAND = 30, EVERYDAY = 12, MEMBER = -9;
 const EVERYDAY_NAME = /^grasp3d\.\w+$/;
@@ -27,9 +27,9 @@ var Scorer = {
       if (MEMBERS.test(description)) return score + MEMBER;
       return EVERYDAY_NAME.test(title) ? score + EVERYDAY : score;
     }
-    if (page.startsWith("api/names/")) return score / 2; // below the object itself
+    if (page.startsWith("reference/names/")) return score / 2; // below the object itself
     const words = new URLSearchParams(location.search).get("q") ?? "";
-    if (page === `commands/${words.trim().toLowerCase()}`) return COMMAND;
+    if (page === `reference/commands/${words.trim().toLowerCase()}`) return COMMAND;
     const place = PLACES.find(([pages]) => pages.test(page));
     return (kind === "title" ? 1.5 * score : score) + (place ? place[1] : 0);
   },

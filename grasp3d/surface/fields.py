@@ -1,7 +1,7 @@
 """Fields: values of each vertex or of each grasp, declared once for all files and tables.
 
-Those of grasps are here, also those that vertices have too. What each means is stated in the
-tables of docs/formats.md and docs/pose_formats.md, whose other columns follow from this.
+Those of grasps are here, also those that vertices have too. What each means is stated in
+docs/_ext/field_meanings.toml; the tables of the documentation follow from both.
 """
 
 import math

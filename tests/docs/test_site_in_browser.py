@@ -41,7 +41,7 @@ MEASURE = """() => [
 def test_pages_fit_and_can_be_read(site: Path, page: Any, width: int) -> None:
     """Of pages without pictures only the text is loaded, into a page of the same layout."""
     page.set_viewport_size({"width": width, "height": 900})
-    page.goto((site / "commands.html").as_uri())
+    page.goto((site / "reference" / "commands.html").as_uri())
     wrong = {}
     for file in sorted(site.rglob("*.html")):
         text = html.fromstring(file.read_bytes()).find(".//article")
@@ -58,17 +58,15 @@ def test_pages_fit_and_can_be_read(site: Path, page: Any, width: int) -> None:
 
 SEARCHES = {
     "install": "install.html",
-    "label_surface": "api/names/grasp3d.label_surface.html",
-    "load mesh": "api/names/grasp3d.load_mesh.html",
-    "payload": "api/names/grasp3d.payload.html",
-    "best grasps": "api/names/grasp3d.best_grasps.html",
+    "label_surface": "reference/names/grasp3d.label_surface.html",
+    "load mesh": "reference/names/grasp3d.load_mesh.html",
+    "payload": "reference/names/grasp3d.payload.html",
+    "best grasps": "reference/names/grasp3d.best_grasps.html",
     "gripper": "guide/grippers.html",
     "units": "guide/meshes.html",
-    "sensor resolution": "guide/sensors.html",
-    "batch": "commands/batch.html",
-    "center of mass": "guide/loads.html",
+    "batch": "reference/commands/batch.html",
     "urdf": "tutorial.html",
-    "formats": "formats.html",
+    "formats": "reference/formats.html",
 }
 """What users search, and the page that answers."""
 
