@@ -4,12 +4,8 @@
 
 Without names: all that need neither a browser nor files of experiments. Most need OpenGL (EGL or a
 display). `report` and `viewer` need Chromium, and the package playwright of the extra `test`;
-`physics` and `evidence` what `evidence_physics.py -o physics` wrote:
-
-    python scripts/make_gallery.py physics --physics physics
-    python scripts/make_gallery.py evidence --physics physics --grasps GRASPS --mesh MESH
-
-GRASPS is a file of poses with outcomes, as for `grasp3d validate`, on MESH.
+`physics` needs the folder that `evidence_physics.py -o physics` wrote. Commands draw the others:
+they stand in a comment above the picture.
 """
 
 import argparse
@@ -48,13 +44,11 @@ from grasp3d import (
     label_surface,
     load_mesh,
     planar,
-    validate_grasps,
 )
 from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, grow
 from grasp3d._kernels.hull.polytope import Polytope, make_polytope
 from grasp3d._kernels.hull.support_functions import ROWS, WrenchSpace
 from grasp3d.arrays import Bytes, Floats
-from grasp3d.outcomes.figure import validation_figure
 from grasp3d.outcomes.success import success_rate
 from grasp3d.paper.figures import FIGURES, PaperSettings
 from grasp3d.pictures.camera import MARGIN, View
@@ -84,18 +78,6 @@ SUFFIXES = {".stl", ".obj", ".ply", ".off", ".glb"}
 
 DPI = 140
 """Pixels of most pictures in an inch."""
-
-
-@dataclass(frozen=True)
-class Experiments:
-    """What was measured for some of the pictures."""
-
-    physics: Path
-    """Folder that `evidence_physics.py` wrote."""
-    grasps: Path | None
-    """File of poses with outcomes."""
-    mesh: Path | None
-    """Mesh of their object."""
 
 
 def fine_mesh(name: str, fineness: float = 1.0 / 100.0) -> ObjectMesh:
@@ -391,13 +373,7 @@ def draw_paper(path: Path) -> None:
         draw(PaperSettings()).savefig(path.with_stem(name), dpi=DPI)
 
 
-PAPER = {
-    "paper_tips": FIGURES["figure_04"],
-    "paper_cones": FIGURES["figure_05"],
-    "paper_epsilon": FIGURES["figure_07"],
-    "paper_fractions": FIGURES["figure_08"],
-    "paper_ceilings": FIGURES["figure_11"],
-}
+PAPER = {"paper_cones": FIGURES["figure_05"], "paper_ceilings": FIGURES["figure_11"]}
 """Pictures, and the functions that draw them."""
 
 
@@ -676,9 +652,8 @@ BORDERS = np.array([-45.0, -30.0, -22.6, -17.0, -11.3, -5.7, 0.0, 4.0, 8.0, 16.0
 
 
 @styled
-def draw_physics(path: Path, experiments: Experiments) -> None:
+def draw_physics(path: Path, folder: Path) -> None:
     """Slip of facets, success over the margin, and grip forces, as simulated."""
-    folder = experiments.physics
     figure = new_figure(height=2.5)
     axes = figure.subplots(1, 3, width_ratios=(1.0, 1.7, 1.0))
     draw_facets(axes[0], read_columns(folder / "facets.csv"))
@@ -751,14 +726,6 @@ def draw_forces(axes: Axes, columns: dict[str, np.ndarray]) -> None:
         ylim=(0.0, most),
     )
     axes.legend(loc="upper left")
-
-
-def draw_evidence(path: Path, experiments: Experiments) -> None:
-    """Success of published grasps by label and by margin."""
-    if experiments.grasps is None or experiments.mesh is None:
-        raise SystemExit("evidence needs --grasps and --mesh")
-    found = validate_grasps(experiments.grasps, mesh=experiments.mesh)
-    save_as(validation_figure(found), path.with_stem("evidence_outcomes"))
 
 
 BROWSER_OPTIONS = [
@@ -849,37 +816,28 @@ PICTURES: dict[str, Callable[[Path], None]] = {
 OF_PAGES: dict[str, Callable[[Path], None]] = {"report": draw_report, "viewer": draw_viewer}
 """Pictures that need a browser."""
 
-OF_EXPERIMENTS: dict[str, Callable[[Path, Experiments], None]] = {
-    "physics": draw_physics,
-    "evidence": draw_evidence,
-}
-"""Pictures of what `evidence_physics.py` wrote; `evidence` is several."""
-
 
 def main() -> None:
     """Make the pictures."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    known = (*PICTURES, *OF_PAGES, *OF_EXPERIMENTS)
+    known = (*PICTURES, *OF_PAGES, "physics")
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(known))
     parser.add_argument(
         "-o", "--output", type=Path, help="folder (default: docs, and meshes for that of meshes)"
     )
-    parser.add_argument("--physics", type=Path, default=Path("physics"))
-    parser.add_argument("--grasps", type=Path)
-    parser.add_argument("--mesh", type=Path)
+    parser.add_argument("--physics", type=Path, default=Path("physics"), help="default: physics")
     options = parser.parse_args()
     unknown = sorted(set(options.names) - set(known))
     if unknown:
         parser.error(f"no picture is called {unknown[0]!r}; known: {', '.join(known)}")
-    experiments = Experiments(options.physics, options.grasps, options.mesh)
     for name in options.names or PICTURES:
         path = (options.output or ROOT / "docs") / f"{name}.png"
         if name == "meshes":
             path = (options.output or MESHES) / "gallery.png"
-        if name in OF_EXPERIMENTS:
-            OF_EXPERIMENTS[name](path, experiments)
+        if name == "physics":
+            draw_physics(path, options.physics)
         else:
             (PICTURES | OF_PAGES)[name](path)
         print(f"made: {name}")

@@ -8,13 +8,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from run_examples import FLAGS, LIBRARY
+from run_examples import FLAGS, LIBRARY, ROOT
 
-import grasp3d
 from tests.helpers.public_names import public_names
-
-ROOT = Path(grasp3d.__file__).parents[1]
-MOST_USED = 20
 
 
 def modules_with_examples() -> Iterator[str]:
@@ -46,4 +42,4 @@ def test_examples_of_docstrings_print_what_they_show(
 @pytest.mark.slow
 def test_the_names_used_most_have_examples() -> None:
     texts = {name: getattr(value, "__doc__", None) or "" for name, value in public_names().items()}
-    assert sum(">>> " in text for text in texts.values()) >= MOST_USED
+    assert sum(">>> " in text for text in texts.values()) >= 20

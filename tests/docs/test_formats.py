@@ -244,8 +244,7 @@ def test_reports_of_check(tmp_path: Path) -> None:
 def test_columns_of_the_rows() -> None:
     assert tables("Columns of a batch", "rows.md") == [set(asdict(Row("mug")))]
     assert {field.name for field in fields(BestGrasp)} == tables("Columns of the rows")[0]
-    for outcome in Outcome:
-        assert outcome in COLUMNS["outcome"].meaning
+    assert all(outcome in COLUMNS["outcome"].meaning for outcome in Outcome)
 
 
 OBJECT = {"com": [0, 0, 0], "mass": 1, "density": 1, "friction": 0.5, "volume": 1,
@@ -336,9 +335,7 @@ def test_further_columns() -> None:
     assert set(tried.to_poses().columns) - set(found.columns) == of_tried
     loaded = evaluate_grasps(mesh, found, hand=GRIPPER, load=Load(mass=0.1))
     assert set(loaded.to_poses().columns) - set(found.columns) == of_load
-    assert {state.name.lower() for state in Closing} <= set(
-        re.findall("`(.+?)`", MEANINGS["closing"])
-    )
+    assert all(f"`{state.name.lower()}`" in MEANINGS["closing"] for state in Closing)
 
 
 def test_formats_of_grippers(tmp_path: Path) -> None:

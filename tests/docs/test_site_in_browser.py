@@ -86,12 +86,6 @@ def test_the_page_that_answers_a_search_is_found_first(site: Path, page: Any) ->
     assert found == SEARCHES
 
 
-def test_search_finds_a_page_without_a_server(site: Path, page: Any) -> None:
-    first_hit(site, page, "force closure").click()
-    page.wait_for_url(lambda address: "search.html" not in address)
-    assert "closure" in page.locator("article").inner_text().lower()
-
-
 def test_formulas_have_a_size(site: Path, page: Any) -> None:
     page.goto((site / "theory/thresholds.html").as_uri())
     fraction = page.locator("math mfrac").first
