@@ -19,7 +19,6 @@ extensions = [
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
-    "sphinx_design",
     "command_pages",
     "field_tables",
     "docstrings",
@@ -29,8 +28,7 @@ extensions = [
 exclude_patterns = ["_build", "_ext"]
 smartquotes_action = "D"  # dashes; quotes stay as they are
 
-myst_enable_extensions = ["amsmath", "attrs_block", "attrs_inline", "colon_fence", "deflist",
-                          "dollarmath", "fieldlist"]  # fmt: skip
+myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
 myst_dmath_double_inline = True
 
@@ -52,11 +50,7 @@ nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     # Arrays and others, in modules that import them for type checkers only.
     ("py:class", r"Floats|Bools|ArrayLike|ObjectMotion|Progress|Triangles"),
     ("py:class", r".*\.\w*T|SettingsTs|.*\.(Annotated|InitVar)"),  # type variables and the like
-    ("py:class", r"grasp3d\._kernels\..*|.*\.Uncertain"),  # inside results
-    ("py:class", r"grasp3d\.hand\.triangles\.Triangles"),  # what is drawn
-    ("py:class", r"grasp3d\.hand\.jaws\.Jaws"),  # a part of `ParallelGripper`
-    ("py:class", r"grasp3d\.surface\.fields\.Field"),  # declares columns of files
-    ("py:class", r".*\.tasks\.Terms?|.*\._Part"),  # likewise
+    ("py:class", r"grasp3d\._kernels\..*|.*\._Part"),  # inside results
     ("py:obj", r".*"),  # parameters, and words in backticks
 ]
 

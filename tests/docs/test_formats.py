@@ -292,7 +292,7 @@ def of_format(name: str) -> list[Names]:
 
 def test_every_format_is_listed() -> None:
     for name, form in formats().items():
-        assert f"| `{name}` | `{form.frame}`" in sections("frames.md")["Formats"]
+        assert f"| `{name}` | `{form.frame}`" in sections("frames.md")["Formats of poses"]
         assert text_of(f"{name}.md").startswith(f"# {form.title}\n")
 
 

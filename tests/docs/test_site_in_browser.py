@@ -65,7 +65,7 @@ SEARCHES = {
     "gripper": "guide/grippers.html",
     "units": "guide/meshes.html",
     "batch": "reference/commands/batch.html",
-    "urdf": "tutorial.html",
+    "urdf": "guide/grippers.html",
     "formats": "reference/formats.html",
 }
 """What users search, and the page that answers."""
