@@ -117,10 +117,15 @@ def listed(packages: str) -> str:
 def page_of(name: str) -> str:
     """The page of a public name."""
     value, title = resolve_name(name), name.rpartition(".")[2]
-    directive = "autofunction" if callable(value) else "autodata"
+    directive, options = "autofunction" if callable(value) else "autodata", ""
     if inspect.isclass(value):
         directive = "autoclass"
-    return f":orphan:\n\n{title}\n{'=' * len(title)}\n\n:doc:`/{PAGE}`\n\n.. {directive}:: {name}\n"
+        if {defined().get(base.__name__) for base in value.__bases__} & set(public()):
+            options = "   :show-inheritance:\n"
+    return (
+        f":orphan:\n\n{title}\n{'=' * len(title)}\n\n:doc:`/{PAGE}`\n\n"
+        f".. {directive}:: {name}\n{options}"
+    )
 
 
 def write_all(app: Sphinx) -> None:
