@@ -50,6 +50,7 @@ nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     # Arrays and others, in modules that import them for type checkers only.
     ("py:class", r"Floats|Bools|ArrayLike|ObjectMotion|Progress|Triangles"),
     ("py:class", r".*\.\w*T|SettingsTs|.*\.(Annotated|InitVar)"),  # type variables and the like
+    ("py:class", r".* \| .*"),  # type arguments of bases
     ("py:class", r"grasp3d\._kernels\..*|.*\._Part"),  # inside results
     ("py:obj", r".*"),  # parameters, and words in backticks
 ]
