@@ -182,8 +182,8 @@ FRAMES: dict[str, GripperFrame] = {
         GripperFrame("robotiq_85_base_link", origin="base"),
     )
 }
-"""Frames by name, as the programs state them (see docs/guide/elsewhere.md); several names may stand
-for the same one."""
+"""Frames by name, as the programs state them (see docs/reference/frames.md); several names may
+stand for the same one."""
 
 
 def frames_of(hand: Any) -> Iterator[GripperFrame]:
