@@ -9,7 +9,7 @@ their packages: `grasp3d.contact`, `quality`, `stability`, `mesh`, `surface`, `g
 
 from lazy_loader import attach_stub
 
-from grasp3d.system.versions import package_version
+from grasp3d.system.documents import package_version
 
 # Names are imported when they are first used, so that `grasp3d --help` stays quick.
 _public_name, _, __all__ = attach_stub(__name__, __file__)

@@ -26,8 +26,8 @@ from .mesh.preparing import load_mesh as load_mesh
 from .outcomes.simulate import simulate_grasps as simulate_grasps
 from .outcomes.validate import validate_grasps as validate_grasps
 from .pictures.view_settings import ViewSettings as ViewSettings
-from .quality.closure import force_closure as force_closure
 from .quality.critical_angle import critical_friction_angle as critical_friction_angle
+from .quality.critical_angle import force_closure as force_closure
 from .quality.ferrari_canny import Epsilon as Epsilon
 from .quality.ferrari_canny import epsilon as epsilon
 from .quality.ferrari_canny import epsilon_of_wrenches as epsilon_of_wrenches
@@ -42,8 +42,8 @@ from .stability.classification import Stability as Stability
 from .stability.classification import classify as classify
 from .stability.label import Label as Label
 from .surface.labelling import label_surface as label_surface
+from .surface.labelling import scan_surface as scan_surface
 from .surface.labels import SurfaceLabels as SurfaceLabels
-from .surface.scanning import scan_surface as scan_surface
 from .surface.sweeps import sweep as sweep
 from .system.context import running as running
 

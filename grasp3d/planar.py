@@ -15,14 +15,13 @@ from typing import NamedTuple
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, locked, short_repr
-from grasp3d.contact.friction_cones import effective_friction
+from grasp3d.contact.contacts import effective_friction
 from grasp3d.errors import SettingError
 from grasp3d.quality.ferrari_canny import epsilon_of_wrenches
 from grasp3d.settings import GraspModel, whole_number
 from grasp3d.settings.checks import check_range
 from grasp3d.stability.angle_distributions import AngleDistribution
-from grasp3d.stability.label import Label
-from grasp3d.stability.thresholds import label_angles
+from grasp3d.stability.label import Label, label_angles
 
 TIE = 1e-10
 """Angles closer than this count as equal; a grasp at its critical angle is not force-closed [rad].

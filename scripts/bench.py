@@ -43,10 +43,10 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.formats import GraspPoses
 from grasp3d.hand.closing import close_jaws
 from grasp3d.jobs.cluster_settings import ClusterSettings
-from grasp3d.mesh.ray_tracing import FaceRays
+from grasp3d.mesh.surface_points import FaceRays
 from grasp3d.quality.wrenches import wrenches
 from grasp3d.settings import search_cone
-from grasp3d.surface.sampling.multifinger import search
+from grasp3d.surface.multifinger import search
 from tests.helpers.random_grasps import SHAPES, random_contacts
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -28,12 +28,11 @@ from grasp3d.formats import GraspPoses
 from grasp3d.hand import closing
 from grasp3d.hand.closing import close_jaws
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.outcomes.ranking import roc_auc
 from grasp3d.outcomes.success import success_rate
 from grasp3d.outcomes.tried_grasps import check_grasps, stated_object
+from grasp3d.outcomes.validation import roc_auc
 from grasp3d.quality.critical_angle import critical_friction_angle
-from grasp3d.stability.label import Label
-from grasp3d.stability.thresholds import label_angles
+from grasp3d.stability.label import Label, label_angles
 
 THIN = 2e-4
 """Side of pads that stand for the axis through the TCP [m]."""

@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-from grasp3d.outcomes.ranking import roc_auc, roc_curve
+from grasp3d.outcomes.validation import roc_auc, roc_curve
 from grasp3d.pictures.figures import styled
 
 CURVES = (

@@ -34,10 +34,9 @@ from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.formats import GraspPoses, write_grasps
 from grasp3d.jobs import ClusterSettings
 from grasp3d.outcomes import SCORES, SimulationSettings
-from grasp3d.outcomes.parts import parts_of
-from grasp3d.outcomes.ranking import roc_auc
-from grasp3d.outcomes.scores import scores_of
+from grasp3d.outcomes.simulate import parts_of
 from grasp3d.outcomes.success import success_rate
+from grasp3d.outcomes.validation import roc_auc, scores_of
 
 MESHES = Path(__file__).parents[1] / "meshes"
 FOREIGN = {

@@ -25,10 +25,10 @@ import grasp3d
 from grasp3d.formats import read_object_pose, read_poses, write_grasps
 from grasp3d.formats.format import formats
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.formats.surfaces.files import READERS as LABELLED
-from grasp3d.formats.surfaces.files import WRITERS
+from grasp3d.formats.surface_files import READERS as LABELLED
+from grasp3d.formats.surface_files import WRITERS
 from grasp3d.hand.hand_files import read_hand, write_hand
-from grasp3d.mesh.reading.mesh_files import read_mesh
+from grasp3d.mesh.mesh_files import read_mesh
 from grasp3d.system.limited_reading import limited_reading
 
 HAND, SIDES = grasp3d.ParallelGripper.preset("franka"), (("left", ""), ("right", "-"))

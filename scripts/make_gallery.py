@@ -50,7 +50,7 @@ from grasp3d._kernels.hull.polytope import Polytope, make_polytope
 from grasp3d._kernels.hull.support_functions import ROWS, WrenchSpace
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.outcomes.success import success_rate
-from grasp3d.paper.figures import FIGURES, PaperSettings
+from grasp3d.paper.writing import FIGURES, PaperSettings
 from grasp3d.pictures.camera import MARGIN, View
 from grasp3d.pictures.captions import BOLD, PLAIN
 from grasp3d.pictures.figures import (
@@ -69,8 +69,8 @@ from grasp3d.quality.loads import Load
 from grasp3d.settings import with_fingers
 from grasp3d.stability.label import COLORS, MEANING
 from grasp3d.system.tables import read_columns
+from grasp3d.viewer.collection import collection_of
 from grasp3d.viewer.screenshots import open_renderer
-from grasp3d.viewer.session.collection import collection_of
 
 ROOT = Path(__file__).parents[1]
 MESHES = ROOT / "meshes"

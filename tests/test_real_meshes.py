@@ -13,7 +13,7 @@ import pytest
 import trimesh
 
 from grasp3d import GraspModel, Sampling, check_mesh, label_surface, load_mesh, open_library
-from grasp3d.mesh.reading.mesh_files import read_mesh
+from grasp3d.mesh.mesh_files import read_mesh
 from tests.helpers import shapes
 
 REAL = sorted(

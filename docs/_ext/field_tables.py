@@ -15,7 +15,7 @@ from sphinx.application import Sphinx
 
 from grasp3d.batch.row import COLUMNS, Row
 from grasp3d.formats.format import Format, formats
-from grasp3d.formats.surfaces.layouts import HIDDEN
+from grasp3d.formats.surface_files import HIDDEN
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.surface.fields import (
     CLOSING_SHARE,

@@ -10,7 +10,7 @@ from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
 from grasp3d.settings.checks import check_range
-from grasp3d.settings.regions import Mask
+from grasp3d.settings.mesh_options import Mask
 
 Surfaces = Literal["auto", "ply", "tar", "none"]
 

@@ -27,10 +27,10 @@ from grasp3d.batch.inputs import local_copy
 from grasp3d.batch.row import COLUMNS, Row
 from grasp3d.errors import MeshError, OutputError
 from grasp3d.settings.units import Unit
+from grasp3d.system.documents import newer_version
 from grasp3d.system.names import printable, reason_of
 from grasp3d.system.places import converted, place, writing
 from grasp3d.system.tables import records_of_table, table_of_records
-from grasp3d.system.versions import newer_version
 
 if TYPE_CHECKING:
     from grasp3d.surface.fields import Array

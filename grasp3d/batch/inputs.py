@@ -15,8 +15,7 @@ from upath import UPath
 
 from grasp3d.batch.batch_settings import OF_TABLES
 from grasp3d.errors import FileUnreadError, GraspError, MeshError
-from grasp3d.mesh.reading.scenes import side_names
-from grasp3d.mesh.reading.sources import SUFFIXES
+from grasp3d.mesh.sources import SUFFIXES, side_names
 from grasp3d.system.names import as_unicode, printable, safe_stem, short_hash, unknown
 from grasp3d.system.places import converted, place
 from grasp3d.system.tables import SUFFIXES as TABLES

@@ -23,10 +23,18 @@ from grasp3d.batch.chunks import (
     current,
     open_library,
 )
-from grasp3d.batch.identity import METHOD, content_hash, mesh_key, settings_text
 from grasp3d.batch.inputs import MeshFile, find_meshes, local_copy
-from grasp3d.batch.labelling import Job, JobSettings, label_jobs, lost_job
-from grasp3d.batch.report.index import SHOWN, write_report
+from grasp3d.batch.labelling import (
+    METHOD,
+    Job,
+    JobSettings,
+    content_hash,
+    label_jobs,
+    lost_job,
+    mesh_key,
+    settings_text,
+)
+from grasp3d.batch.report_page import SHOWN, write_report
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.errors import GraspError, MeshError, OutputError, SettingError
 from grasp3d.jobs.cluster_settings import ClusterSettings
@@ -34,10 +42,10 @@ from grasp3d.jobs.running import run
 from grasp3d.settings.checks import check_choice
 from grasp3d.stability.label import Label
 from grasp3d.system.context import is_strict
+from grasp3d.system.documents import package_version
 from grasp3d.system.files import TEMPORARY_PREFIX
 from grasp3d.system.names import as_unicode, name_key, printable, safe_stem, short_hash
 from grasp3d.system.places import converted, place
-from grasp3d.system.versions import package_version
 
 try:
     import fcntl

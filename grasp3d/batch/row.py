@@ -12,7 +12,7 @@ from functools import cached_property
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
-from grasp3d.system.counts import short_number
+from grasp3d.system.names import short_number
 
 if TYPE_CHECKING:
     from grasp3d.arrays import Floats
@@ -57,7 +57,7 @@ class Labelled:
     @cached_property
     def causes(self) -> str:
         """Why parts of the surface are U."""
-        from grasp3d.describe.causes import causes_text
+        from grasp3d.describe.explanations import causes_text
 
         return causes_text(self.labels)
 
@@ -78,7 +78,7 @@ class Labelled:
     @property
     def held(self) -> float | None:
         """Area fraction of the grasps that hold the load."""
-        from grasp3d.surface.area_statistics import label_fractions, vertex_weights
+        from grasp3d.surface.sweeps import label_fractions, vertex_weights
 
         found = self.labels.load_result
         if found is None or found.label is None:

@@ -18,10 +18,9 @@ from grasp3d.cli import commands
 from grasp3d.cli.usage import HELP, HELP_ALL, completion_script, help_of, parse
 from grasp3d.errors import GraspError, MeshError, SettingError
 from grasp3d.system.context import running
-from grasp3d.system.documents import problem_of_file
+from grasp3d.system.documents import package_version, problem_of_file
 from grasp3d.system.limited_reading import limited_reading
 from grasp3d.system.names import printable
-from grasp3d.system.versions import package_version
 
 NAMES = (
     "label", "check", "evaluate", "validate", "simulate", "batch", "sweep", "design", "hand",

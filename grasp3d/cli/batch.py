@@ -15,14 +15,13 @@ from rich.progress import Progress, TextColumn
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.chunks import Library
 from grasp3d.batch.library import BatchProgress, label_library
-from grasp3d.batch.report.index import REPORT
+from grasp3d.batch.report_page import REPORT
 from grasp3d.batch.row import Outcome, Row, headed
 from grasp3d.cli.commands import Batch
 from grasp3d.cli.report import FAILED, NOTE, WARNING, Report, escaped, percent_text
 from grasp3d.pictures.opengl import NO_OPENGL
 from grasp3d.stability.label import MEANING
-from grasp3d.system.counts import counted
-from grasp3d.system.names import printable
+from grasp3d.system.names import counted, printable
 
 LINE_INTERVAL = 10.0
 """Time between two lines where there is no terminal [s]."""

@@ -15,10 +15,10 @@ from grasp3d.jobs.running import Done
 from grasp3d.mesh.diagnosis import MeshDiagnosis, Trust, check_mesh
 from grasp3d.settings.parsing import plain_values
 from grasp3d.surface.fields import NONE
-from grasp3d.system.counts import short_number
+from grasp3d.system.documents import package_version
 from grasp3d.system.files import atomic_write
+from grasp3d.system.names import short_number
 from grasp3d.system.places import local_path
-from grasp3d.system.versions import package_version
 
 Checked = Done[MeshFile, MeshDiagnosis]
 """The check of one mesh: its diagnosis, or the error for which it is refused."""

@@ -26,16 +26,15 @@ from grasp3d.cli.options import (
 )
 from grasp3d.errors import SettingError
 from grasp3d.hand.choices import ContactRule
-from grasp3d.hand.frames import GripperFrame
+from grasp3d.hand.frames import GripperFrame, ObjectPose
 from grasp3d.hand.hand import Hand as AnyHand
-from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.jobs.cluster_settings import ClusterSettings
 from grasp3d.outcomes.simulation_settings import SimulationSettings
 from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.quality.loads import Load
 from grasp3d.settings import DEGREE, GraspModel, MeshOptions, Radians, Sampling
-from grasp3d.settings.friction import friction_interval
+from grasp3d.settings.grasp_model import friction_interval
 from grasp3d.settings.units import Metres, parse_lengths
 
 ModelOfJaws = Annotated[GraspModel, Without(["fingers", "method"])]

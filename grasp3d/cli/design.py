@@ -2,7 +2,7 @@
 
 from grasp3d.cli.commands import Design
 from grasp3d.cli.report import Report, exact_angle
-from grasp3d.contact.friction_cones import effective_friction
+from grasp3d.contact.contacts import effective_friction
 from grasp3d.contact.sensor import MARGIN_ROUNDING, Sensor, required_counts, resolution_limit
 
 FRICTIONS = tuple(step / 10.0 for step in range(1, 11))

@@ -23,6 +23,7 @@ from grasp3d.formats import holds_poses
 from grasp3d.formats.files import read_grasps, write_grasps
 from grasp3d.formats.own import SUFFIXES, contacts_in
 from grasp3d.grasps.audit import READING, READINGS, explained
+from grasp3d.grasps.evaluated_poses import ranked_rows
 from grasp3d.grasps.evaluation import (
     DISTANCE_ROUNDING,
     contacts_on,
@@ -30,18 +31,16 @@ from grasp3d.grasps.evaluation import (
     evaluate_grasps,
     poses_on,
 )
-from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.frames import AUTO
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.quality.measures import metric_names
 from grasp3d.settings import GraspModel, with_fingers
-from grasp3d.settings.model_text import model_line
+from grasp3d.settings.grasp_model import model_line
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.system.counts import counted
-from grasp3d.system.names import safe_stem
+from grasp3d.system.names import counted, safe_stem
 
 MAX_ROWS = 10
 """Largest number of evaluated grasps in the table."""

@@ -9,11 +9,11 @@ import numpy as np
 from grasp3d.cli.commands import Hand
 from grasp3d.cli.report import Report, escaped
 from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.plausible_numbers import implausible
+from grasp3d.hand.articulated_hand import ArticulatedHand
 from grasp3d.hand.hand import Hand as AnyHand
 from grasp3d.hand.hand_files import read_hand, write_hand
 from grasp3d.hand.parallel_gripper import PRESETS, ParallelGripper, preset_names
+from grasp3d.hand.proposal import implausible
 from grasp3d.hand.robot_files import NAMES
 
 GRIPPERS = ("name", "opening,\nmm", "force,\nN")

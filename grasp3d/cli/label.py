@@ -17,30 +17,28 @@ from grasp3d.cli.report import (
     percent_text,
     quantiles_text,
 )
-from grasp3d.describe.causes import causes_text
+from grasp3d.describe.explanations import causes_text
 from grasp3d.describe.verdict import verdict_of
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.formats.files import check_frame, check_hand, write_grasps
 from grasp3d.formats.format import format_called, format_of, suffixes
 from grasp3d.formats.own import SUFFIXES
-from grasp3d.formats.surfaces.files import writer_for
+from grasp3d.formats.surface_files import writer_for
 from grasp3d.grasps.best import best_grasps
-from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.ranking import distance_of_distinct
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses, distance_of_distinct
 from grasp3d.mesh.surface_points import nearest_vertex
 from grasp3d.pictures import opengl
-from grasp3d.settings.model_text import model_line
+from grasp3d.settings.grasp_model import model_line
 from grasp3d.settings.units import parse_lengths
 from grasp3d.stability.label import Label as Letter
-from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.fields import CRITICAL_ANGLE, EPSILONS, LOAD_NUMBERS, MAX_RESOLUTION
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import Labelling
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.sweeps import vertex_weights
 from grasp3d.system.context import refuse_warnings
-from grasp3d.system.counts import counted
 from grasp3d.system.files import check_suffix
-from grasp3d.system.names import safe_stem
+from grasp3d.system.names import counted, safe_stem
 
 QUANTILES = (CRITICAL_ANGLE, MAX_RESOLUTION, *EPSILONS, *LOAD_NUMBERS)
 """Columns whose quantiles over the area are printed, if they have a heading."""
@@ -133,9 +131,9 @@ def _labels(command: Label, report: Report) -> tuple[SurfaceLabels, list[int]]:
 
 def _print_at(labels: SurfaceLabels, text: str, vertex: int) -> None:
     """Print the label, the grasp and the reason at a vertex, as the viewer shows them."""
-    from grasp3d.describe.grasp_facts import position_text
+    from grasp3d.describe.explanations import position_text
     from grasp3d.pictures.subject import subject_of
-    from grasp3d.viewer.session.inspection import inspect
+    from grasp3d.viewer.inspection import inspect
 
     # Asked for, so it is printed also with --quiet.
     report, shown = Report(), inspect(subject_of(labels), vertex)
@@ -153,8 +151,7 @@ def _write_best(
 ) -> list[Path]:
     """Write and, if OpenGL is available, draw the best grasps; returns what was written."""
     from grasp3d.pictures.figures import save_as
-    from grasp3d.pictures.grasps import grasp_figure
-    from grasp3d.pictures.stills import draw_grasps
+    from grasp3d.pictures.stills import draw_grasps, grasp_figure
 
     written, picture = [], output.with_suffix(".png")
     for old in (output, picture):  # of other settings

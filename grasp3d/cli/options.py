@@ -15,17 +15,15 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 
 from grasp3d.errors import GraspError, OutputError, SettingError
 from grasp3d.formats.format import format_called, format_names
-from grasp3d.hand.frames import AUTO, GripperFrame
+from grasp3d.hand.frames import AUTO, GripperFrame, ObjectPose
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.quality.loads import Load
-from grasp3d.quality.task_texts import TaskField, TaskText
+from grasp3d.quality.loads import Load, TaskField, TaskText
 from grasp3d.settings import GraspModel, MeshOptions, Radians, Sampling
-from grasp3d.settings.friction import Friction
+from grasp3d.settings.grasp_model import Friction
+from grasp3d.settings.mesh_options import Region
 from grasp3d.settings.parsing import IN_PYTHON
 from grasp3d.settings.pose_error import PoseError, PoseErrorField
-from grasp3d.settings.regions import Region
 from grasp3d.settings.units import Length, Lengths, Metres, Quantity, parse_angle, parse_length
 from grasp3d.system.files import check_suffix, check_writable
 from grasp3d.system.limited_reading import files_read

@@ -2,8 +2,7 @@
 
 from grasp3d.cli.commands import Paper
 from grasp3d.cli.report import NOTE, Report
-from grasp3d.paper.figures import PaperSettings
-from grasp3d.paper.writing import write_paper
+from grasp3d.paper.writing import PaperSettings, write_paper
 
 
 def run(command: Paper, report: Report) -> int:

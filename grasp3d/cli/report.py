@@ -26,17 +26,16 @@ from rich.table import Table
 from rich.text import Text
 
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.hand.object_pose import ObjectPose
+from grasp3d.hand.frames import ObjectPose
 from grasp3d.outcomes.success import SuccessRate
 from grasp3d.settings.units import Unit, small_length
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode, hex_color
-from grasp3d.surface.area_statistics import quantiles
 from grasp3d.surface.fields import GRASPS, LETTERS, NONE, Array, Field
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.sweeps import quantiles
 from grasp3d.system.context import running
-from grasp3d.system.counts import counted, short_number
-from grasp3d.system.names import printable
+from grasp3d.system.names import counted, printable, short_number
 
 if TYPE_CHECKING:
     from grasp3d.arrays import Floats

@@ -15,8 +15,7 @@ from grasp3d.hand.frames import AUTO
 from grasp3d.hand.hand import touching
 from grasp3d.mesh import load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
-from grasp3d.outcomes.parts import coacd_module
-from grasp3d.outcomes.simulate import simulate_grasps
+from grasp3d.outcomes.simulate import coacd_module, simulate_grasps
 from grasp3d.outcomes.success import success_rate
 from grasp3d.stability.label import Label
 from grasp3d.system.names import safe_stem

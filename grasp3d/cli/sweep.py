@@ -14,11 +14,10 @@ from grasp3d.cli.options import number, typed_angle
 from grasp3d.cli.report import FAILED, Report, angle_text, escaped
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.pictures.figures import METADATA, save_as
-from grasp3d.pictures.fractions import meaning_in, sweep_figure
+from grasp3d.pictures.figures import METADATA, meaning_in, save_as, sweep_figure
 from grasp3d.planar import Circle, Square
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings, search_cone
-from grasp3d.settings.friction import friction_interval
+from grasp3d.settings.grasp_model import friction_interval
 from grasp3d.settings.parsing import plain_values
 from grasp3d.settings.sampling import check_search_angle
 from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles

@@ -5,14 +5,13 @@ from pathlib import Path
 
 from grasp3d.cli.commands import Validate
 from grasp3d.cli.report import Report, escaped, label_meaning, label_name, percent_text
-from grasp3d.outcomes.figure import validation_figure
 from grasp3d.outcomes.validate import validate_grasps
-from grasp3d.outcomes.validation import Validation, write_validation
+from grasp3d.outcomes.validation import Validation, validation_figure, write_validation
 from grasp3d.pictures.figures import METADATA, save_as
-from grasp3d.settings.model_text import model_line
+from grasp3d.settings.grasp_model import model_line
 from grasp3d.stability.label import Label
 from grasp3d.surface.fields import NONE
-from grasp3d.system.counts import counted
+from grasp3d.system.names import counted
 from grasp3d.system.tables import SUFFIXES
 
 MOST_FILES = 8

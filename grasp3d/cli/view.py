@@ -3,18 +3,18 @@
 from grasp3d.cli.commands import View
 from grasp3d.cli.report import Report
 from grasp3d.errors import SettingError
+from grasp3d.grasps.evaluated_poses import ranked_rows
 from grasp3d.grasps.evaluation import evaluate_poses, poses_on
-from grasp3d.grasps.ranking import ranked_rows
 from grasp3d.hand.scene import Scene
 from grasp3d.pictures.opengl import check_rendering
 from grasp3d.system.context import refuse_warnings
-from grasp3d.viewer.screenshots import check_picture, save_picture
-from grasp3d.viewer.session.collection import (
+from grasp3d.viewer.collection import (
     Collection,
     collection_of_grasps,
     open_collection,
 )
-from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.screenshots import check_picture, save_picture
+from grasp3d.viewer.session import Session
 from grasp3d.viewer.window import display_problem, show_window
 
 
@@ -29,7 +29,7 @@ def run(command: View, report: Report) -> int:
             save_picture(collection, command.view, command.screenshot)
         report.written(command.screenshot)
     if command.web or problem:
-        from grasp3d.viewer.web.page import serve
+        from grasp3d.viewer.page import serve
 
         def ready(address: str) -> None:
             shows = f"{address} shows {command.target.name}; Ctrl+C stops it"

@@ -1,6 +1,6 @@
-from .causes import Cause as Cause
-from .causes import cause_fractions as cause_fractions
-from .grasp_facts import facts as facts
+from .explanations import Cause as Cause
+from .explanations import cause_fractions as cause_fractions
+from .explanations import facts as facts
 from .verdict import LoadVerdict as LoadVerdict
 from .verdict import Remedy as Remedy
 from .verdict import Verdict as Verdict

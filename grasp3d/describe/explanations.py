@@ -1,12 +1,222 @@
-"""Explanation of a vertex's label: one sentence with the angles that decide it."""
+"""Explanation of a vertex's label: one sentence with the angles that decide it.
+
+Why there is no grasp, in words: the one table for verdicts, reports, tables and the viewer.
+
+The numbers of one grasp, in words: by the declarations of its columns.
+"""
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import partial
 
-from grasp3d.describe.causes import Cause
+import numpy as np
+
+from grasp3d.arrays import Bools, Floats
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.hand.reach import Reachability
+from grasp3d.mesh import ObjectMesh
+from grasp3d.quality.grip_forces import Resistance
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label, Mode
+from grasp3d.surface.fields import CRITICAL_ANGLE_BEST, NONE, OF_ONE, REASON, STATED_LABEL
+from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.load_case import HARD_FINGERS, LoadResult
+from grasp3d.surface.sweeps import vertex_weights
+from grasp3d.surface.vertex_fields import Reason
+
+
+class Cause(StrEnum):
+    """Why there is no grasp at a point of a surface, or none that counts; the value says it."""
+
+    NO_PARTNER = "no opposing contacts within the search cone"
+    LIMITS = "too wide or too narrow for the limits of the search"
+    TOO_WIDE = "too wide for the stroke"
+    STROKE = "too wide or too narrow for the stroke"
+    TIP = "a fingertip would touch the object elsewhere"
+    DIRECTION = "no approach is within the allowed directions"
+    TABLE = "the table is in the way"
+    BLOCKED = "fingers or palm would touch the object"
+    NOT_REACHED = "the gripper reaches none of the grasps"
+    SAME_POINT = "a fixed finger is at this point"
+    OFF_SURFACE = "the vertex belongs to no face"
+    EXCLUDED = "outside --region"
+    UNSTABLE = "the best grasp needs more friction"
+    FORCE = "the force at hand does not hold the load"
+    COLLIDES = "at no pose is the object held without a collision"
+
+
+_STATES = {
+    Reachability.TIP: Cause.TIP,
+    Reachability.DIRECTION: Cause.DIRECTION,
+    Reachability.TABLE: Cause.TABLE,
+    Reachability.BLOCKED: Cause.BLOCKED,
+}
+
+
+def cause_masks(labels: SurfaceLabels) -> dict[Cause, Bools]:
+    """Masks of the vertices without a grasp by cause, shape (V,) each.
+
+    Where a gripper reaches none of a vertex's grasps, the cause is that of the best one.
+
+    Args:
+        labels: The labelled surface.
+    """
+    reason, reach, outside = labels.reason, labels.reach, _outside(labels)
+    missed = reason == Reason.NOT_REACHED
+    masks = {
+        Cause.NO_PARTNER: reason == Reason.NO_PARTNER,
+        outside: reason == Reason.OPENING,
+        Cause.SAME_POINT: reason == Reason.SAME_POINT,
+        Cause.OFF_SURFACE: reason == Reason.OFF_SURFACE,
+        Cause.EXCLUDED: reason == Reason.EXCLUDED,
+    }
+    if reach is not None:
+        masks[outside] = masks[outside] | (missed & (reach.state == Reachability.WIDTH))
+        masks |= {cause: missed & (reach.state == state) for state, cause in _STATES.items()}
+    others = missed & ~np.any(list(masks.values()), axis=0)
+    return {**masks, Cause.NOT_REACHED: others}
+
+
+def cause_at(labels: SurfaceLabels, vertex: int) -> Cause | None:
+    """Why a vertex has no grasp; None: it has one.
+
+    Args:
+        labels: The labelled surface.
+        vertex: Number of the vertex.
+    """
+    masks = cause_masks(labels).items()
+    return next((cause for cause, mask in masks if mask[vertex]), None)
+
+
+def cause_fractions(labels: SurfaceLabels) -> dict[Cause, float]:
+    """Area fractions of what is U, by cause, the largest first; those of 0 are left out.
+
+    They add to the fraction that is labelled U: with a load whose mass and force are known that of
+    the labels with force.
+
+    Args:
+        labels: The labelled surface.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> from grasp3d.describe import cause_fractions
+        >>> box = trimesh.creation.box([0.09, 0.05, 0.03])
+        >>> mesh = grasp3d.load_mesh(box, unit="m", max_edge=0.01)
+        >>> labels = grasp3d.label_surface(mesh, hand=grasp3d.ParallelGripper.preset("franka"))
+        >>> {str(cause): round(part, 2) for cause, part in cause_fractions(labels).items()}
+        {'too wide for the stroke': 0.13, 'the best grasp needs more friction': 0.05}
+    """
+    masks, has_grasp = cause_masks(labels), labels.reason == Reason.FOUND
+    unstable = has_grasp & (labels.label == Label.U)
+    if labels.load_result is not None and (codes := labels.load_result.label) is not None:
+        masks[Cause.FORCE] = has_grasp & (codes == Label.U) & ~unstable
+        unstable &= codes == Label.U
+    masks[Cause.UNSTABLE] = unstable
+    areas = vertex_weights(labels.mesh, "area")
+    fractions = {cause: float(areas[mask].sum()) for cause, mask in masks.items()}
+    largest = sorted(fractions, key=lambda cause: -fractions[cause])
+    return {cause: fractions[cause] for cause in largest if fractions[cause] > 0.0}
+
+
+def causes_text(labels: SurfaceLabels) -> str:
+    """The causes with their area fractions as one line; empty where nothing is U.
+
+    Args:
+        labels: The labelled surface.
+    """
+    return ", ".join(
+        f"{cause} ({100.0 * part:.1f} %)" for cause, part in cause_fractions(labels).items()
+    )
+
+
+def _outside(labels: SurfaceLabels) -> Cause:
+    """What it means that all contacts are outside the limits of the opening."""
+    sampling, scene = labels.sampling, labels.scene
+    lengths = () if sampling is None else sampling.lengths().values()
+    if scene is None or any(0.0 < (length or 0.0) < math.inf for length in lengths):
+        return Cause.LIMITS
+    least, _ = scene.hand.distances()
+    return Cause.STROKE if least > 0.0 else Cause.TOO_WIDE
+
+
+ROUNDING = 1e-9
+"""Coordinates that are rounding errors of 0, relative to the object's size."""
+
+
+def facts(grasps: GraspTable | EvaluatedPoses, row: int) -> dict[str, str]:
+    """Names and values, with their units, of one grasp; those that are not known are left out.
+
+    Args:
+        grasps: Grasps, or poses.
+        row: Number of the grasp.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> from grasp3d.describe import facts
+        >>> box = grasp3d.load_mesh(trimesh.creation.box([0.08, 0.05, 0.03]), unit="m")
+        >>> grasps = grasp3d.best_grasps(grasp3d.label_surface(box), 1)
+        >>> facts(grasps, 0)["opening"]
+        '80 mm'
+    """
+    metres, found = grasps.mesh.unit is not None, dict[str, str]()
+    one = grasps.take(np.array([row]))
+    for field in OF_ONE if isinstance(one, GraspTable) else one.fields:
+        name = field.listed or field.heading
+        if not name or field in {STATED_LABEL, REASON}:
+            continue
+        values = field.values_of(one)
+        text = NONE if values is None else field.text(values[0], metres=metres)
+        unit = field.title(metres=metres).partition("\n")[2]
+        same = field.name == CRITICAL_ANGLE_BEST.name and text in found.values()
+        if text not in {NONE, ""} and not same:
+            found[name] = f"{text} {unit}".strip()
+    return found
+
+
+def position_text(point: Floats, mesh: ObjectMesh) -> str:
+    """Coordinates with four digits, and their unit; rounding errors of 0 are 0."""
+    rounded = np.where(np.abs(point) < ROUNDING * mesh.size, 0.0, point)
+    factor, unit = (1000.0, " mm") if mesh.unit else (1.0, "")
+    return f"({', '.join(f'{factor * value:.4g}' for value in rounded)}){unit}"
+
+
+def load_sentence(load_result: LoadResult, row: int) -> str:
+    """Whether the force at hand holds the load, or why none does; empty: that is unknown.
+
+    Args:
+        load_result: What some grasps hold.
+        row: Number of the grasp.
+    """
+    case, of = load_result.case, "at all normals within the sensor resolution"
+    force, least, largest = (
+        float(one[row])
+        for one in (
+            load_result.grip_force, load_result.grip_force_least, load_result.grip_force_largest,
+        )
+    )  # fmt: skip
+    if math.isinf(force):
+        where = "" if math.isinf(least) else " at the nominal normals"
+        return f"No force holds it{where}: {_why_none(load_result, row)}."
+    if math.isnan(force) or case.available is None or not case.decided:
+        return ""
+    mass = f" of {case.to_hold}" if case.by_mass else ""
+    if largest > case.available:
+        of = "at some of the normals within the sensor resolution only"
+        if least > case.available:
+            of = "at none of the normals within the sensor resolution"
+    return f"With {case.at_hand} the load{mass} is held {of}."
+
+
+def _why_none(load_result: LoadResult, row: int) -> str:
+    codes = load_result.resistance
+    if codes is not None and codes[row] == Resistance.NO_SUCH_WRENCH:
+        return HARD_FINGERS if load_result.case.hard else "they resist no torque about one axis"
+    return "the fingers can only push, and the contacts cannot push against all of the load"
+
 
 UNSEARCHED = 3
 """Code of vertices whose label is unknown, as the search did not go far enough."""

@@ -9,11 +9,9 @@ from typing import Any, Literal
 import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints
-from grasp3d.describe.causes import Cause, cause_fractions
-from grasp3d.describe.explanations import finger_words
+from grasp3d.describe.explanations import Cause, cause_fractions, finger_words
 from grasp3d.grasps.best import best_grasps, count_sure, distinct_grasps, has_poses, pool_of
-from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.ranking import MOST_DISTINCT, ranked_rows
+from grasp3d.grasps.evaluated_poses import MOST_DISTINCT, EvaluatedPoses, ranked_rows
 from grasp3d.grasps.reasons import MISSED, OFF_PADS, UNSURE
 from grasp3d.grasps.robustness import PAYLOAD_RTOL
 from grasp3d.quality.grip_forces import Resistance
@@ -21,9 +19,9 @@ from grasp3d.quality.loads import Load
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.load_result import HARD_FINGERS, LoadResult
+from grasp3d.surface.load_case import HARD_FINGERS, LoadResult
 from grasp3d.system.context import unreported
-from grasp3d.system.counts import short_number
+from grasp3d.system.names import short_number
 
 Word = Literal["surely", "perhaps", "not"]
 

@@ -8,9 +8,9 @@ from .format import Given as Given
 from .format import register as register
 from .frames import read_object_pose as read_object_pose
 from .poses import GraspPoses as GraspPoses
-from .surfaces.files import read_labels as read_labels
-from .surfaces.layouts import write_fields as write_fields
-from .surfaces.layouts import write_glb as write_glb
-from .surfaces.layouts import write_npz as write_npz
-from .surfaces.layouts import write_ply as write_ply
-from .surfaces.layouts import write_vtp as write_vtp
+from .surface_files import read_labels as read_labels
+from .surface_files import write_fields as write_fields
+from .surface_files import write_glb as write_glb
+from .surface_files import write_npz as write_npz
+from .surface_files import write_ply as write_ply
+from .surface_files import write_vtp as write_vtp

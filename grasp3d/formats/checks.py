@@ -19,10 +19,16 @@ import numpy.typing as npt
 
 from grasp3d.arrays import HEADER_ERRORS, Floats
 from grasp3d.errors import ContactError, OutputError, SettingError
-from grasp3d.system.documents import described, file_bytes, is_folder, number_of, problem_of_file
+from grasp3d.system.documents import (
+    described,
+    file_bytes,
+    is_folder,
+    number_of,
+    package_version,
+    problem_of_file,
+)
 from grasp3d.system.files import atomic_write
 from grasp3d.system.names import printable, reason_of
-from grasp3d.system.versions import package_version
 
 Entries = Sequence[Mapping[str, Any]]
 

@@ -16,10 +16,9 @@ from grasp3d.formats.format import Format, Given, format_of, formats, suffixes
 from grasp3d.formats.own import OBJECT, SUFFIXES, read_contacts, write_contacts
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import matched, refuse_joints
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.frames import FRAMES, GripperFrame
+from grasp3d.hand.articulated_hand import ArticulatedHand
+from grasp3d.hand.frames import FRAMES, GripperFrame, ObjectPose
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.settings.units import METRES, Unit
 from grasp3d.surface.grasp_table import NO_POSES, GraspTable
 from grasp3d.system.documents import is_folder, load_json

@@ -12,10 +12,9 @@ from grasp3d.errors import ContactError
 from grasp3d.formats import checks
 from grasp3d.formats.format import Format
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.frames import FRAMES, GripperFrame
+from grasp3d.hand.articulated_hand import ArticulatedHand
+from grasp3d.hand.frames import FRAMES, GripperFrame, ObjectPose
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.pose_checks import checked_quaternions
 from grasp3d.settings.units import METRES

@@ -14,20 +14,18 @@ from grasp3d.formats import checks
 from grasp3d.formats.checks import Values, outcomes_of
 from grasp3d.formats.format import Given
 from grasp3d.formats.poses import OWN_NAMES, STAGES, VECTOR_COLUMNS, GraspPoses
-from grasp3d.hand.frames import GripperFrame
+from grasp3d.hand.frames import GripperFrame, ObjectPose
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_of
-from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.robot_files import FORMAT as ARTICULATED
 from grasp3d.mesh.object_mesh import scale_of
 from grasp3d.settings import MAX_FINGERS
 from grasp3d.settings.units import METRES, Unit
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.system.documents import described, load_json
+from grasp3d.system.documents import described, load_json, newer_version, package_version
 from grasp3d.system.files import check_suffix
 from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import unsupported
-from grasp3d.system.versions import newer_version, package_version
 
 OBJECT = (None, "", "object")
 """Frames of poses that are that of the object."""

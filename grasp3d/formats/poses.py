@@ -10,10 +10,9 @@ import numpy.typing as npt
 from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.errors import ContactError
 from grasp3d.formats.checks import outcomes_of
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.frames import FRAMES, GripperFrame
+from grasp3d.hand.articulated_hand import ArticulatedHand
+from grasp3d.hand.frames import FRAMES, GripperFrame, ObjectPose
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.pose_checks import checked_poses
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings.units import METRES, Unit

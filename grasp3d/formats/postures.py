@@ -11,7 +11,7 @@ import numpy as np
 
 from grasp3d.errors import ContactError
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated_hand import ArticulatedHand
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.system.names import printable

@@ -3,7 +3,7 @@ from .audit import audit_poses as audit_poses
 from .best import best_grasps as best_grasps
 from .best import distinct_grasps as distinct_grasps
 from .evaluated_poses import EvaluatedPoses as EvaluatedPoses
+from .evaluated_poses import ranked_rows as ranked_rows
 from .evaluation import evaluate_grasps as evaluate_grasps
 from .jaw_grasps import JawGrasps as JawGrasps
 from .link_grasps import LinkGrasps as LinkGrasps
-from .ranking import ranked_rows as ranked_rows

@@ -11,10 +11,10 @@ from grasp3d.arrays import Floats, Ints
 from grasp3d.errors import ContactError
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import matched
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.contacts import links_fit
+from grasp3d.hand.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import GripperFrame, frames_of
 from grasp3d.hand.hand import Hand
+from grasp3d.hand.link_contacts import links_fit
 from grasp3d.hand.table import Table
 from grasp3d.mesh import ObjectMesh
 

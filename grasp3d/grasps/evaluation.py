@@ -17,7 +17,7 @@ from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.jaw_grasps import JawGrasps
 from grasp3d.grasps.link_grasps import LinkGrasps
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated_hand import ArticulatedHand
 from grasp3d.hand.choices import ContactRule, ObjectMotion
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import GivenHand, given_hand
@@ -28,7 +28,7 @@ from grasp3d.hand.table import Approach, GivenTable
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.object_mesh import scale_of
 from grasp3d.mesh.region import allowed_contacts
-from grasp3d.mesh.repair.work import RepairStep
+from grasp3d.mesh.repair import RepairStep
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
 from grasp3d.quality.loads import GivenLoad, Load
 from grasp3d.settings import (
@@ -40,8 +40,7 @@ from grasp3d.settings import (
 )
 from grasp3d.settings.pose_error import PoseError
 from grasp3d.settings.units import METRES, GivenLength, Unit, with_lengths_scaled
-from grasp3d.surface.contacts import SurfaceContacts
-from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.surface.contacts import SurfaceContacts, critical_angles
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase

@@ -28,12 +28,11 @@ from grasp3d.quality.loads import Load
 from grasp3d.settings import GraspModel, with_fingers
 from grasp3d.settings.pose_error import poses_of
 from grasp3d.stability.label import COLORS, Label
-from grasp3d.surface.contacts import JawContacts
-from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.surface.contacts import JawContacts, critical_angles
 from grasp3d.surface.fields import OPENING, REASON, Arrays, Field, given_poses
 from grasp3d.surface.grasp_table import GraspRows
+from grasp3d.surface.labelled_grasps import written_scores
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.scores import written_scores
 from grasp3d.system.context import unreported, within
 
 JAWS_CLOSED = 0.7

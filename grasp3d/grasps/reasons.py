@@ -9,17 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bools, Floats, Ints, angles_between
-from grasp3d.hand.articulated.articulated_hand import BEYOND, ArticulatedHand
-from grasp3d.hand.articulated.contacts import HandContacts
+from grasp3d.hand.articulated_hand import BEYOND, ArticulatedHand
 from grasp3d.hand.closing import MEANING, Closing, close_jaws
 from grasp3d.hand.jaws import Jaws
+from grasp3d.hand.link_contacts import HandContacts
 from grasp3d.hand.reach import collides
 from grasp3d.hand.scene import LEVEL, Scene
 from grasp3d.mesh.region import allowed_contacts
 from grasp3d.mesh.surface_points import contains, nearest_surface_points
 from grasp3d.stability.label import Label
 from grasp3d.system.context import unreported
-from grasp3d.system.counts import short_number
+from grasp3d.system.names import short_number
 
 
 class Reasons:

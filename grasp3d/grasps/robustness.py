@@ -29,10 +29,8 @@ from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.force_ranges import force_within_tilt, payload
 from grasp3d.quality.tasks import STANDARD_GRAVITY, Task, Weight
 from grasp3d.settings import GraspModel
-from grasp3d.stability.label import Label
-from grasp3d.stability.thresholds import label_angles
-from grasp3d.surface.contacts import JawContacts
-from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.stability.label import Label, label_angles
+from grasp3d.surface.contacts import JawContacts, critical_angles
 from grasp3d.surface.grasp_numbers import hull_labels
 from grasp3d.surface.grasp_table import rows_of
 from grasp3d.surface.load_case import LoadCase

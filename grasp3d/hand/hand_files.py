@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def _articulated(content: Any) -> Hand:
-    from grasp3d.hand.articulated.hand_json import articulated_hand
+    from grasp3d.hand.hand_json import articulated_hand
 
     return articulated_hand(content)
 
@@ -75,7 +75,7 @@ def read_hand(
     A URDF or MuJoCo model whose links slide two by two is that of a parallel gripper, measured as
     `grasp3d.hand.measured_gripper` says; one whose joint and travel are those of a preset with
     fingers that turn is that preset; others are hands with joints, of which what is not stated is
-    proposed as `grasp3d.hand.articulated.proposal` says.
+    proposed as `grasp3d.hand.proposal` says.
 
     Args:
         source: Name of a preset; or a file that `write_hand` wrote (.json), a URDF (.urdf) or a
@@ -129,7 +129,7 @@ def _of_links(
     tree: "LinkTree", fingers: tuple[str, str] | None, palm: str | None, tcp: float | None
 ) -> Hand:
     """The hand of a URDF or MuJoCo model. Raises SettingError."""
-    from grasp3d.hand.articulated.hand_json import proposed_hand
+    from grasp3d.hand.hand_json import proposed_hand
     from grasp3d.hand.measured_gripper import measured_gripper, sliding_fingers, turning_preset
 
     if fingers is not None and (len(fingers) != 2 or fingers[0] == fingers[1]):

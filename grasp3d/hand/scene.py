@@ -9,10 +9,10 @@ import numpy as np
 from grasp3d.arrays import Bools, Floats, angles_between
 from grasp3d.errors import SettingError
 from grasp3d.hand.choices import AXES
+from grasp3d.hand.frames import ObjectPose
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import GivenHand, given_hand, hand_line
 from grasp3d.hand.jaws import IN_METRES, Jaws
-from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.table import Approach, GivenTable, Table, best_approach, given_table
 from grasp3d.mesh import ObjectMesh

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints, first_at_position, unit_rows
+from grasp3d.mesh.cleaning import holes_of, is_face
 from grasp3d.mesh.measures import (
     Triangles,
     center_and_volume,
@@ -22,12 +23,10 @@ from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import length_warnings
 from grasp3d.mesh.plausible_units import UnitGuess, guess_unit
 from grasp3d.mesh.preparing import MeshSource, prepare
-from grasp3d.mesh.ray_tracing import crossing_faces
-from grasp3d.mesh.repair.cleaning import is_face
-from grasp3d.mesh.repair.holes import holes_of
-from grasp3d.mesh.repair.work import RepairStep
+from grasp3d.mesh.repair import RepairStep
+from grasp3d.mesh.surface_points import crossing_faces
 from grasp3d.settings import GivenModel, GivenSampling, GraspModel, MeshOptions, Sampling
-from grasp3d.settings.costs import Cost, labelling_cost
+from grasp3d.settings.sampling import Cost, labelling_cost
 from grasp3d.settings.units import Unit
 from grasp3d.system.context import available_processors
 

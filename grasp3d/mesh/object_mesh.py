@@ -10,13 +10,12 @@ from grasp3d._kernels.hands.touched_surface import TouchedSurface, fill_grid
 from grasp3d._kernels.surface.box_tree import RADIUS, THICKNESS, BoxTree, box_tree
 from grasp3d._kernels.surface.face_tree import FaceTree, face_tree
 from grasp3d._kernels.surface.nearby_normals import FacesAround
-from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
-from grasp3d._kernels.surface.turns import EXACT
+from grasp3d._kernels.surface.surface_contacts import EXACT, ContactNormals, Surface
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows, used_indices
 from grasp3d.mesh.measures import Triangles, face_areas, paired_edges
 from grasp3d.mesh.normals import CornerNormals, crease_twins, normal_sets
 from grasp3d.mesh.plausible_units import unknown_unit
-from grasp3d.mesh.repair.work import RepairStep
+from grasp3d.mesh.repair import RepairStep
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.units import (
     METRES,

@@ -15,18 +15,17 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, first_at_position, locked, unit_rows
 from grasp3d.errors import MeshError, SettingError
+from grasp3d.mesh.cleaning import clusters
 from grasp3d.mesh.measures import Triangles, center_and_volume, rounding_of, surface_extent
+from grasp3d.mesh.mesh_files import read_mesh
 from grasp3d.mesh.normals import CornerNormals, corner_normals
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh, scale_of
 from grasp3d.mesh.plausible_units import guessed_unit, unit_warning, unknown_unit
-from grasp3d.mesh.reading.mesh_files import read_mesh
-from grasp3d.mesh.reading.scenes import flattened
-from grasp3d.mesh.reading.sources import RawMesh, unit_called
 from grasp3d.mesh.region import restricted
-from grasp3d.mesh.repair.cleaning import clusters
-from grasp3d.mesh.repair.work import MOST_ROUNDING, RepairedSurface, repair_surface
+from grasp3d.mesh.repair import MOST_ROUNDING, RepairedSurface, repair_surface
+from grasp3d.mesh.sources import RawMesh, flattened, unit_called
 from grasp3d.settings import MeshOptions
-from grasp3d.settings.costs import check_cost
+from grasp3d.settings.sampling import check_cost
 from grasp3d.settings.units import Unit, with_units
 from grasp3d.system.limited_reading import Limits, in_limits
 from grasp3d.system.names import reason_of

@@ -8,13 +8,12 @@ import numpy as np
 from grasp3d.arrays import Bools, Floats, locked
 from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import face_areas
+from grasp3d.mesh.mesh_files import open_ply, read_elements, read_mesh
 from grasp3d.mesh.object_mesh import ObjectMesh
-from grasp3d.mesh.reading.mesh_files import read_mesh
-from grasp3d.mesh.reading.polygon_files import open_ply, read_elements
-from grasp3d.mesh.reading.sources import find_source
+from grasp3d.mesh.sources import find_source
 from grasp3d.mesh.surface_points import nearest_surface_points
 from grasp3d.settings import MeshOptions
-from grasp3d.settings.regions import Box, Mask
+from grasp3d.settings.mesh_options import Box, Mask
 from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import printable
 

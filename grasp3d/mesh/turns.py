@@ -5,8 +5,7 @@ import math
 import numpy as np
 
 from grasp3d._kernels.surface.nearby_normals import largest_turns
-from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
-from grasp3d._kernels.surface.turns import Turns
+from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface, Turns
 from grasp3d.arrays import Floats, Ints, locked, unit_rows
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.surface_points import nearest_surface_points

@@ -1,11 +1,11 @@
-from .parts import convex_parts as convex_parts
 from .pulling import Fate as Fate
-from .scores import SCORES as SCORES
-from .scores import Score as Score
+from .simulate import convex_parts as convex_parts
 from .simulate import simulate_grasps as simulate_grasps
 from .simulation_settings import SimulationSettings as SimulationSettings
 from .success import SuccessRate as SuccessRate
 from .validate import validate_grasps as validate_grasps
+from .validation import SCORES as SCORES
+from .validation import Score as Score
 from .validation import ScoreQuality as ScoreQuality
 from .validation import ValidatedFile as ValidatedFile
 from .validation import Validation as Validation

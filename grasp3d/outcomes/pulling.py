@@ -18,8 +18,15 @@ import mujoco
 import numpy as np
 
 from grasp3d.arrays import Floats, short_repr
-from grasp3d.outcomes.engine import without_log
-from grasp3d.outcomes.scene import CLOSING, JOINTS, OBJECT, Stage, lay_object, put_object
+from grasp3d.outcomes.scene import (
+    CLOSING,
+    JOINTS,
+    OBJECT,
+    Stage,
+    lay_object,
+    put_object,
+    without_log,
+)
 from grasp3d.outcomes.simulation_settings import SimulationSettings
 
 RAMP, WAITING = 0.2, 0.3

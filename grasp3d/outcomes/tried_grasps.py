@@ -22,8 +22,8 @@ from grasp3d.quality.loads import Load
 from grasp3d.settings import MeshOptions
 from grasp3d.settings.units import MASSES, parse_quantity
 from grasp3d.surface.load_case import mass_of
-from grasp3d.system.counts import short_number
 from grasp3d.system.documents import is_file, is_folder
+from grasp3d.system.names import short_number
 
 OUTCOMES = (
     "a table needs a column success (or outcome) with 1, 0 or nothing; what else states it is "

@@ -20,10 +20,15 @@ from grasp3d.hand.hand_files import GivenHand, given_hand
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import MeshSource
-from grasp3d.outcomes.ranking import roc_auc
-from grasp3d.outcomes.scores import SCORES, columns_of
 from grasp3d.outcomes.tried_grasps import TriedGrasps, check_grasps, stated_object
-from grasp3d.outcomes.validation import ScoreQuality, ValidatedFile, Validation
+from grasp3d.outcomes.validation import (
+    SCORES,
+    ScoreQuality,
+    ValidatedFile,
+    Validation,
+    columns_of,
+    roc_auc,
+)
 from grasp3d.quality.loads import GivenLoad, Load
 from grasp3d.settings import GivenModel, GraspModel, MeshOptions
 from grasp3d.surface.fields import Array

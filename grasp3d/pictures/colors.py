@@ -16,12 +16,11 @@ from grasp3d.describe.explanations import UNSEARCHED
 from grasp3d.pictures.subject import Subject
 from grasp3d.pictures.view_settings import Paint
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel
-from grasp3d.settings.model_text import EPSILON_MIN, epsilon_min_text
-from grasp3d.stability.label import COLORS, GREY, Label, hex_color
-from grasp3d.stability.thresholds import label_angles
-from grasp3d.surface.area_statistics import quantiles
+from grasp3d.settings.grasp_model import EPSILON_MIN, epsilon_min_text
+from grasp3d.stability.label import COLORS, GREY, Label, hex_color, label_angles
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.system.counts import short_number
+from grasp3d.surface.sweeps import quantiles
+from grasp3d.system.names import short_number
 
 PALETTE = np.array([*(COLORS[label] for label in sorted(Label)), GREY], dtype=np.uint8)
 """The last colour is that of unknown values: no grasp, or not searched; and of excluded faces."""

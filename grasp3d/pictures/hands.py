@@ -13,7 +13,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Bbox
 
 from grasp3d.arrays import Floats, unit_rows
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated_hand import ArticulatedHand
 from grasp3d.hand.frames import FRAMES
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.triangles import COLORS, Part, Triangles

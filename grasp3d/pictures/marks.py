@@ -8,7 +8,7 @@ import numpy as np
 import pyvista
 
 from grasp3d.arrays import Floats, unit_rows
-from grasp3d.contact.friction_cones import tangents
+from grasp3d.contact.contacts import tangents
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.settings import GraspModel

@@ -11,10 +11,10 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, search_cone
-from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.vertex_grasps import Reason, SearchReport
+from grasp3d.surface.sweeps import vertex_weights
+from grasp3d.surface.vertex_fields import Reason, SearchReport
 
 NO_LABELS = "the surface has no labels: poses of a hand are shown"
 """Why it cannot be clicked or saved."""

@@ -10,7 +10,7 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, shaped, short_repr
 from grasp3d.contact.contacts import LARGEST, Contacts, finite_numbers, per_contact
 from grasp3d.errors import ContactError
-from grasp3d.quality.closure import ForceClosure, closure_fields, forces_of_components
+from grasp3d.quality.critical_angle import ForceClosure, closure_fields, forces_of_components
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import Actuation, Bounded, EpsilonOptions, Goal
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from grasp3d._kernels.forces.wrench_resistance import least_multiples
 from grasp3d._kernels.hull.polytope import SCRATCH_ROWS
+from grasp3d._kernels.hull.wrench_resistance import least_multiples
 from grasp3d.arrays import Bools, Floats, locked, shaped
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.errors import SettingError

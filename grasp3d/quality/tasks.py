@@ -14,7 +14,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from grasp3d._kernels.forces import tasks as kernels
+from grasp3d._kernels.hull import support_functions as kernels
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.errors import SettingError
 
@@ -32,7 +32,7 @@ Numbers6 = tuple[float, float, float, float, float, float]
 
 
 class Terms(NamedTuple):
-    """A task as the compiled kernels take it; see `grasp3d._kernels.forces.tasks`."""
+    """A task as the compiled kernels take it; see `grasp3d._kernels.hull.support_functions`."""
 
     rows: Floats
     """Terms (t, TERM)."""

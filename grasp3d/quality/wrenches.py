@@ -13,8 +13,7 @@ import numpy as np
 from grasp3d._kernels.hull.wrenches import span as span_kernel
 from grasp3d._kernels.hull.wrenches import write_axes
 from grasp3d.arrays import ArrayLike, Floats
-from grasp3d.contact.contacts import Contacts
-from grasp3d.contact.friction_cones import NEAR_X_AXIS, edge_angles
+from grasp3d.contact.contacts import NEAR_X_AXIS, Contacts, edge_angles
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.settings import check_choice
 

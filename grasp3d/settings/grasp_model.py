@@ -1,14 +1,79 @@
-"""The grasp model: friction, sensor resolution, fingers, and what is uncertain of contacts."""
+"""The grasp model: friction, sensor resolution, fingers, and what is uncertain of contacts.
+
+Friction: a coefficient, or the interval in which it lies.
+
+What a model says about contacts and epsilon, as text.
+"""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
 from grasp3d.errors import SettingError
 from grasp3d.settings.checks import check_choice, check_length, check_range
-from grasp3d.settings.friction import Friction, friction_interval
-from grasp3d.settings.units import DEGREE, Length, LengthSettings, Radians
+from grasp3d.settings.parsing import ParsedField
+from grasp3d.settings.units import DEGREE, Length, LengthSettings, Radians, small_length
+
+LARGEST_TYPED = 10.0
+"""Largest coefficient in a text, in which one of 50 is rather a percentage than meant."""
+
+_BETWEEN = ".."
+"""Between the ends of an interval in a text."""
+
+
+def friction_interval(value: object) -> tuple[float, float]:
+    """Smallest and largest coefficient of friction.
+
+    Args:
+        value: A number, two of them, or a text: '0.5' or '0.4..0.6'.
+
+    Raises:
+        SettingError: They are not finite numbers above 0 in increasing order.
+
+    Example:
+        >>> from grasp3d.settings.grasp_model import friction_interval
+        >>> friction_interval("0.4..0.6"), friction_interval(0.5)
+        ((0.4, 0.6), (0.5, 0.5))
+    """
+    if type(value) is float and 0.0 < value < math.inf:  # as in most models, which are made often
+        return value, value
+    parts = value.split(_BETWEEN) if isinstance(value, str) else value
+    try:
+        ends = [float(one) for one in parts] if isinstance(parts, Sequence) else [float(parts)]  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        ends = []
+    if len(ends) == 1:
+        ends *= 2
+    if isinstance(value, str) and len(ends) == 2 and math.inf > ends[1] > LARGEST_TYPED:
+        raise SettingError(
+            f"friction must be a coefficient, and even that of rubber is some 2; got {value}: is "
+            f"{ends[1] / 100.0:g} meant?"
+        )
+    if len(ends) != 2 or not all(0.0 < end < math.inf for end in ends) or ends[0] > ends[1]:
+        quoted = f"{value:g}" if isinstance(value, float) else repr(value)
+        raise SettingError(
+            "friction must be a finite number above 0, or an interval of two, the smallest first "
+            f"(0.4{_BETWEEN}0.6, in Python (0.4, 0.6)); got {quoted}"
+        )
+    return ends[0], ends[1]
+
+
+class Friction(ParsedField[float | tuple[float, float], float | tuple[float, float] | str]):
+    """A field of settings that holds a coefficient of friction, or an interval of it.
+
+    It takes a number, or two of them, the smallest first, or a text: '0.5' or '0.4..0.6'.
+    """
+
+    def parse(self, _name: str, value: Any) -> Any:
+        """See `ParsedField.parse`."""
+        smallest, largest = friction_interval(value)
+        return smallest if smallest == largest else (smallest, largest)
+
+    def plain(self, value: Any) -> Any:
+        """See `ParsedField.plain`."""
+        return _BETWEEN.join(map(repr, value)) if isinstance(value, tuple) else value
+
 
 Method = Literal["exact", "extremes"]
 Tilts = Literal["exact", "sampled_tilts", "bound"]
@@ -160,3 +225,82 @@ def with_fingers(model: GraspModel, count: int) -> GraspModel:
             "fingers need not be set for given grasps"
         )
     return replace(model, fingers=count)
+
+
+SAFE_LABELS = "every S and U is correct, an M may be one of them"
+"""What labels with a location error mean."""
+
+EPSILON_MIN = "ε_min"
+"""Name of the minimum of epsilon."""
+
+MINIMUM: dict[Tilts, str] = {
+    "exact": "smallest over all tilts",
+    "sampled_tilts": "smallest over sampled tilts",
+    "bound": "lower bound over all tilts",
+}
+"""What the minimum of epsilon is, by how it is computed, where epsilon is named before."""
+
+
+def epsilon_min_text(model: GraspModel) -> str:
+    """Name and meaning of the minimum of epsilon, for a legend.
+
+    Args:
+        model: Model of the labels.
+
+    Example:
+        >>> import grasp3d
+        >>> from grasp3d.settings.grasp_model import epsilon_min_text
+        >>> print(epsilon_min_text(grasp3d.GraspModel()))
+        ε_min: smallest over all tilts
+    """
+    return f"{EPSILON_MIN}: {MINIMUM[model.tilts]}"
+
+
+def friction_text(model: GraspModel) -> str:
+    """Friction as text: '0.5', or '0.4 to 0.6' for an interval.
+
+    Args:
+        model: The model.
+
+    Example:
+        >>> import grasp3d
+        >>> from grasp3d.settings.grasp_model import friction_text
+        >>> print(friction_text(grasp3d.GraspModel(friction=(0.4, 0.6))))
+        0.4 to 0.6
+    """
+    return " to ".join(dict.fromkeys(f"{end:.4g}" for end in model.friction_interval))
+
+
+def location_texts(model: GraspModel, *, metres: bool = True) -> list[str]:
+    """The error of contact locations as a text, none where there is no such error.
+
+    Args:
+        model: The model.
+        metres: Whether its lengths are in metres; otherwise their unit is not known.
+
+    Example:
+        >>> import grasp3d
+        >>> from grasp3d.settings.grasp_model import location_texts
+        >>> print(*location_texts(grasp3d.GraspModel(location_error="2mm")))
+        locations ± 2 mm
+    """
+    error = model.location_error
+    return [f"locations ± {small_length(error, metres=metres)}"] * (error != 0.0)
+
+
+def model_line(model: GraspModel, *, metres: bool = True) -> str:
+    """Friction, resolution and location error in one line.
+
+    Args:
+        model: The model.
+        metres: As in `location_texts`.
+
+    Example:
+        >>> import grasp3d
+        >>> from grasp3d.settings.grasp_model import model_line
+        >>> print(model_line(grasp3d.GraspModel(sensor_resolution=0.2, location_error="1mm")))
+        μ 0.5, α 11.46°, locations ± 1 mm
+    """
+    resolution = f"α {math.degrees(model.sensor_resolution):.4g}°"
+    locations = location_texts(model, metres=metres)
+    return ", ".join([f"μ {friction_text(model)}", resolution, *locations])

@@ -19,9 +19,9 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, short_repr
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel
 from grasp3d.settings.checks import check_range
-from grasp3d.settings.friction import friction_interval
+from grasp3d.settings.grasp_model import friction_interval
 from grasp3d.settings.sampling import not_covered
-from grasp3d.stability.thresholds import unstable_from
+from grasp3d.stability.label import unstable_from
 
 FRACTION_ROUNDING = 1e-12
 """Fraction of a surface that rounding errors may amount to."""

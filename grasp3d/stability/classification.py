@@ -1,27 +1,168 @@
-"""Classification of grasps as S, M or U, exactly or by enumeration of extreme normals."""
+"""Classification of grasps as S, M or U, exactly or by enumeration of extreme normals.
+
+Critical friction angles of grasps whose contacts are uncertain: the worst and the best.
+
+What is uncertain besides the tilts folds into two angles, on which labels are thresholds: S if the
+worst is below beta - alpha/2, U if the best is at least beta + alpha/2.
+
+*Normals on creases.* A contact may have any normal of a set. Two contacts: the largest and the
+smallest angle between the line through them and the set. More: the set lies in a cap about its
+middle, of radius r; a cone that is narrower by r holds for each of its normals, one that is wider
+by r covers all.
+
+*Locations.* A contact is anywhere within its location error d of the perceived point, where the
+normal turns by up to omega from the set of normals; see `mesh.turns`. Two contacts: the line
+between them turns by up to eta = asin((d1 + d2) / opening), in every direction: the worst angle is
+at most the larger of both, each with its omega, plus eta; the best at least the same with both
+subtracted. More: cones are narrower by omega, and for the rest see `displacement` of
+`quality.critical_angle`; the best angle is 0.
+
+Labels of grasps of any numbers of contacts, whose normals are known to within different angles.
+
+A hand touches with as many links as it happens to, and these may have different sensors.
+"""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bytes, Floats, shaped, short_repr
+from grasp3d._kernels.search.antipodal_candidates import pair_angles
+from grasp3d.arrays import (
+    ArrayLike,
+    Bools,
+    Bytes,
+    Floats,
+    Ints,
+    angles_between,
+    locked,
+    shaped,
+    short_repr,
+)
 from grasp3d.contact.contacts import Contacts, per_contact
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.quality.critical_angle import critical_friction_angle
+from grasp3d.quality.critical_angle import (
+    angle_brackets,
+    brackets_of_smooth,
+    critical_friction_angle,
+    force_closure,
+)
 from grasp3d.quality.ferrari_canny import epsilon_with
-from grasp3d.quality.tilting import epsilon_range
+from grasp3d.quality.force_ranges import epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions
-from grasp3d.settings import check_choice, whole_number
+from grasp3d.settings import MAX_FINGERS, check_choice, whole_number
 from grasp3d.settings.grasp_model import Method
-from grasp3d.stability.extremes import EXTREME_NORMALS, MIN_EXTREMES, Extremes, extremes
-from grasp3d.stability.label import Label
-from grasp3d.stability.normal_sets import Creases, NormalSets, WorstAndBest, face_normals
-from grasp3d.stability.thresholds import Thresholds, label_angles, unstable_from
-from grasp3d.stability.uncertain_angles import uncertain_angles
+from grasp3d.stability.label import Label, Thresholds, label_angles, unstable_from
+from grasp3d.stability.normal_sets import (
+    EXTREME_NORMALS,
+    MIN_EXTREMES,
+    Creases,
+    Extremes,
+    NormalSets,
+    WorstAndBest,
+    extremes,
+    face_normals,
+)
+
+ANY_DIRECTION = np.array([0.0, 0.0, 1.0])
+
+
+def uncertain_angles(
+    points: Floats,
+    sets: NormalSets,
+    *,
+    wider: tuple[Floats, Floats] | None = None,
+    location: Floats | None = None,
+    turns: Floats | None = None,
+    first: tuple[Floats, Floats] | None = None,
+    tolerance: float = 1e-4,
+) -> WorstAndBest:
+    """Critical friction angles over the worst and over the best of what is uncertain.
+
+    Args:
+        points: Perceived contact points, shape (b, n, 3).
+        sets: Normals that each contact may have.
+        wider: Where cones differ, what each has more than the friction angle in the worst and in
+            the best case [rad], shape (b, n) each.
+        location: Location error of each contact, in the unit of the points, shape (b, n).
+        turns: How far the surface turns within it [rad], shape (b, n); None: normals stay.
+        first: Three contacts and more: the angles in question [rad], shape (b,) each. Whether the
+            worst is below the first of them, and the best at least the second, is then exact,
+            whatever the tolerance is.
+        tolerance: Three contacts and more: width of brackets [rad], of the best only without
+            `first`; of the worst the upper end is returned, of the best the lower one. inf: no more
+            than `first` asks for.
+
+    Returns:
+        Shape (b,) each; inf for one contact, and the worst where two may be at one point. For two
+        contacts up to pi, for more from 0 to pi/2: pi/2 where the grasp is force-closed at no
+        friction. Of three smooth contacts and more, about which nothing else is uncertain, both are
+        the critical friction angle, except where closure is undecided.
+    """
+    size, count = points.shape[:2]
+    if count == 1:
+        return np.full(size, math.inf), np.full(size, math.inf)
+    inner, outer = wider or np.zeros((2, size, count))
+    if turns is not None:
+        inner, outer = inner - turns, outer + turns
+    if count == 2:
+        return _of_pairs(points, sets, inner, outer, location)
+    middles, radii = sets.middles, sets.radii
+    middles = np.where((middles == 0.0).all(axis=2, keepdims=True), ANY_DIRECTION, middles)
+    if wider is None and location is None and not radii.any():
+        low, high = brackets_of_smooth(points, middles, tolerance)
+        return high, np.where(high - low > 2.0 * tolerance, low, high)
+    moved = None if location is None else np.append(location.max(axis=1), np.zeros(size))
+    low, high = angle_brackets(
+        np.concatenate([points, points]),
+        np.concatenate([middles, middles]),
+        np.concatenate([inner - radii, outer + radii]),
+        first=None if first is None else np.concatenate(first),
+        displacement=moved,
+        tolerance=np.repeat([tolerance, tolerance if first is None else math.inf], size),
+    )
+    worst, best = high[:size], low[size:]
+    return worst, best if location is None else np.where(location.any(axis=1), 0.0, best)
+
+
+def _of_pairs(
+    points: Floats, sets: NormalSets, inner: Floats, outer: Floats, location: Floats | None
+) -> WorstAndBest:
+    """Closed form of two contacts: squeezing or expanding."""
+    largest, smallest = np.empty((2, len(points), 2))
+    # Copies: read-only arrays would be compiled for once more.
+    arrays = (np.array(one) for one in (points, sets.start[:-1], sets.counts, sets.normals))
+    pair_angles(*arrays, largest, smallest)
+    worst = np.minimum((largest - inner).max(1), (math.pi - smallest - inner).max(1))
+    best = np.minimum((smallest - outer).max(1), (math.pi - largest - outer).max(1))
+    if location is not None:
+        turn = line_turns(points, location.sum(axis=1))
+        worst, best = np.minimum(worst + turn, math.pi), best - turn
+    # Contacts at one point push along any line that lies in both cones.
+    together = np.isinf(largest[:, 0])
+    one, other = sets.middles[together].swapaxes(0, 1)
+    between, spread = angles_between(one, -other), sets.radii[together].sum(axis=1)
+    worst[together] = 0.5 * (between + spread - inner[together].sum(axis=1))
+    best[together] = 0.5 * (between - spread - outer[together].sum(axis=1))
+    if location is not None:  # any line may be the true one
+        worst[together & location.any(axis=1)] = math.inf
+    return worst, np.maximum(best, 0.0)
+
+
+def line_turns(points: Floats, location: Floats | float) -> Floats:
+    """Largest angles by which the lines between two contacts turn [rad], shape (b,).
+
+    Args:
+        points: Their perceived positions, shape (b, 2, 3).
+        location: Sum of both location errors, shape (b,) or one for all.
+    """
+    openings = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
+    sines = np.ones(len(openings))
+    np.divide(location, openings, out=sines, where=openings > location)
+    return np.where(np.asarray(location) > 0.0, np.arcsin(sines), 0.0)
 
 
 class Uncertain(NamedTuple):
@@ -275,3 +416,155 @@ def _friction_range(
             "between them"
         )
     return contacts.with_friction(low), contacts.with_friction(high)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ContactSets:
+    """Contacts of k grasps, of any numbers, by ascending grasp."""
+
+    size: int
+    """Number of grasps k."""
+    row: Ints
+    """Grasp of each contact, shape (c,)."""
+    points: Floats
+    """Relative to the centre of mass [m], shape (c, 3)."""
+    normals: Floats
+    """Perceived unit normals into the object, shape (c, 3)."""
+    location_error: float = 0.0
+    """Largest distance between true and perceived points [m]."""
+    turns: Floats | None = None
+    """How far the surface turns within it at each contact [rad], shape (c,); None: locations are
+    exact."""
+
+    __repr__ = short_repr
+
+    @cached_property
+    def counts(self) -> Ints:
+        """Number of contacts of each grasp, shape (k,)."""
+        return np.bincount(self.row, minlength=self.size)
+
+    @property
+    def evaluated(self) -> Bools:
+        """Whether a grasp has 2 to `MAX_FINGERS` contacts, shape (k,)."""
+        return np.asarray((self.counts >= 2) & (self.counts <= MAX_FINGERS))
+
+    def groups(self) -> Iterator[tuple[Ints, Ints]]:
+        """Grasps that are evaluated, by their number of contacts.
+
+        Yields:
+            Their numbers, shape (b,), and their contacts, shape (b, n).
+        """
+        start = np.cumsum(self.counts) - self.counts
+        for count in np.unique(self.counts[self.evaluated]):
+            grasps = np.flatnonzero(self.counts == count)
+            yield grasps, start[grasps, None] + np.arange(count)
+
+    def contacts(self, index: Ints, friction: float = 0.5, torsion_radius: float = 0.0) -> Contacts:
+        """Contacts of grasps of equal numbers.
+
+        Args:
+            index: Their contacts, shape (b, n).
+            friction: Coulomb coefficient.
+            torsion_radius: [m].
+        """
+        return Contacts(self.points[index], self.normals[index], friction, torsion_radius)
+
+    @cached_property
+    def critical_angles(self) -> WorstAndBest:
+        """Critical friction angles at the worst and the best locations [rad], shape (k,) each.
+
+        nan where a grasp is not evaluated.
+        """
+        worst, best = np.full((2, self.size), math.nan)
+        for grasps, index in self.groups():
+            contacts, turns = self.contacts(index), self.turns
+            worst[grasps], best[grasps] = uncertain_angles(
+                contacts.points,
+                NormalSets.of_contacts(contacts, {}),
+                location=None if turns is None else np.full(index.shape, self.location_error),
+                turns=None if turns is None else turns[index],
+            )
+        return locked(worst), locked(best)
+
+    def tilts(self, tilt: Floats) -> Floats:
+        """Largest angles between true and perceived normals at the true locations [rad], (c,).
+
+        Args:
+            tilt: The same at the perceived ones, shape (c,).
+        """
+        return tilt if self.turns is None else tilt + self.turns
+
+    @cached_property
+    def rank(self) -> Ints:
+        """Dimension of the span of the wrenches, shape (k,); 0 where a grasp is not evaluated."""
+        ranks = np.zeros(self.size, dtype=np.int64)
+        for grasps, index in self.groups():
+            ranks[grasps] = force_closure(self.contacts(index)).rank
+        return locked(ranks)
+
+    def epsilon(
+        self, options: EpsilonOptions, *, friction: float, torsion_radius: float = 0.0
+    ) -> Floats:
+        """Epsilon at the perceived normals, certified from below, shape (k,); nan as above.
+
+        Args:
+            options: Cones, actuation, torque scale and accuracy.
+            friction: As in `contacts`.
+            torsion_radius: As in `contacts`.
+        """
+        values = np.full(self.size, math.nan)
+        for grasps, index in self.groups():
+            contacts = self.contacts(index, friction, torsion_radius)
+            values[grasps] = epsilon_with(contacts, options).lower
+        return locked(values)
+
+
+class SetLabels(NamedTuple):
+    """Labels of `ContactSets`, and how sure they are."""
+
+    label: Bytes
+    """`Label` codes, shape (k,). U where there are fewer than two contacts, M where there are more
+    than `MAX_FINGERS`, of which nothing is computed."""
+    margin: Floats
+    """Angle by which the grasp is S [rad], shape (k,): S where it is above 0; nan: fewer than two
+    contacts or too many."""
+
+
+def label_sets(sets: ContactSets, tilt: Floats, friction_angles: tuple[float, float]) -> SetLabels:
+    """Label grasps whose links have different sensors, as `classify` does.
+
+    Args:
+        sets: The contacts.
+        tilt: Largest angle between the true and the perceived normal, at one location [rad],
+            shape (c,).
+        friction_angles: At the smallest and at the largest friction [rad].
+
+    Example:
+        Three fingers around a disc, of which one knows its normal within 40 degrees, the others
+        within 1 degree:
+
+        >>> import numpy as np
+        >>> from grasp3d.stability.classification import ContactSets, label_sets
+        >>> angle = np.radians([0.0, 120.0, 240.0])
+        >>> points = np.stack([np.cos(angle), np.sin(angle), np.zeros(3)], axis=1)
+        >>> sets = ContactSets(size=1, row=np.zeros(3, int), points=points, normals=-points)
+        >>> beta = np.arctan(0.8)
+        >>> label_sets(sets, np.array([0.02, 0.02, 0.02]), (beta, beta)).label.tolist()
+        [2]
+        >>> label_sets(sets, np.array([0.02, 0.02, 0.7]), (beta, beta)).label.tolist()
+        [1]
+    """
+    least, largest = map(math.tan, friction_angles)
+    label = np.where(sets.counts < 2, Label.U, Label.M).astype(np.uint8)
+    margin = np.full(sets.size, math.nan)
+    for grasps, index in sets.groups():
+        low = sets.contacts(index, least)
+        found = Uncertain(
+            contacts=low,
+            tilt=sets.tilts(tilt)[index],
+            low=low,
+            high=low.with_friction(largest),
+            location=np.full(index.shape, sets.location_error),
+        )
+        label[grasps], margin[grasps] = found.labels(), found.margin()
+    return SetLabels(locked(label), locked(margin))

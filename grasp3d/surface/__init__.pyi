@@ -1,10 +1,10 @@
 from .contacts import SurfaceContacts as SurfaceContacts
 from .grasp_table import GraspTable as GraspTable
 from .labelling import label_surface as label_surface
+from .labelling import scan_surface as scan_surface
 from .labels import SurfaceLabels as SurfaceLabels
 from .load_case import LoadCase as LoadCase
+from .load_case import LoadResult as LoadResult
 from .load_case import mass_of as mass_of
-from .load_result import LoadResult as LoadResult
-from .scanning import scan_surface as scan_surface
-from .vertex_grasps import Reason as Reason
-from .vertex_grasps import SearchReport as SearchReport
+from .vertex_fields import Reason as Reason
+from .vertex_fields import SearchReport as SearchReport

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from grasp3d.hand.closing import Closing
 from grasp3d.stability.label import Label
-from grasp3d.system.counts import short_number
+from grasp3d.system.names import short_number
 
 Array = npt.NDArray[Any]
 Arrays = dict[str, Array]

@@ -12,22 +12,21 @@ import numpy as np
 from grasp3d.arrays import Bytes, Floats, Ints, locked
 from grasp3d.contact.contacts import Contacts
 from grasp3d.quality.ferrari_canny import epsilon_with
+from grasp3d.quality.force_ranges import EpsilonRange, uncertain_epsilon_range
 from grasp3d.quality.measures import ALL, metrics
-from grasp3d.quality.tilting import EpsilonRange, uncertain_epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.settings import GraspModel
-from grasp3d.stability.extremes import (
+from grasp3d.stability.label import Label
+from grasp3d.stability.normal_sets import (
     EXTREME_NORMALS,
+    Creases,
     Extremes,
     check_combinations,
     extremes,
     rings_needed,
 )
-from grasp3d.stability.label import Label
-from grasp3d.stability.normal_sets import Creases
 from grasp3d.surface.contacts import SurfaceContacts
-from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.load_result import LoadResult, at_rows, load_result_of
+from grasp3d.surface.load_case import LoadCase, LoadResult, at_rows, load_result_of
 from grasp3d.system.context import report_progress
 
 BEFORE_ENUMERATION = 0.3

@@ -15,20 +15,18 @@ import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, computed, locked, short_repr
 from grasp3d.errors import SettingError
-from grasp3d.hand.object_pose import ObjectPose
+from grasp3d.hand.frames import ObjectPose
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
-from grasp3d.quality.closure import force_closure
+from grasp3d.quality.critical_angle import force_closure
+from grasp3d.quality.force_ranges import EpsilonRange
 from grasp3d.quality.loads import Load, load_settings
 from grasp3d.quality.measures import ALL
-from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
 from grasp3d.settings.parsing import plain_values
-from grasp3d.stability.label import MEANING, Label
-from grasp3d.stability.thresholds import label_angles
-from grasp3d.surface.contacts import SurfaceContacts
-from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.stability.label import MEANING, Label, label_angles
+from grasp3d.surface.contacts import SurfaceContacts, critical_angles
 from grasp3d.surface.fields import CONTACTS, GRASPS, Field, columns_of, present
 from grasp3d.surface.grasp_numbers import (
     EPSILON_RTOL,
@@ -38,9 +36,8 @@ from grasp3d.surface.grasp_numbers import (
     surface_metrics,
 )
 from grasp3d.surface.labelled_grasps import LabelledGrasps
-from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.load_result import LoadResult, at_rows
-from grasp3d.system.versions import package_version
+from grasp3d.surface.load_case import LoadCase, LoadResult, at_rows
+from grasp3d.system.documents import package_version
 
 NO_POSES = (
     "the grasps have no poses: give those that best_grasps names on a surface labelled with a "

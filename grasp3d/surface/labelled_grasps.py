@@ -1,5 +1,9 @@
-"""What follows from the angles, epsilon and forces of grasps, whatever has a row for each."""
+"""What follows from the angles, epsilon and forces of grasps, whatever has a row for each.
 
+The one number of a grasp, by which lists and files are sorted.
+"""
+
+import math
 from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -8,19 +12,41 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Bytes, Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.stability.label import Label
-from grasp3d.stability.thresholds import max_resolution
+from grasp3d.stability.label import Label, max_resolution
 from grasp3d.surface.load_case import input_warnings
-from grasp3d.surface.scores import quality_of_contacts, written_scores
 from grasp3d.system.context import report_progress
 
 if TYPE_CHECKING:
     from grasp3d.hand.scene import Scene
     from grasp3d.mesh import ObjectMesh
+    from grasp3d.quality.force_ranges import EpsilonRange
     from grasp3d.quality.loads import Load
-    from grasp3d.quality.tilting import EpsilonRange
     from grasp3d.settings import GraspModel
-    from grasp3d.surface.load_result import LoadResult
+    from grasp3d.surface.load_case import LoadResult
+
+
+def written_scores(label: Bytes, quality: Floats) -> Floats:
+    """(l + (1 + s) / 2) / 3, from 0 to 1: U up to 1/3, M up to 2/3, S above; shape (b,).
+
+    Args:
+        label: `Label` codes l of everything that is stated: U 0, M 1, S 2.
+        quality: How far each grasp is from failing, s, from -1 to 1.
+    """
+    return locked((label + 0.5 * (1.0 + np.clip(quality, -1.0, 1.0))) / 3.0)
+
+
+def quality_of_contacts(margin: Floats, held: Floats) -> Floats:
+    """How far contacts are from failing, from -1 to 1, shape (b,).
+
+    Margin over pi where it is negative, else m / (1 + m).
+
+    Args:
+        margin: Friction angle to spare [rad].
+        held: m: what they hold over what must be held, or epsilon where that is not known.
+    """
+    with np.errstate(divide="ignore"):
+        share = 1.0 - 1.0 / (1.0 + np.nan_to_num(held, nan=0.0, posinf=math.inf))
+    return np.where(margin < 0.0, np.maximum(margin / math.pi, -1.0), share)
 
 
 class LabelledGrasps:

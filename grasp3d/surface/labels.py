@@ -1,4 +1,7 @@
-"""Result of labelling a surface: the best grasp at every vertex, its label and epsilon."""
+"""Result of labelling a surface: the best grasp at every vertex, its label and epsilon.
+
+The settings that labelled files hold: what the labels were computed with.
+"""
 
 import json
 import math
@@ -10,34 +13,67 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked
 from grasp3d.errors import SettingError
+from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.loads import load_settings
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, search_cone
-from grasp3d.settings.model_text import model_line
+from grasp3d.settings.grasp_model import model_line
+from grasp3d.settings.parsing import plain_values
 from grasp3d.settings.sampling import not_covered
 from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.stability.label import Label, Mode
 from grasp3d.stability.normal_sets import WorstAndBest
-from grasp3d.surface.area_statistics import Weights, label_fractions, quantiles, vertex_weights
 from grasp3d.surface.contacts import grasps_at
 from grasp3d.surface.fields import XYZ, Arrays, present
 from grasp3d.surface.grasp_numbers import EPSILON_RTOL
 from grasp3d.surface.grasp_table import GraspRows, GraspTable, chosen
-from grasp3d.surface.label_settings import (
-    GIVEN_ANGLE,
-    SETTING,
-    Values,
-    chosen_settings,
-)
-from grasp3d.surface.vertex_fields import VERTICES
-from grasp3d.surface.vertex_grasps import Reason, SearchReport
+from grasp3d.surface.sweeps import Weights, label_fractions, quantiles, vertex_weights
+from grasp3d.surface.vertex_fields import VERTICES, Reason, SearchReport
+from grasp3d.system.documents import package_version
 from grasp3d.system.names import unknown
-from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
     import pyvista
     import trimesh
+
+
+SETTING = "setting_"
+"""Start of the names of settings beside arrays, some of which have the name of a setting."""
+
+GIVEN_ANGLE = "given_angle"
+"""Key in the setting `search` of the `search_angle` that was given; None: that of the model."""
+
+Values = dict[str, str | float | int | None]
+
+
+def chosen_settings(
+    mesh: ObjectMesh,
+    model: GraspModel,
+    sampling: Sampling | None,
+    mode: Mode,
+    scene: Scene | None = None,
+) -> Values:
+    """Those of the settings that the user chooses, known before the mesh is labelled.
+
+    Those of a load are `load_settings`.
+    """
+    return {
+        "source": _ascii(mesh.report.source),
+        "mode": mode,
+        **plain_values(model),
+        **({} if sampling is None else plain_values(sampling)),
+        **plain_values(mesh.options),
+        "region": _ascii(str(mesh.options.region)),
+        "unit": mesh.file_unit or "unknown",
+        "lengths": mesh.unit or "unknown",
+        **scene_settings(scene),
+    }
+
+
+def _ascii(text: str) -> str:
+    """A text as one line of ASCII characters, as headers need."""
+    return text.encode("unicode_escape", "surrogateescape").decode("ascii")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

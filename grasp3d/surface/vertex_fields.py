@@ -1,11 +1,16 @@
-"""The fields of the vertices of a labelled surface, and the arrays of the surface itself."""
+"""The fields of the vertices of a labelled surface, and the arrays of the surface itself.
+
+Grasps of the vertices of a surface: why some have none, and how far they were searched for.
+"""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from enum import IntEnum
 from operator import attrgetter
 
 import numpy as np
 
+from grasp3d._kernels.search import antipodal_candidates
 from grasp3d.arrays import Bools, Bytes
 from grasp3d.hand.reach import Reachability
 from grasp3d.quality.grip_forces import Resistance
@@ -32,7 +37,40 @@ from grasp3d.surface.fields import (
     of_part,
 )  # fmt: skip
 from grasp3d.surface.grasp_table import GraspRows
-from grasp3d.surface.vertex_grasps import Reason
+
+
+class Reason(IntEnum):
+    """Why a vertex has no grasp."""
+
+    FOUND = antipodal_candidates.FOUND
+    """It has a grasp."""
+    NO_PARTNER = antipodal_candidates.NO_PARTNER
+    """No opposing contact was found within the search cone."""
+    OPENING = antipodal_candidates.OPENING
+    """All opposing contacts were outside the limits of opening or distances."""
+    OFF_SURFACE = 3
+    """The vertex belongs to no face."""
+    SAME_POINT = 4
+    """A fixed finger is at the vertex."""
+    NOT_REACHED = 5
+    """It has grasps, but the gripper reached none of those that were tested."""
+    EXCLUDED = 6
+    """No contact may be there: it is outside the region."""
+
+
+@dataclass(frozen=True)
+class SearchReport:
+    """Extent of the search for grasps."""
+
+    cone: float
+    """Largest critical friction angle that was searched for [rad]; for two fingers the half-angle
+    of the cones about the inward normals that were searched."""
+    rays: int = 0
+    """Number of rays traced, for two fingers that expand."""
+    evaluated: int = 0
+    """Number of candidate grasps evaluated, for three fingers and more; for two fingers that
+    squeeze, faces on which the best contact was computed."""
+
 
 _COLORS = np.array([*(COLORS[label] for label in sorted(Label)), GREY], dtype=np.uint8)
 

@@ -27,13 +27,13 @@ from grasp3d.pictures.captions import Captions, LegendEntry, Texts
 from grasp3d.pictures.opengl import screenshot
 from grasp3d.pictures.pane import Pane
 from grasp3d.pictures.subject import Subject
-from grasp3d.settings.model_text import friction_text, location_texts
-from grasp3d.viewer.session.inspection import Inspection
-from grasp3d.viewer.session.panel_text import panel_text
-from grasp3d.viewer.session.session import Session
+from grasp3d.settings.grasp_model import friction_text, location_texts
+from grasp3d.viewer.inspection import Inspection
+from grasp3d.viewer.panel_text import panel_text
+from grasp3d.viewer.session import Session
 
 if TYPE_CHECKING:
-    from grasp3d.viewer.session.collection import Item
+    from grasp3d.viewer.collection import Item
 
 MAX_MOVE = 4.0
 """Largest movement of the mouse between press and release of a click [pixels]."""

@@ -16,9 +16,9 @@ from grasp3d.pictures.view_settings import MIN_HEIGHT, MIN_WIDTH, ViewSettings
 from grasp3d.system.context import report_progress, within
 from grasp3d.system.files import atomic_write, check_suffix, check_writable
 from grasp3d.system.names import safe_stem
+from grasp3d.viewer.collection import Collection
 from grasp3d.viewer.scene import Scene
-from grasp3d.viewer.session.collection import Collection
-from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.session import Session
 
 POLL_INTERVAL = 0.02
 """Time between two polls of the background job [s]."""

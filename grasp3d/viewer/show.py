@@ -14,13 +14,13 @@ from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.viewer.session.collection import (
+from grasp3d.viewer.collection import (
     Collection,
     collection_of,
     collection_of_grasps,
     collection_of_mesh,
 )
-from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.session import Session
 
 HUB = "JUPYTERHUB_SERVICE_PREFIX"
 """Environment variable of JupyterHub with the path of a user's server."""
@@ -65,7 +65,7 @@ def show(
         return None
     if proxy is None and HUB in os.environ:
         proxy = os.environ[HUB].rstrip("/") + "/proxy/"
-    page = import_module("grasp3d.viewer.web.page")
+    page = import_module("grasp3d.viewer.page")
     address = page.serve_in_background(session, proxied=proxy is not None)
     if proxy is not None:
         served = urlsplit(address)

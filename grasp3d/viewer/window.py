@@ -18,11 +18,11 @@ from grasp3d.pictures.captions import PLAIN
 from grasp3d.pictures.opengl import exits_cleanly, new_plotter
 from grasp3d.system.files import atomic_write
 from grasp3d.system.names import describe_unexpected
+from grasp3d.viewer.controls import CONTROLS, KEYS, handle_key
+from grasp3d.viewer.panel_text import panel_text
 from grasp3d.viewer.scene import ClickDetector, Scene
 from grasp3d.viewer.screenshots import file_name, render_copy
-from grasp3d.viewer.session.controls import CONTROLS, KEYS, handle_key
-from grasp3d.viewer.session.panel_text import panel_text
-from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.session import Session
 
 ALTERNATIVES = (
     "grasp3d view shows a page for a browser there, or writes a picture with --screenshot FILE"

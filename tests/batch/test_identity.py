@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from grasp3d import GraspModel, MeshOptions, Sampling, label_surface, load_mesh
-from grasp3d.batch import identity
+from grasp3d.batch import labelling
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.identity import content_hash, mesh_key, settings_key, settings_text
+from grasp3d.batch.labelling import content_hash, mesh_key, settings_key, settings_text
 from grasp3d.errors import MeshError
 from grasp3d.hand.reach_settings import ReachSettings
 from tests.helpers import shapes
@@ -20,7 +20,7 @@ GOLDEN = "746952c467030564"
 
 
 def test_labels_are_those_of_this_version_of_the_method() -> None:
-    lines = [f"method {identity.METHOD}"]
+    lines = [f"method {labelling.METHOD}"]
     surfaces = {
         "box": (shapes.box((1.0, 0.6, 0.8)), GraspModel(), Sampling(rays=16)),
         "cone": (shapes.cone(0.35, sections=24), GraspModel(0.75), Sampling(max_opening=0.3)),
@@ -58,7 +58,7 @@ def test_a_key_depends_on_the_content_and_all_settings(monkeypatch: pytest.Monke
     whole, point = (BatchSettings(GraspModel(friction=one)) for one in (1, 1.0))
     assert settings_key(whole) == settings_key(point)
     assert '"max_opening":null' in settings_text(BatchSettings())
-    monkeypatch.setattr(identity, "METHOD", 99)
+    monkeypatch.setattr(labelling, "METHOD", 99)
     assert key() != keys[0]
 
 

@@ -12,8 +12,8 @@ import trimesh
 
 from grasp3d import open_library
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.identity import content_hash
 from grasp3d.batch.inputs import find_meshes, local_copy
+from grasp3d.batch.labelling import content_hash
 from grasp3d.batch.library import BatchProgress, label_library
 from grasp3d.cli.check import check_file
 from grasp3d.errors import MeshError, OutputError

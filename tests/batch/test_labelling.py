@@ -20,8 +20,8 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.quality.loads import Load
 from grasp3d.settings.pose_error import PoseError
-from grasp3d.surface.area_statistics import label_fractions, vertex_weights
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.sweeps import label_fractions, vertex_weights
 from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.commands import export

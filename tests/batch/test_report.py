@@ -20,8 +20,8 @@ from PIL import Image
 from grasp3d import GraspModel, Label, Load, MeshOptions, Sampling, SurfaceLabels, label_surface
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.library import label_library
-from grasp3d.batch.report.index import write_report
-from grasp3d.batch.report.objects import SIZE, SMALLER, write_object
+from grasp3d.batch.object_page import SIZE, SMALLER, write_object
+from grasp3d.batch.report_page import write_report
 from grasp3d.batch.row import COLUMNS, Outcome, Row
 from grasp3d.describe import facts
 from grasp3d.grasps.best import best_grasps
@@ -228,7 +228,7 @@ def test_the_picture_shows_the_colours_of_the_labels(tmp_path: Path, box: Surfac
 def test_without_opengl_a_page_has_no_pictures(
     tmp_path: Path, box: SurfaceLabels, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grasp3d.batch.report.objects.can_render", lambda: False)
+    monkeypatch.setattr("grasp3d.batch.object_page.can_render", lambda: False)
     row = write_object(row_of(box, "box", "box"), box, best_grasps(box, 1), tmp_path, "b/b")
     page = document_fromstring((tmp_path / row.page).read_bytes())
     assert not page.xpath("//img")

@@ -10,7 +10,7 @@ import trimesh
 
 from grasp3d.cli.hand import print_hand
 from grasp3d.cli.report import Report
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated_hand import ArticulatedHand
 from grasp3d.hand.hand_files import read_hand
 from tests.helpers import slider_hand
 from tests.helpers.commands import printed, refusal

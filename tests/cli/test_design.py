@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from grasp3d.contact.friction_cones import effective_friction
+from grasp3d.contact.contacts import effective_friction
 from grasp3d.contact.sensor import Sensor, required_counts
 from tests.helpers.commands import run_here
 

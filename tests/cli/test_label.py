@@ -13,7 +13,7 @@ import trimesh
 
 from grasp3d import GraspModel, Label, Sampling, label_surface, load_mesh, read_labels
 from grasp3d.pictures.subject import subject_of
-from grasp3d.viewer.session.inspection import inspect
+from grasp3d.viewer.inspection import inspect
 from tests.helpers import shapes
 from tests.helpers.commands import COMMAND, export, printed
 from tests.helpers.commands import run_process as grasp3d

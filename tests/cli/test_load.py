@@ -7,7 +7,7 @@ from pathlib import Path
 import pyarrow.csv as pc
 import pytest
 
-from grasp3d.surface.load_result import HARD_FINGERS
+from grasp3d.surface.load_case import HARD_FINGERS
 from tests.helpers import shapes
 from tests.helpers.commands import export, printed
 

@@ -7,9 +7,8 @@ import trimesh
 
 from grasp3d import read_labels
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.identity import settings_key
-from grasp3d.quality.loads import Load
-from grasp3d.quality.task_texts import TaskText
+from grasp3d.batch.labelling import settings_key
+from grasp3d.quality.loads import Load, TaskText
 from tests.helpers import shapes
 from tests.helpers.commands import printed
 

@@ -15,9 +15,8 @@ import trimesh
 from PIL import Image
 
 from grasp3d.pictures import opengl
-from grasp3d.viewer.session.collection import open_collection
-from grasp3d.viewer.web.page import PORT
-from grasp3d.viewer.web.page_state import page_state
+from grasp3d.viewer.collection import open_collection
+from grasp3d.viewer.page import PORT, page_state
 from tests.helpers import shapes
 from tests.helpers.commands import COMMAND, run_process
 from tests.helpers.viewing import ready_session

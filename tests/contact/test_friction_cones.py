@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp3d.contact.friction_cones import (
+from grasp3d.contact.contacts import (
     NEAR_X_AXIS,
     cone_edges,
     effective_friction,

@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 import grasp3d
-from grasp3d.contact.friction_cones import effective_friction
+from grasp3d.contact.contacts import effective_friction
 from grasp3d.contact.sensor import Sensor, required_counts, resolution_limit
 from grasp3d.errors import SettingError
 

@@ -8,7 +8,7 @@ import trimesh
 
 from grasp3d import GraspModel, Load, best_grasps, label_surface, load_mesh
 from grasp3d.describe import facts
-from grasp3d.describe.grasp_facts import position_text
+from grasp3d.describe.explanations import position_text
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.surface.fields import NONE, OF_ONE, Field
 

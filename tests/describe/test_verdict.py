@@ -27,12 +27,12 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.describe import verdict_of
-from grasp3d.describe.causes import Cause, cause_fractions
+from grasp3d.describe.explanations import Cause, cause_fractions
 from grasp3d.describe.verdict import LoadVerdict, Remedy, Verdict
 from grasp3d.grasps import EvaluatedPoses
 from grasp3d.hand.table import Approach
 from grasp3d.stability.label import Label
-from grasp3d.surface.load_result import HARD_FINGERS
+from grasp3d.surface.load_case import HARD_FINGERS
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND
 

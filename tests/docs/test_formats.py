@@ -35,21 +35,20 @@ from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.row import COLUMNS, BestGrasp, Outcome, Row
 from grasp3d.cli.check import check_file, write_checks
 from grasp3d.formats import write_fields, write_glb, write_grasps, write_npz, write_ply, write_vtp
+from grasp3d.formats.dictionaries import stored_objects
 from grasp3d.formats.format import formats
 from grasp3d.formats.poses import STAGES, GraspPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.hand.closing import Closing
 from grasp3d.jobs import ClusterSettings
 from grasp3d.jobs.running import Done
-from grasp3d.mesh.repair.work import RepairStep
+from grasp3d.mesh.repair import RepairStep
 from grasp3d.outcomes import simulate_grasps, write_validation
 from grasp3d.quality.loads import Load
 from grasp3d.surface.fields import CONTACTS, given_poses
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.sweeps import write_sweeps
-from grasp3d.surface.vertex_fields import SURFACE, VERTICES
-from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.system.stored_arrays import stored_objects
+from grasp3d.surface.vertex_fields import SURFACE, VERTICES, Reason
 from tests.hand.test_articulated_hand import hand_of
 from tests.helpers import shapes
 

@@ -16,7 +16,7 @@ from grasp3d.formats.format import formats
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from tests.docs.field_tables import FRAME_SOURCES
+from field_tables import FRAME_SOURCES
 from tests.hand.test_articulated_hand import hand_of
 
 FRANKA = ParallelGripper.preset("franka")

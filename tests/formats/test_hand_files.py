@@ -17,7 +17,7 @@ from grasp3d.formats import holds_poses, read_poses, write_grasps
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.formats.postures import matched, wrist_of
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated_hand import ArticulatedHand
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from tests.formats.test_poses import random_poses, with_joints
 from tests.hand.test_articulated_hand import hand_of, random_postures

@@ -20,7 +20,7 @@ from grasp3d.formats import read_grasps, read_poses, write_grasps
 from grasp3d.formats.frames import read_object_pose
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.hand.object_pose import ObjectPose
+from grasp3d.hand.frames import ObjectPose
 from grasp3d.settings.units import METRES
 from grasp3d.surface.grasp_table import GraspTable
 from tests.formats.test_pose_files import OWN, SUFFIX, equal, quaternions, some_poses

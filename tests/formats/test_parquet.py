@@ -11,8 +11,8 @@ import pytest
 from grasp3d import GraspModel, Sampling, label_surface, load_mesh
 from grasp3d.errors import OutputError
 from grasp3d.formats import write_fields
-from grasp3d.formats.surfaces.files import writer_for
-from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.formats.surface_files import writer_for
+from grasp3d.surface.vertex_fields import Reason
 from tests.formats.test_writing import labels
 from tests.helpers import shapes
 

@@ -28,7 +28,7 @@ from grasp3d import (
     write_glb,
 )
 from grasp3d.errors import GraspError, MeshError
-from grasp3d.formats.surfaces.files import labels_in, writer_for
+from grasp3d.formats.surface_files import labels_in, writer_for
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.surface.fields import Array, Field, present

@@ -22,9 +22,8 @@ from grasp3d import (
     write_ply,
     write_vtp,
 )
-from grasp3d.formats.surfaces.files import WRITERS
+from grasp3d.formats.surface_files import WRITERS, settings_of_header
 from grasp3d.stability import COLORS
-from grasp3d.system.ply_files import settings_of_header
 from tests.helpers import shapes, viewing
 
 FIELDS = (

@@ -12,7 +12,7 @@ from grasp3d.formats import GraspPoses
 from grasp3d.hand import hand_files
 from grasp3d.hand.hand import Hand
 from grasp3d.outcomes import validate_grasps
-from grasp3d.viewer.session.inspection import inspect_pose
+from grasp3d.viewer.inspection import inspect_pose
 from tests.helpers import shapes
 from tests.helpers.pincers import FORMAT, Pincers, above, pincers_of
 

@@ -16,9 +16,8 @@ from grasp3d.errors import ContactError
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.audit import FEWEST, READING, UNCHANGED, PoseReading, audit_poses, explained
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.hand.frames import FRAMES, GripperFrame
+from grasp3d.hand.frames import FRAMES, GripperFrame, ObjectPose
 from grasp3d.hand.hand import Hand
-from grasp3d.hand.object_pose import ObjectPose
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach import collides
 from grasp3d.hand.scene import Scene

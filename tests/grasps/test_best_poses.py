@@ -29,9 +29,8 @@ from grasp3d import (
 )
 from grasp3d.errors import SettingError
 from grasp3d.grasps import EvaluatedPoses
-from grasp3d.grasps.best import pool_of
-from grasp3d.grasps.best_poses import EQUAL, PoseSearch
-from grasp3d.grasps.ranking import distance_of_distinct, distinct_rows, matched_distance
+from grasp3d.grasps.best import EQUAL, PoseSearch, pool_of
+from grasp3d.grasps.evaluated_poses import distance_of_distinct, distinct_rows, matched_distance
 from grasp3d.hand.reach import collides
 from grasp3d.hand.scene import Scene
 from tests.helpers import shapes

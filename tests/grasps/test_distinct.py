@@ -16,8 +16,8 @@ from grasp3d import (
 )
 from grasp3d.errors import SettingError
 from grasp3d.grasps.best import best_grasps
-from grasp3d.grasps.ranking import DISTINCT, distinct_rows, matched_distance, most_distinct
-from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.grasps.evaluated_poses import DISTINCT, distinct_rows, matched_distance, most_distinct
+from grasp3d.surface.vertex_fields import Reason
 from tests.helpers import shapes
 
 Floats = NDArray[np.float64]

@@ -9,7 +9,7 @@ import trimesh
 
 from grasp3d import ObjectMesh, ParallelGripper, Table, evaluate_grasps, load_mesh
 from grasp3d.grasps import EvaluatedPoses
-from grasp3d.grasps.candidate_poses import candidate_poses
+from grasp3d.grasps.best import candidate_poses
 from grasp3d.hand.scene import Scene
 from tests.helpers.closing_jaws import Floats
 

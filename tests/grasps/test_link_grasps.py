@@ -14,7 +14,7 @@ from grasp3d import Contacts, Label, critical_friction_angle
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.formats import GraspPoses
 from grasp3d.grasps.link_grasps import LinkGrasps
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated_hand import ArticulatedHand
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import ObjectMesh
 from grasp3d.surface.fields import HAND_GRASPS

@@ -22,8 +22,8 @@ from grasp3d import (
 )
 from grasp3d.grasps import EvaluatedPoses
 from grasp3d.grasps.best import pool_of
-from grasp3d.grasps.ranking import ranked_rows
-from grasp3d.surface.scores import quality_of_contacts, written_scores
+from grasp3d.grasps.evaluated_poses import ranked_rows
+from grasp3d.surface.labelled_grasps import quality_of_contacts, written_scores
 from tests.helpers import shapes
 from tests.helpers.closing_jaws import random_poses
 from tests.helpers.grippers import HAND

@@ -14,10 +14,10 @@ import trimesh
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, Coupling
-from grasp3d.hand.articulated.proposal import articulated_hand_of
+from grasp3d.hand.articulated_hand import ArticulatedHand, Coupling
 from grasp3d.hand.link_tree import LinkShape
 from grasp3d.hand.mujoco_model import read_links
+from grasp3d.hand.proposal import articulated_hand_of
 from tests.helpers.hands import HANDS, hand_file
 
 MODELS = {"shadow model": "hand/reach.xml", "adroit": "adroit_hand/adroit_door.xml"}

@@ -8,7 +8,7 @@ import pytest
 
 import grasp3d
 from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, actuation_of, torques_of
+from grasp3d.hand.articulated_hand import ArticulatedHand, actuation_of, torques_of
 from tests.helpers.hands import hand_file, three_fingers
 
 

@@ -12,11 +12,11 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from grasp3d import read_hand
-from grasp3d._kernels.hands.overlaps import OVERLAPS
+from grasp3d._kernels.hands.closing import OVERLAPS
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.contacts import HandContacts, HandScene, hand_contacts, reaches
+from grasp3d.hand.articulated_hand import ArticulatedHand
+from grasp3d.hand.link_contacts import HandContacts, HandScene, hand_contacts, reaches
 from grasp3d.hand.link_tree import Joint, LinkShape
 from grasp3d.mesh import ObjectMesh, load_mesh
 from tests.helpers import shapes as known

@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 from grasp3d import read_hand
 from grasp3d._kernels.hands.touching import FACING, Touches, make_touch_scratch, touch
 from grasp3d.arrays import Floats, unit_rows
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.contacts import HandContacts, hand_contacts
-from grasp3d.hand.articulated.link_bodies import link_bodies
+from grasp3d.hand.articulated_hand import ArticulatedHand
+from grasp3d.hand.link_bodies import link_bodies
+from grasp3d.hand.link_contacts import HandContacts, hand_contacts
 from grasp3d.hand.link_tree import LinkShape
 from grasp3d.hand.table import Table
 from grasp3d.mesh import ObjectMesh

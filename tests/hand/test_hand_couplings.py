@@ -12,7 +12,7 @@ from scipy.optimize import linprog
 import grasp3d
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand, actuation_of, torques_of
+from grasp3d.hand.articulated_hand import ArticulatedHand, actuation_of, torques_of
 from grasp3d.quality import Actuation
 from tests.helpers.hands import FINGER
 

@@ -12,14 +12,13 @@ import trimesh
 
 from grasp3d import read_hand
 from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.hand_json import KEYS
-from grasp3d.hand.articulated.plausible_numbers import implausible
-from grasp3d.hand.articulated.proposal import articulated_hand_of
+from grasp3d.hand.articulated_hand import ArticulatedHand
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.hand_files import hand_line, hand_of_line, write_hand
+from grasp3d.hand.hand_json import KEYS
 from grasp3d.hand.mujoco_model import read_links
 from grasp3d.hand.parallel_gripper import PRESETS
+from grasp3d.hand.proposal import articulated_hand_of, implausible
 from grasp3d.hand.robot_files import NAMES
 from tests.hand.test_robot_descriptions import urdf
 from tests.helpers.hands import HANDS, hand_file, three_fingers

@@ -10,7 +10,7 @@ import pytest
 
 import grasp3d
 from grasp3d.errors import SettingError
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated_hand import ArticulatedHand
 from grasp3d.hand.link_tree import LinkMass
 from tests.helpers.hands import three_fingers
 

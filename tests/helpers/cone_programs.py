@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 import grasp3d
-from grasp3d.contact.friction_cones import tangents
+from grasp3d.contact.contacts import tangents
 
 Floats = NDArray[np.float64]
 

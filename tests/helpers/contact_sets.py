@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from grasp3d import Contacts, epsilon, force_closure
-from grasp3d.contact.friction_cones import turned
-from grasp3d.stability.contact_sets import ContactSets
+from grasp3d.contact.contacts import turned
+from grasp3d.stability.classification import ContactSets
 from tests.helpers.oracles import cone_edges
 from tests.helpers.tilts import random_tilts
 

@@ -15,17 +15,19 @@ import mujoco
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, unit_rows
-from grasp3d.contact.contacts import Contacts
-from grasp3d.contact.friction_cones import tangents
+from grasp3d.contact.contacts import Contacts, tangents
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.outcomes.engine import (
+from grasp3d.outcomes.scene import (
+    FAR,
+    JOINTS,
     TIME_STEP,
+    TIP_BIT,
+    Fingers,
+    add_fingers,
     contact_fields,
     new_spec,
     without_log,
 )
-from grasp3d.outcomes.fingers import Fingers
-from grasp3d.outcomes.scene import FAR, JOINTS, TIP_BIT, add_fingers
 
 SLIPPED = 5e-5
 """Shift of a contact across the line between the two from which a grasp has slipped [m]. Grasps

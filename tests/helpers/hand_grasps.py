@@ -5,8 +5,8 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d import ObjectMesh
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.contacts import CONTACT_DISTANCE, HandScene
+from grasp3d.hand.articulated_hand import ArticulatedHand
+from grasp3d.hand.link_contacts import CONTACT_DISTANCE, HandScene
 
 
 def touching(hand: ArticulatedHand, mesh: ObjectMesh, count: int) -> GraspPoses:

@@ -13,7 +13,7 @@ from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.surface.vertex_fields import Reason
 from tests.helpers import shapes
 from tests.helpers.vertex_labels import with_arrays
 

@@ -8,7 +8,7 @@ import trimesh
 
 import grasp3d
 from grasp3d.arrays import ArrayLike, Floats
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated_hand import ArticulatedHand
 from grasp3d.hand.link_tree import Joint, LinkShape, LinkTree
 from grasp3d.mesh import ObjectMesh
 

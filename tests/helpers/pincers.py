@@ -12,7 +12,7 @@ from grasp3d.hand.closing import ClosedJaws, Closing
 from grasp3d.hand.triangles import Triangles, triangles_of
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.measures import Triangles as Surface
-from grasp3d.mesh.ray_tracing import FaceRays
+from grasp3d.mesh.surface_points import FaceRays
 from tests.helpers import repairs, shapes
 
 FORMAT = "pincers of the tests"

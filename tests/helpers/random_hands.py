@@ -8,9 +8,9 @@ from scipy.optimize import linprog
 
 import grasp3d
 from grasp3d.arrays import Floats
-from grasp3d.contact.friction_cones import tangents
-from grasp3d.quality.hand_forces.actuation import Actuation
-from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
+from grasp3d.contact.contacts import tangents
+from grasp3d.quality.actuation import Actuation
+from grasp3d.quality.hand_forces import HandGrasp
 
 
 def random_hand(generator: np.random.Generator) -> HandGrasp:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from grasp3d import ObjectMesh
 from grasp3d.mesh.measures import Triangles
-from grasp3d.mesh.repair.work import RepairedSurface, repair_surface
+from grasp3d.mesh.repair import RepairedSurface, repair_surface
 from grasp3d.settings.mesh_options import Repair
 from tests.helpers.shapes import Surface
 

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
-from grasp3d.hand.articulated.proposal import articulated_hand_of
+from grasp3d.hand.articulated_hand import ArticulatedHand
 from grasp3d.hand.mujoco_model import read_links
+from grasp3d.hand.proposal import articulated_hand_of
 from grasp3d.hand.robot_files import FORMAT, VERSION
 
 Floats = NDArray[np.float64]

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grasp3d import Contacts
-from grasp3d._kernels.forces.grip_force import ForceResults
-from grasp3d.contact.friction_cones import tangents, tilted_normals, turned
-from grasp3d.quality.force_problem import ForceBound, ForceProblem
+from grasp3d._kernels.hull.grip_force import ForceResults
+from grasp3d.contact.contacts import tangents, tilted_normals, turned
+from grasp3d.quality.grip_forces import ForceBound, ForceProblem
 from tests.helpers.tilts import with_normals
 
 Floats = NDArray[np.float64]

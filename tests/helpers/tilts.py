@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from grasp3d import Contacts, epsilon, force_closure
-from grasp3d.contact.friction_cones import turned
+from grasp3d.contact.contacts import turned
 from tests.helpers.random_grasps import random_grasps
 
 Floats = NDArray[np.float64]

@@ -17,12 +17,12 @@ from grasp3d import (
     load_mesh,
     scan_surface,
 )
-from grasp3d.formats.surfaces.files import read_labels
+from grasp3d.formats.surface_files import read_labels
 from grasp3d.mesh.object_mesh import MeshReport
 from grasp3d.pictures.subject import Subject, subject_of
-from grasp3d.quality.tilting import EpsilonRange
-from grasp3d.viewer.session.collection import Collection, collection_of
-from grasp3d.viewer.session.session import Session
+from grasp3d.quality.force_ranges import EpsilonRange
+from grasp3d.viewer.collection import Collection, collection_of
+from grasp3d.viewer.session import Session
 from tests.helpers import shapes
 from tests.helpers.vertex_labels import with_arrays
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from grasp3d._kernels.hull.cap_maximum import Arrow, largest_on_cap, value_at
+from grasp3d._kernels.hull.pair_epsilon import Arrow, largest_on_cap, value_at
 
 SEEDS = st.integers(0, 2**32)
 COSINES = st.floats(0.05, 0.9999)

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp3d._kernels.search.antipodal_candidates import no_pairs
-from grasp3d._kernels.search.pair_angles import scan
+from grasp3d._kernels.search.antipodal_candidates import no_pairs, scan
 from grasp3d._kernels.search.rays import Origins, seed_rays
 from grasp3d._kernels.surface.surface_contacts import (
     ContactNormals,

@@ -23,8 +23,8 @@ from grasp3d import (
     scan_surface,
 )
 from grasp3d.errors import MeshError
-from grasp3d.mesh.reading.mesh_files import read_mesh
-from grasp3d.mesh.reading.sources import RawMesh
+from grasp3d.mesh.mesh_files import read_mesh
+from grasp3d.mesh.sources import RawMesh
 from tests.helpers import shapes
 
 MESHES = Path(__file__).parents[2] / "meshes"

@@ -10,9 +10,9 @@ from scipy.spatial import ConvexHull
 from grasp3d import load_mesh
 from grasp3d.mesh.diagnosis import normal_noise
 from grasp3d.mesh.measures import Triangles
+from grasp3d.mesh.mesh_files import read_mesh
 from grasp3d.mesh.normals import corner_normals
-from grasp3d.mesh.reading.mesh_files import read_mesh
-from grasp3d.mesh.repair.work import repair_surface
+from grasp3d.mesh.repair import repair_surface
 from tests.helpers import shapes
 from tests.helpers.shapes import Surface
 

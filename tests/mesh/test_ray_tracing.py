@@ -6,9 +6,9 @@ import pytest
 from grasp3d import ObjectMesh, Sampling, label_surface, load_mesh
 from grasp3d._kernels.search.antipodal_candidates import FOUND, PairLimits, no_pairs
 from grasp3d._kernels.search.rays import STEP, Rays
-from grasp3d.mesh import ray_tracing
-from grasp3d.mesh.ray_tracing import FaceRays
-from grasp3d.surface.sampling.surface_rays import SurfaceRays
+from grasp3d.mesh import surface_points
+from grasp3d.mesh.surface_points import FaceRays
+from grasp3d.surface.antipodal import SurfaceRays
 from tests.helpers import oracles, shapes
 from tests.helpers.shapes import Surface
 
@@ -53,7 +53,7 @@ def exits_found(shape: Surface, seed: int, count: int) -> tuple[int, int]:
 def test_every_exit_of_every_ray_is_found(
     shape: Surface, count: int, embree: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ray_tracing, "EMBREE", embree)
+    monkeypatch.setattr(surface_points, "EMBREE", embree)
     expected, found = exits_found(shape, seed=2, count=count)
     assert expected > 25
     assert found == expected
@@ -83,7 +83,7 @@ def rays_from(mesh: ObjectMesh, count: int) -> tuple[np.ndarray, np.ndarray]:
 def test_the_tree_meets_the_first_face_of_all(
     shape: Surface, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ray_tracing, "EMBREE", False)
+    monkeypatch.setattr(surface_points, "EMBREE", False)
     mesh = load_mesh(shape, max_edge=0.3)
     origins, directions = rays_from(mesh, 300)
     rays = FaceRays(mesh.normalized, mesh.faces)
@@ -107,7 +107,7 @@ def test_both_tracers_meet_the_same_faces_but_for_those_at_the_rays_start(
     mesh = load_mesh(shapes.LIBRARY / "mug.glb")
     origins, directions = rays_from(mesh, 100_000)
     theirs, distance = FaceRays(mesh.normalized, mesh.faces).hits(origins, directions)
-    monkeypatch.setattr(ray_tracing, "EMBREE", False)
+    monkeypatch.setattr(surface_points, "EMBREE", False)
     own, far = FaceRays(mesh.normalized, mesh.faces).hits(origins, directions)
     same = (own == theirs) | (np.abs(far - distance) < 1e-5)
     assert (~same).mean() < 1e-3
@@ -122,6 +122,6 @@ def test_labels_are_those_of_the_other_tracer(
 ) -> None:
     mesh = load_mesh(shapes.LIBRARY / name, unit="m")
     labels = label_surface(mesh, sampling=Sampling(grip=grip))
-    monkeypatch.setattr(ray_tracing, "EMBREE", False)
+    monkeypatch.setattr(surface_points, "EMBREE", False)
     own = label_surface(mesh, sampling=Sampling(grip=grip))
     assert (own.label != labels.label).mean() < 4e-3

@@ -8,14 +8,13 @@ from scipy.spatial import ConvexHull
 
 from grasp3d import ObjectMesh, Sampling, label_surface, load_mesh
 from grasp3d.arrays import first_at_position
+from grasp3d.mesh import repair
+from grasp3d.mesh.cleaning import LONG, close_hole, disagreeing, holes_of, without_mirrored
 from grasp3d.mesh.measures import Triangles, edge_counts, face_areas, is_closed
-from grasp3d.mesh.repair import work
-from grasp3d.mesh.repair.cleaning import disagreeing, without_mirrored
-from grasp3d.mesh.repair.holes import LONG, close_hole, holes_of
-from grasp3d.mesh.repair.union import put_on_surface, without_slivers
-from grasp3d.mesh.repair.work import RepairedSurface
+from grasp3d.mesh.repair import RepairedSurface
+from grasp3d.mesh.union import put_on_surface, without_slivers
 from grasp3d.settings.mesh_options import Repair
-from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.surface.vertex_fields import Reason
 from tests.helpers import shapes
 from tests.helpers.repairs import counts, inward, joined, moved, repaired, used_by, volume_of
 from tests.helpers.shapes import Surface
@@ -240,7 +239,7 @@ def test_a_body_that_reaches_into_a_cavity_fills_part_of_it() -> None:
 
 
 def test_a_union_that_is_not_sound_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(work, "union_of", lambda _: None)
+    monkeypatch.setattr(repair, "union_of", lambda _: None)
     surface = repaired(joined(shapes.box(), moved(shapes.box(), (0.4, 0.3, 0.2))))
     assert len(surface.faces) == 24
     assert "2 bodies seem to overlap but could not be united" in surface.warnings[0]

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from grasp3d.arrays import first_at_position
 from grasp3d.mesh.measures import face_areas
-from grasp3d.mesh.repair.bodies import bodies_of, orient
-from grasp3d.mesh.repair.union import without_slits
+from grasp3d.mesh.union import bodies_of, orient, without_slits
 from tests.helpers import shapes
 from tests.helpers.repairs import counts, inward, joined, moved, repaired, volume_of
 from tests.helpers.shapes import Surface

@@ -5,9 +5,9 @@ from hypothesis import strategies as st
 
 from grasp3d import load_mesh
 from grasp3d.mesh.measures import Triangles
-from grasp3d.mesh.ray_tracing import crossing_faces
-from grasp3d.mesh.reading.mesh_files import read_mesh
-from grasp3d.mesh.repair.work import repair_surface
+from grasp3d.mesh.mesh_files import read_mesh
+from grasp3d.mesh.repair import repair_surface
+from grasp3d.mesh.surface_points import crossing_faces
 from tests.helpers import shapes
 from tests.helpers.repairs import joined
 from tests.helpers.shapes import Surface

@@ -12,9 +12,8 @@ import trimesh
 from grasp3d import ParallelGripper
 from grasp3d.arrays import Floats
 from grasp3d.outcomes import Fate, SimulationSettings
-from grasp3d.outcomes.fingers import PROTRUDING, Fingers
 from grasp3d.outcomes.pulling import PULLS, Attempt, Outcome, simulate_attempt
-from grasp3d.outcomes.scene import Stage, grasp_model
+from grasp3d.outcomes.scene import PROTRUDING, Fingers, Stage, grasp_model
 from grasp3d.outcomes.simulation_settings import GRAVITY
 
 SIDE = 0.01

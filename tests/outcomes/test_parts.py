@@ -12,8 +12,8 @@ from grasp3d import load_mesh
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.jobs import ClusterSettings
 from grasp3d.outcomes import SimulationSettings, convex_parts
-from grasp3d.outcomes import parts as module
-from grasp3d.outcomes.parts import parts_of
+from grasp3d.outcomes import simulate as module
+from grasp3d.outcomes.simulate import parts_of
 
 
 @pytest.fixture(autouse=True)

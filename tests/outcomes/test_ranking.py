@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import mannwhitneyu
 
-from grasp3d.outcomes.ranking import roc_auc, roc_curve
+from grasp3d.outcomes.validation import roc_auc, roc_curve
 
 SEED, COUNT = st.integers(0, 2**32), st.integers(1, 40)
 

@@ -12,7 +12,7 @@ from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.outcomes import SCORES
-from grasp3d.outcomes.scores import columns_of, scores_of
+from grasp3d.outcomes.validation import columns_of, scores_of
 from tests.helpers import shapes
 from tests.helpers.tried_grasps import poses_on
 

@@ -14,8 +14,7 @@ from grasp3d.formats import write_grasps
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.outcomes import SCORES, Validation, write_validation
-from grasp3d.outcomes.figure import validation_figure
-from grasp3d.outcomes.ranking import roc_auc
+from grasp3d.outcomes.validation import roc_auc, validation_figure
 from grasp3d.system.tables import read_columns
 from tests.helpers import shapes, slider_hand
 from tests.helpers.tried_grasps import chances, expected_roc_auc, poses_on

@@ -12,7 +12,7 @@ from matplotlib.patches import Wedge
 from matplotlib.text import Annotation
 
 from grasp3d import GraspModel, Label, Sensor
-from grasp3d.paper.cones import (
+from grasp3d.paper.curves import (
     combinations_figure,
     cone_figure,
     cones_with_line,

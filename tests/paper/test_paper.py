@@ -20,18 +20,21 @@ from grasp3d.cli import main
 from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import SettingError
 from grasp3d.paper.curves import fractions_figure
-from grasp3d.paper.figures import (
+from grasp3d.paper.writing import (
+    DEGREES,
     FIGURES,
+    SLIPPERY,
     PaperSettings,
     ScannedObject,
     best_contact_point,
+    numbers_page,
     object_figure,
+    percent,
     real_object,
     solids,
     swept,
     view_of,
 )
-from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page, percent
 from grasp3d.pictures.opengl import WINDOW, can_render
 from tests.helpers import shapes
 from tests.helpers.figures import check_texts

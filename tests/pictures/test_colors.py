@@ -22,7 +22,7 @@ from grasp3d.pictures.colors import (
 from grasp3d.pictures.pane import MOST_OF
 from grasp3d.pictures.subject import Subject, subject_of
 from grasp3d.pictures.view_settings import Paint
-from grasp3d.surface.vertex_grasps import SearchReport
+from grasp3d.surface.vertex_fields import SearchReport
 from tests.helpers import viewing
 
 FRICTIONS = st.floats(0.05, 2.0)

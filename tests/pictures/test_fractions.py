@@ -10,8 +10,14 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
-from grasp3d.pictures.figures import LABEL_COLORS, new_figure, save_as
-from grasp3d.pictures.fractions import draw_ceiling, stack_fractions, sweep_figure
+from grasp3d.pictures.figures import (
+    LABEL_COLORS,
+    draw_ceiling,
+    new_figure,
+    save_as,
+    stack_fractions,
+    sweep_figure,
+)
 from grasp3d.stability.angle_distributions import SampledAngles, SphereAngles
 from grasp3d.stability.label import Label
 from grasp3d.surface.sweeps import Sweep, mean_sweep, sweep

@@ -8,8 +8,7 @@ import pytest
 
 from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d.grasps.best import best_grasps
-from grasp3d.pictures.grasps import grasp_figure
-from grasp3d.pictures.stills import MOST_PICTURES
+from grasp3d.pictures.stills import MOST_PICTURES, grasp_figure
 from grasp3d.surface.grasp_table import GraspTable
 from tests.helpers import shapes
 from tests.helpers.figures import check_texts, drawn_texts

@@ -14,9 +14,8 @@ from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
 from grasp3d.hand.triangles import ARC_COLOR
 from grasp3d.mesh import ObjectMesh
-from grasp3d.pictures import layers
-from grasp3d.pictures.grasps import grasp_figure
-from grasp3d.pictures.stills import PIXELS, draw_grasps
+from grasp3d.pictures import pane
+from grasp3d.pictures.stills import PIXELS, draw_grasps, grasp_figure
 from tests.helpers.figures import check_texts, drawn_texts
 from tests.helpers.held_grasps import held_box
 from tests.pictures.test_opengl import needs_opengl
@@ -46,8 +45,8 @@ def test_the_table_is_below_the_object_and_the_approach_is_drawn(
     scene = grasps.scene
     assert scene is not None
     assert scene.table is not None
-    look = replace(layers.LOOKS["table"], color=MAGENTA, opacity=1.0)
-    monkeypatch.setitem(layers.LOOKS, "table", look)
+    look = replace(pane.LOOKS["table"], color=MAGENTA, opacity=1.0)
+    monkeypatch.setitem(pane.LOOKS, "table", look)
     for image in draw_grasps(grasps, labels):
         red, green, blue = np.moveaxis(image.astype(int), 2, 0)
         plate = (red - green > 60) & (blue - green > 60)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from grasp3d import Contacts, force_closure, grip_force
-from grasp3d.contact.friction_cones import turned
+from grasp3d.contact.contacts import turned
 from grasp3d.errors import SettingError
 from grasp3d.quality import Acceleration, Weight, Wrenches, force_range, payload
 from tests.helpers import grasps, tilt_adversary

@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
 from grasp3d import Contacts, epsilon, force_closure
-from grasp3d.contact.friction_cones import cone_edges
+from grasp3d.contact.contacts import cone_edges
 from grasp3d.errors import SettingError
 from grasp3d.quality import metric_names, metrics
 from tests.helpers.grasps import changed, just_off_a_line, one, regular_on_ball, stacked

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from grasp3d import Contacts, epsilon
 from grasp3d.arrays import Floats
-from grasp3d.quality.closure import Status
+from grasp3d.quality.critical_angle import Status
 from grasp3d.quality.ferrari_canny import Epsilon
 from grasp3d.quality.wrench_problem import WrenchProblem
 from tests.helpers import oracles

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from grasp3d.errors import SettingError
 from grasp3d.quality import Acceleration, Task, Weight, Wrenches, parse_task
-from grasp3d.quality.task_texts import LARGEST_FILE, MAX_WRENCHES, TaskText
+from grasp3d.quality.loads import LARGEST_FILE, MAX_WRENCHES, TaskText
 
 DOWN = (0.0, 0.0, -1.0)
 NUMBERS = st.floats(-1e6, 1e6)

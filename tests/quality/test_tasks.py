@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp3d._kernels.forces.tasks import reach
+from grasp3d._kernels.hull.support_functions import reach
 from grasp3d.errors import SettingError
 from grasp3d.quality import Acceleration, Task, Weight, Wrenches
 from grasp3d.quality.tasks import STANDARD_GRAVITY

@@ -8,8 +8,8 @@ import pytest
 
 from grasp3d import Contacts, epsilon, force_closure
 from grasp3d.errors import SettingError
-from grasp3d.quality import tilting
-from grasp3d.quality.tilting import epsilon_range
+from grasp3d.quality import force_ranges
+from grasp3d.quality.force_ranges import epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.system.context import running
 from tests.helpers import oracles
@@ -124,7 +124,7 @@ def test_each_grasp_of_a_batch_has_its_own_tilts(
     contacts = grasps(6, torsion_radius=torsion)
     tilt = np.random.default_rng(0).uniform(0.0, 0.4, size=(6, 2))
     tilt[2] = 0.0
-    monkeypatch.setattr(tilting, "CHUNK", 4)
+    monkeypatch.setattr(force_ranges, "TILTED_AT_ONCE", 4)
     whole = epsilon_range(contacts, tilt, FINE)
     for b in range(6):
         alone = Contacts(contacts.points[b], contacts.normals[b], 0.5, torsion)
@@ -268,7 +268,7 @@ def test_chunks_threads_and_batch_axes_do_not_change_results(
 ) -> None:
     contacts = grasps(12, torsion_radius=torsion)
     whole = epsilon_range(contacts, 0.2, COARSE)
-    monkeypatch.setattr(tilting, "CHUNK", 5)
+    monkeypatch.setattr(force_ranges, "TILTED_AT_ONCE", 5)
     fractions: list[float] = []
     shaped = Contacts(
         contacts.points.reshape(3, 4, 2, 3), contacts.normals.reshape(3, 4, 2, 3), 0.5, torsion

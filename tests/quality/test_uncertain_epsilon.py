@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from grasp3d import Contacts, EpsilonOptions, epsilon
 from grasp3d.quality import epsilon_range
-from grasp3d.quality.tilting import uncertain_epsilon_range
+from grasp3d.quality.force_ranges import uncertain_epsilon_range
 from grasp3d.quality.wrenches import Actuation
 from tests.helpers.tilts import random_tilts
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import Contacts
-from grasp3d.contact.friction_cones import cone_edges, tangents
+from grasp3d.contact.contacts import cone_edges, tangents
 from grasp3d.errors import SettingError
 from grasp3d.quality.wrenches import cone_parts, span, wrench_axes, wrenches
 from tests.helpers import grasps

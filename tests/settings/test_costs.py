@@ -4,7 +4,7 @@ import pytest
 
 from grasp3d import GraspModel, Sampling, label_surface, load_mesh
 from grasp3d.errors import MeshError
-from grasp3d.settings.costs import check_cost, labelling_cost
+from grasp3d.settings.sampling import check_cost, labelling_cost
 from tests.helpers import shapes
 
 

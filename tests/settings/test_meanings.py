@@ -5,8 +5,7 @@ from typing import get_args
 import pytest
 
 from grasp3d import GraspModel
-from grasp3d.settings.grasp_model import Tilts
-from grasp3d.settings.model_text import MINIMUM, epsilon_min_text
+from grasp3d.settings.grasp_model import MINIMUM, Tilts, epsilon_min_text
 
 
 def test_every_way_to_compute_the_minimum_has_a_meaning() -> None:

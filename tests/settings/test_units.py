@@ -19,7 +19,7 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.identity import settings_text
+from grasp3d.batch.labelling import settings_text
 from grasp3d.errors import SettingError
 from grasp3d.outcomes import SimulationSettings
 from grasp3d.settings.parsing import plain_values
@@ -32,7 +32,7 @@ from grasp3d.settings.units import (
     with_lengths_scaled,
     with_units,
 )
-from grasp3d.surface.sampling.antipodal import OPENING_SLACK
+from grasp3d.surface.antipodal import OPENING_SLACK
 from tests.helpers import shapes
 
 

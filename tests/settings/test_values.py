@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from grasp3d import GraspModel, MeshOptions
 from grasp3d.errors import SettingError
-from grasp3d.quality.loads import Load
-from grasp3d.quality.task_texts import TaskText
-from grasp3d.settings.friction import friction_interval
+from grasp3d.quality.loads import Load, TaskText
+from grasp3d.settings.grasp_model import friction_interval
 from grasp3d.settings.parsing import plain_values, settings_of_texts
 from grasp3d.settings.units import METRES, parse_angle, parse_length
 

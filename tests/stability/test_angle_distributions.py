@@ -25,7 +25,7 @@ from grasp3d.stability.angle_distributions import (
     SphereAngles,
     accuracy_ceiling,
 )
-from grasp3d.stability.thresholds import label_angles
+from grasp3d.stability.label import label_angles
 from tests.helpers import shapes
 
 FRICTIONS = (0.05, 0.2, 0.5, 1.0)

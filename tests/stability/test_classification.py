@@ -22,7 +22,7 @@ from grasp3d import (
 )
 from grasp3d.contact import effective_friction
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.quality.tilting import epsilon_range
+from grasp3d.quality.force_ranges import epsilon_range
 from grasp3d.quality.wrenches import EpsilonOptions
 from tests.helpers import grasps
 from tests.helpers.grasps import with_options

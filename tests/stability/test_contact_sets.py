@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from grasp3d import Contacts, Label, classify, critical_friction_angle
 from grasp3d.settings import MAX_FINGERS
-from grasp3d.stability.contact_sets import ContactSets, label_sets
+from grasp3d.stability.classification import ContactSets, label_sets
 from tests.helpers.contact_sets import Sets, closes, random_sets, true_normals
 
 seeds = st.integers(0, 100_000)

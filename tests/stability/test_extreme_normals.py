@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from grasp3d import Contacts
 from grasp3d.errors import SettingError
-from grasp3d.stability.extremes import (
+from grasp3d.stability.normal_sets import (
     MAX_COMBINATIONS,
     check_combinations,
     normals_to_test,

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from grasp3d import Contacts, epsilon, force_closure
 from grasp3d.arrays import Floats
 from grasp3d.quality.wrenches import EpsilonOptions
-from grasp3d.stability import extremes as module
-from grasp3d.stability.extremes import extremes, normals_to_test
-from grasp3d.stability.normal_sets import Creases
+from grasp3d.stability import normal_sets as module
+from grasp3d.stability.normal_sets import Creases, extremes, normals_to_test
 from grasp3d.system.context import running
 from tests.helpers import grasps, oracles
 from tests.helpers.random_grasps import random_grasps

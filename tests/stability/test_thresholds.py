@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grasp3d import GraspModel, Label
-from grasp3d.stability.thresholds import label_angles, max_resolution, unstable_from
+from grasp3d.stability.label import label_angles, max_resolution, unstable_from
 from tests.helpers import oracles
 
 angles = st.floats(-0.5, 2.0)

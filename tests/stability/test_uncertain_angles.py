@@ -12,8 +12,8 @@ from scipy.spatial import ConvexHull
 from grasp3d import Contacts, Label, classify, force_closure
 from grasp3d.arrays import unit_rows
 from grasp3d.quality.wrenches import wrenches
+from grasp3d.stability.classification import uncertain_angles
 from grasp3d.stability.normal_sets import NormalSets
-from grasp3d.stability.uncertain_angles import uncertain_angles
 from tests.helpers.tilts import angles, random_tilts
 
 Floats = NDArray[np.float64]

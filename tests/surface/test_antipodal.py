@@ -17,10 +17,10 @@ from grasp3d._kernels.search.face_contacts import (
     upper_bound,
 )
 from grasp3d.settings.sampling import Grip
+from grasp3d.surface import antipodal
+from grasp3d.surface.antipodal import best_pairs
+from grasp3d.surface.candidate_points import tangents
 from grasp3d.surface.contacts import grasps_at
-from grasp3d.surface.sampling import antipodal
-from grasp3d.surface.sampling.antipodal import best_pairs
-from grasp3d.surface.sampling.vertices import tangents
 from grasp3d.system.context import running
 from tests.helpers import oracles, shapes
 from tests.helpers.pair_search import domain_of, own_normals, read

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d.mesh.measures import face_areas
-from grasp3d.surface.sampling.candidate_points import INSIDE, spread_points, spread_vertices
+from grasp3d.surface.candidate_points import INSIDE, spread_points, spread_vertices
 from tests.helpers import shapes
 from tests.helpers.solids import box_mesh, sphere_mesh
 

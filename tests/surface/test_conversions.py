@@ -23,8 +23,8 @@ from grasp3d.errors import OutputError, SettingError
 from grasp3d.stability import COLORS, Label
 from grasp3d.surface import GraspTable
 from grasp3d.surface.vertex_fields import VERTICES
-from grasp3d.viewer.session.collection import collection_of_grasps
-from grasp3d.viewer.session.inspection import inspect_given
+from grasp3d.viewer.collection import collection_of_grasps
+from grasp3d.viewer.inspection import inspect_given
 from tests.helpers import shapes
 
 

@@ -18,8 +18,7 @@ from grasp3d import (
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.critical_angle import angle_brackets
-from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
-from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.surface.contacts import SurfaceContacts, critical_angles, vertex_surface_points
 from tests.helpers import oracles, shapes
 from tests.helpers.tilts import within_sets
 

@@ -22,12 +22,12 @@ from grasp3d import (
     load_mesh,
     scan_surface,
 )
-from grasp3d.contact.friction_cones import tilted_normals
+from grasp3d.contact.contacts import tilted_normals
 from grasp3d.errors import SettingError
 from grasp3d.quality.wrenches import EpsilonOptions
 from grasp3d.surface.contacts import grasps_at
 from grasp3d.surface.grasp_numbers import hull_labels
-from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.surface.vertex_fields import Reason
 from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.tilts import all_combinations

@@ -24,9 +24,9 @@ from grasp3d.hand.reach import Reachability, reach_grasps
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Approach
 from grasp3d.settings.units import Unit
+from grasp3d.surface import reachable
 from grasp3d.surface.contacts import grasps_at
-from grasp3d.surface.sampling import reachable
-from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.surface.vertex_fields import Reason
 from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, TIPS

@@ -22,16 +22,14 @@ from grasp3d import (
 )
 from grasp3d.errors import SettingError
 from grasp3d.quality.grip_forces import Resistance
-from grasp3d.quality.loads import Load
-from grasp3d.quality.task_texts import TaskText
+from grasp3d.quality.loads import Load, TaskText
 from grasp3d.quality.tasks import STANDARD_GRAVITY
 from grasp3d.settings.units import METRES, Unit
 from grasp3d.stability.label import Label
 from grasp3d.surface.fields import FORCES, columns_of
 from grasp3d.surface.grasp_numbers import surface_load_result
-from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.load_result import FORCE_RTOL, HARD_FINGERS
-from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.surface.load_case import FORCE_RTOL, HARD_FINGERS, LoadCase
+from grasp3d.surface.vertex_fields import Reason
 from tests.helpers import shapes
 
 MASS, FRICTION, TORSION = 0.5, 0.4, 0.003

@@ -20,7 +20,7 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
-from grasp3d.surface.sampling.multifinger import search
+from grasp3d.surface.multifinger import search
 from grasp3d.system.context import running
 from tests.helpers import shapes
 from tests.helpers.solids import box_mesh, sphere_mesh

@@ -25,8 +25,7 @@ from grasp3d.quality.loads import Load
 from grasp3d.quality.tasks import STANDARD_GRAVITY
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_numbers import surface_load_result
-from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.load_result import FORCE_RTOL, LoadResult
+from grasp3d.surface.load_case import FORCE_RTOL, LoadCase, LoadResult
 from tests.helpers import shapes
 from tests.helpers.closing_jaws import pads, pose
 

@@ -26,9 +26,8 @@ from grasp3d import (
 )
 from grasp3d.arrays import Bools, Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.formats.surfaces.files import writer_for
-from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.system.ply_files import write_ply_columns
+from grasp3d.formats.surface_files import write_ply_columns, writer_for
+from grasp3d.surface.vertex_fields import Reason
 from tests.helpers import shapes
 
 

@@ -23,12 +23,11 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.pictures.colors import corner_codes
 from grasp3d.pictures.subject import subject_of
-from grasp3d.stability.thresholds import label_angles, unstable_from
+from grasp3d.stability.label import label_angles, unstable_from
 from grasp3d.surface import Reason
 from grasp3d.surface import labelling as search_module
-from grasp3d.surface.contacts import grasps_at
-from grasp3d.surface.critical_angles import critical_angles
-from grasp3d.surface.sampling.antipodal import FoundGrasps
+from grasp3d.surface.antipodal import FoundGrasps
+from grasp3d.surface.contacts import critical_angles, grasps_at
 from grasp3d.surface.sweeps import mean_sweep, sweep
 from tests.helpers import shapes
 

@@ -24,7 +24,7 @@ from grasp3d import (
 )
 from grasp3d.errors import SettingError
 from grasp3d.surface.contacts import SurfaceContacts, grasps_at, vertex_surface_points
-from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.surface.vertex_fields import Reason
 from tests.helpers import shapes
 
 MESHES = Path(__file__).parents[2] / "meshes"

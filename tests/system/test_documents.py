@@ -19,7 +19,7 @@ from grasp3d.hand.hand_files import hand_of_line, read_hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.outcomes.tried_grasps import MeshFolder
 from grasp3d.system.documents import LONGEST_NUMBER, parse_json
-from grasp3d.viewer.session.collection import open_collection
+from grasp3d.viewer.collection import open_collection
 from tests.hand.test_robot_descriptions import BOX, URDF
 
 POSE = "[[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]]"

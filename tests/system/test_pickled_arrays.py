@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grasp3d.system.stored_arrays import RefusedError, array_in, stored_objects
+from grasp3d.formats.dictionaries import RefusedError, array_in, stored_objects
 
 ARRAYS = (
     np.arange(24.0).reshape(2, 3, 4),

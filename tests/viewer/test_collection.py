@@ -26,22 +26,22 @@ from grasp3d import (
     write_ply,
 )
 from grasp3d.errors import MeshError, OutputError, SettingError
-from grasp3d.formats.surfaces.files import READERS, writer_for
-from grasp3d.formats.surfaces.stored import Stored
+from grasp3d.formats.stored_surfaces import Stored
+from grasp3d.formats.surface_files import READERS, writer_for
 from grasp3d.jobs import ClusterSettings
-from grasp3d.mesh.reading.sources import Source
+from grasp3d.mesh.sources import Source
 from grasp3d.pictures.colors import labels_at
 from grasp3d.pictures.subject import Subject, subject_of
 from grasp3d.surface import Reason
-from grasp3d.surface.sampling.antipodal import OPENING_SLACK
+from grasp3d.surface.antipodal import OPENING_SLACK
 from grasp3d.system.context import running
-from grasp3d.viewer.session.background import Cancelled
-from grasp3d.viewer.session.collection import (
+from grasp3d.viewer.collection import (
     Collection,
     LastOpened,
     collection_of,
     open_collection,
 )
+from grasp3d.viewer.session import Cancelled
 from tests.helpers import shapes, viewing
 from tests.helpers.mesh_files import FACES, VERTICES
 from tests.helpers.viewing import read_subject
@@ -157,7 +157,7 @@ def test_a_labelled_file_is_read_once_and_shown_without_a_search(
 
     monkeypatch.setitem(READERS, suffix, counted)
     for name in ("label_surface", "scan_surface"):
-        monkeypatch.setattr(f"grasp3d.viewer.session.searching.{name}", refuse)
+        monkeypatch.setattr(f"grasp3d.viewer.collection.{name}", refuse)
     session, known = viewing.ready_session(open_collection(path)), viewing.ready_session(labels)
     assert reads == [suffix[1:]]
     for one in (session, known):

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from grasp3d import GraspModel, Label, Sampling, SurfaceLabels, label_surface, load_mesh, write_ply
 from grasp3d.pictures.subject import subject_of
 from grasp3d.settings import DEGREE
-from grasp3d.viewer.session import session as sessions
-from grasp3d.viewer.session.collection import open_collection
-from grasp3d.viewer.session.controls import handle_key
-from grasp3d.viewer.session.inspection import inspect
-from grasp3d.viewer.session.panel_text import panel_text
-from grasp3d.viewer.session.session import Session
+from grasp3d.viewer import session as sessions
+from grasp3d.viewer.collection import open_collection
+from grasp3d.viewer.controls import handle_key
+from grasp3d.viewer.inspection import inspect
+from grasp3d.viewer.panel_text import panel_text
+from grasp3d.viewer.session import Session
 from tests.helpers import viewing
 from tests.helpers.viewing import read_subject, ready_session
 

@@ -11,19 +11,19 @@ import pytest
 import trimesh
 
 from grasp3d import GraspModel, Label, SurfaceLabels, label_surface, load_mesh, write_ply
-from grasp3d.describe.grasp_facts import load_sentence
+from grasp3d.describe.explanations import load_sentence
 from grasp3d.errors import SettingError
 from grasp3d.pictures.colors import MOST, corner_values, ramp_of
 from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.loads import Load
 from grasp3d.surface import Reason
-from grasp3d.surface.load_result import LoadResult
-from grasp3d.viewer.session import session as sessions
-from grasp3d.viewer.session.collection import collection_of, open_collection
-from grasp3d.viewer.session.controls import handle_key, offered_paints
-from grasp3d.viewer.session.panel_text import panel_text
-from grasp3d.viewer.session.session import Session
+from grasp3d.surface.load_case import LoadResult
+from grasp3d.viewer import session as sessions
+from grasp3d.viewer.collection import collection_of, open_collection
+from grasp3d.viewer.controls import handle_key, offered_paints
+from grasp3d.viewer.panel_text import panel_text
+from grasp3d.viewer.session import Session
 from tests.helpers import viewing
 from tests.helpers.viewing import read_subject, ready_session, wait_until_idle
 

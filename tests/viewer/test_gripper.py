@@ -27,15 +27,14 @@ from grasp3d.pictures.subject import subject_of
 from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.settings import Sampling
 from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.viewer import collection
+from grasp3d.viewer import session as sessions
+from grasp3d.viewer.collection import collection_of, open_collection, search_grasps
+from grasp3d.viewer.controls import CONTROLS, handle_key, offered_paints
+from grasp3d.viewer.panel_text import panel_text
 from grasp3d.viewer.scene import Scene
 from grasp3d.viewer.screenshots import open_renderer
-from grasp3d.viewer.session import collection, searching
-from grasp3d.viewer.session import session as sessions
-from grasp3d.viewer.session.collection import collection_of, open_collection
-from grasp3d.viewer.session.controls import CONTROLS, handle_key, offered_paints
-from grasp3d.viewer.session.panel_text import panel_text
-from grasp3d.viewer.session.searching import search_grasps
-from grasp3d.viewer.session.session import BEST, Session
+from grasp3d.viewer.session import BEST, Session
 from tests.helpers import viewing
 from tests.helpers.held_grasps import JAWS, held_box, not_reached, reached
 from tests.helpers.viewing import read_subject, ready_session, wait_until_idle
@@ -133,11 +132,11 @@ def test_every_new_search_is_for_the_same_gripper_and_table(
         asked.append(settings["scene"])
         return replace(labels, sampling=settings["sampling"])
 
-    for module in (searching, collection):
+    for module in (collection,):
         monkeypatch.setattr(module, "label_surface", label)
     subject = subject_of(labels)
     search_grasps(subject, subject.labels.model, Sampling())
-    searching.search_wider(subject, subject.labels.model, Sampling())
+    collection.search_wider(subject, subject.labels.model, Sampling())
     assert len(asked) == 2
     assert labels.scene is not None
     assert all(one is labels.scene for one in asked)
@@ -149,7 +148,7 @@ def test_a_wider_search_keeps_the_poses_of_known_grasps() -> None:
     assert reach is not None
     other = {one.name: getattr(reach, one.name)[::-1] for one in fields(Reach)}
     wide = replace(known, reach=Reach(**other))
-    found = searching.with_known_grasps(wide, known).reach
+    found = collection.with_known_grasps(wide, known).reach
     assert found is not None
     for one in fields(Reach):
         assert np.array_equal(getattr(found, one.name), getattr(reach, one.name), equal_nan=True)

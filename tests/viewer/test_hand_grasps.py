@@ -15,11 +15,10 @@ from grasp3d.grasps import LinkGrasps
 from grasp3d.hand.triangles import COLORS, Part
 from grasp3d.pictures.camera import grasp_view, view_axes
 from grasp3d.pictures.figures import save_as
-from grasp3d.pictures.grasps import grasp_figure
 from grasp3d.pictures.marks import MarkedContacts
-from grasp3d.pictures.stills import draw_grasps
+from grasp3d.pictures.stills import draw_grasps, grasp_figure
 from grasp3d.stability.label import COLORS as LABEL_COLORS
-from grasp3d.viewer.session.collection import collection_of_grasps
+from grasp3d.viewer.collection import collection_of_grasps
 from tests.helpers import shapes, slider_hand
 from tests.helpers.figures import check_texts, drawn_texts
 from tests.helpers.slider_hand import BOX, TOUCHING

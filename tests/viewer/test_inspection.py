@@ -8,12 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from grasp3d import GraspModel, Label, SurfaceLabels, evaluate_grasps, scan_surface
-from grasp3d.describe.causes import Cause
-from grasp3d.describe.explanations import Case, angle_text, explain
+from grasp3d.describe.explanations import Case, Cause, angle_text, explain
 from grasp3d.pictures.colors import UNSEARCHED, labels_at
 from grasp3d.pictures.subject import subject_of
 from grasp3d.surface import Reason
-from grasp3d.viewer.session.inspection import inspect
+from grasp3d.viewer.inspection import inspect
 from tests.helpers import viewing
 from tests.helpers.vertex_labels import with_arrays
 

@@ -15,10 +15,9 @@ from grasp3d import (
 )
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE
-from grasp3d.viewer.session.collection import collection_of
-from grasp3d.viewer.session.controls import ACTIONS, handle_key
-from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.session.state import ViewState
+from grasp3d.viewer.collection import ViewState, collection_of
+from grasp3d.viewer.controls import ACTIONS, handle_key
+from grasp3d.viewer.session import Session
 from tests.helpers import shapes
 from tests.helpers.held_grasps import JAWS
 from tests.helpers.solids import box_mesh

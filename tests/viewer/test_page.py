@@ -28,10 +28,10 @@ from grasp3d.pictures.opengl import can_render
 from grasp3d.pictures.subject import Subject
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS, Label
-from grasp3d.viewer.session.collection import Item, collection_of
-from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.web import page as served_page
-from grasp3d.viewer.web.page import free_port, serve_in_background
+from grasp3d.viewer import page as served_page
+from grasp3d.viewer.collection import Item, collection_of
+from grasp3d.viewer.page import free_port, serve_in_background
+from grasp3d.viewer.session import Session
 from tests.helpers.browsers import BROWSER, CI
 from tests.helpers.shapes import LIBRARY
 from tests.helpers.windows import wait_for
@@ -49,9 +49,9 @@ from dataclasses import replace
 from math import radians
 from grasp3d import GraspModel, Sampling, label_surface, load_mesh
 from tests.helpers.solids import box_mesh
-from grasp3d.viewer.session.collection import Item, collection_of
-from grasp3d.viewer.web.page import serve
-from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.collection import Item, collection_of
+from grasp3d.viewer.page import serve
+from grasp3d.viewer.session import Session
 model = GraspModel(friction=0.3, sensor_resolution=radians(20.0))
 sampling = Sampling(rays=8, search_angle=radians(80.0))
 meshes = [*map(load_mesh, sys.argv[1:]), box_mesh((0.1, 0.2, 0.3), max_edge=0.1)]

@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 
 from grasp3d import SurfaceLabels
-from grasp3d.viewer.session.collection import collection_of
-from grasp3d.viewer.session.panel_text import panel_text
-from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.web.page_state import page_state
+from grasp3d.viewer.collection import collection_of
+from grasp3d.viewer.page import page_state
+from grasp3d.viewer.panel_text import panel_text
+from grasp3d.viewer.session import Session
 from tests.helpers import viewing
 from tests.helpers.viewing import ready_session, wait_until_idle
 

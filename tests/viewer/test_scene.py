@@ -23,11 +23,10 @@ from grasp3d.pictures.pane import Pane
 from grasp3d.pictures.subject import Subject, subject_of
 from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.stability.label import COLORS
+from grasp3d.viewer.collection import Collection, Item, Section, collection_of
+from grasp3d.viewer.inspection import inspect
 from grasp3d.viewer.scene import Scene, captions_of
-from grasp3d.viewer.session.collection import Collection, Item, collection_of
-from grasp3d.viewer.session.inspection import inspect
-from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.session.state import Section
+from grasp3d.viewer.session import Session
 from tests.helpers import shapes, viewing
 from tests.helpers.solids import box_mesh, cylinder_mesh, sphere_mesh
 from tests.helpers.viewing import ready_session

@@ -20,8 +20,8 @@ from grasp3d.pictures.opengl import can_render
 from grasp3d.pictures.subject import Subject
 from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.system.context import running
+from grasp3d.viewer.collection import Collection, Item, collection_of
 from grasp3d.viewer.screenshots import open_renderer, save_picture
-from grasp3d.viewer.session.collection import Collection, Item, collection_of
 from tests.helpers.solids import box_mesh, sphere_mesh
 
 # In continuous integration missing OpenGL is a failure.

@@ -23,14 +23,12 @@ from grasp3d.pictures.colors import UNSEARCHED, ramp_of
 from grasp3d.pictures.subject import Subject, subject_of
 from grasp3d.pictures.view_settings import ViewSettings
 from grasp3d.surface import Reason
-from grasp3d.surface.vertex_grasps import SearchReport
+from grasp3d.surface.vertex_fields import SearchReport
 from grasp3d.system.context import report_progress
-from grasp3d.viewer.session import session as sessions
-from grasp3d.viewer.session.background import Job, Worker
-from grasp3d.viewer.session.collection import Collection, Item, collection_of, open_collection
-from grasp3d.viewer.session.panel_text import panel_text
-from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.session.state import Section
+from grasp3d.viewer import session as sessions
+from grasp3d.viewer.collection import Collection, Item, Section, collection_of, open_collection
+from grasp3d.viewer.panel_text import panel_text
+from grasp3d.viewer.session import Job, Session, Worker
 from tests.helpers import viewing
 from tests.helpers.viewing import has_begun, read_subject, ready_session, wait_until_idle
 
@@ -258,7 +256,7 @@ def test_old_grasps_are_not_shown_while_new_ones_are_searched(
 def test_the_surface_stays_stale_if_the_search_fails(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("grasp3d.settings.costs.PER_VERTEX", (0.0, 1.0))
+    monkeypatch.setattr("grasp3d.settings.sampling.PER_VERTEX", (0.0, 1.0))
     session = ready_session(viewing.box())
     session.change(fingers=3)
     wait_until_idle(session)

@@ -86,7 +86,7 @@ def test_addresses_behind_a_proxy(labels: SurfaceLabels, monkeypatch: pytest.Mon
         return "http://127.0.0.1:1234/b/"
 
     page = SimpleNamespace(serve_in_background=serve)
-    monkeypatch.setitem(sys.modules, "grasp3d.viewer.web.page", page)
+    monkeypatch.setitem(sys.modules, "grasp3d.viewer.page", page)
     monkeypatch.setattr(show, "in_notebook", lambda: True)
     monkeypatch.delenv(show.HUB, raising=False)
 

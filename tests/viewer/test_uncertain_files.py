@@ -14,7 +14,7 @@ from grasp3d import (
     load_mesh,
     write_ply,
 )
-from grasp3d.formats.surfaces.files import read_labels
+from grasp3d.formats.surface_files import read_labels
 from grasp3d.pictures.colors import labels_at
 from grasp3d.pictures.subject import subject_of
 from tests.helpers import shapes

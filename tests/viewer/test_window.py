@@ -12,8 +12,8 @@ from grasp3d import GraspModel, Label, Sampling, SurfaceLabels, label_surface, l
 from grasp3d.errors import OutputError
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
-from grasp3d.viewer.session.collection import collection_of
-from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.collection import collection_of
+from grasp3d.viewer.session import Session
 from grasp3d.viewer.window import display_problem, show_window
 from tests.helpers.shapes import LIBRARY
 from tests.helpers.windows import Image8, Window, needs_screen
@@ -29,10 +29,10 @@ CONE = 60.0 * DEGREE
 SCRIPT = """
 import json, sys
 from grasp3d import GraspModel, Sampling, label_surface, load_mesh
-from grasp3d.viewer.session.collection import collection_of
-from grasp3d.viewer.session.panel_text import panel_text
+from grasp3d.viewer.collection import collection_of
+from grasp3d.viewer.panel_text import panel_text
 from grasp3d.viewer.window import show_window
-from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.session import Session
 from grasp3d.pictures.view_settings import ViewSettings
 sampling = Sampling(rays=8, search_angle={cone})
 labels = label_surface(load_mesh({mesh!r}), GraspModel(), sampling=sampling)

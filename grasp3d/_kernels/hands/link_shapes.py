@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.array_types import Floats1, Floats2, Floats3, Ints1
-from grasp3d._kernels.compiling import merged, part
+from grasp3d._kernels.compiling import Floats1, Floats2, Floats3, Ints1, merged, part
 from grasp3d._kernels.surface.vectors import (
     combined,
     copy,

@@ -5,8 +5,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.array_types import Float32s2, Float32s3, Floats1, Floats2, Int32s3, Ints2
-from grasp3d._kernels.compiling import kernel, merged, part
+from grasp3d._kernels.compiling import (
+    Float32s2,
+    Float32s3,
+    Floats1,
+    Floats2,
+    Int32s3,
+    Ints2,
+    kernel,
+    merged,
+    part,
+)
 from grasp3d._kernels.surface.box_tree import (
     HEIGHT,
     NORMAL,

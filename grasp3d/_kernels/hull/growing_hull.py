@@ -22,8 +22,6 @@ import math
 import numpy as np
 
 from grasp3d._kernels.compiling import merged, part_for_constants
-from grasp3d._kernels.forces.force_slice import farthest_point
-from grasp3d._kernels.forces.tasks import task_reach
 from grasp3d._kernels.hull.polytope import (
     TOLERANCE,
     distance_of,
@@ -35,6 +33,8 @@ from grasp3d._kernels.hull.polytope import (
     set_plane,
     square_in,
 )
+from grasp3d._kernels.hull.support_functions import task_reach
+from grasp3d._kernels.hull.wrench_resistance import farthest_point
 from grasp3d._kernels.surface.vectors import add6, clear6, copy6, dot6, remove_components, scale6
 
 AROUND_ORIGIN, AT_ORIGIN = 0, 1

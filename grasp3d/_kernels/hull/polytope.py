@@ -22,9 +22,17 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic, overload
 
-from grasp3d._kernels.array_types import Floats1, Floats2, Ints1, UInt32s1, UInt32s2, UInt64s1
-from grasp3d._kernels.compiling import merged, part
-from grasp3d._kernels.forces.tasks import task_reach
+from grasp3d._kernels.compiling import (
+    Floats1,
+    Floats2,
+    Ints1,
+    UInt32s1,
+    UInt32s2,
+    UInt64s1,
+    merged,
+    part,
+)
+from grasp3d._kernels.hull.support_functions import task_reach
 
 TOLERANCE = 1e-12
 """Height above a facet below which a point counts as on it, relative to the largest wrench."""

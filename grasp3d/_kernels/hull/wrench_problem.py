@@ -14,9 +14,17 @@ import numpy as np
 from numba.core import types
 from numba.extending import overload
 
-from grasp3d._kernels.array_types import Bools1, Bytes1, Floats1, Floats2, Floats3, Ints1
-from grasp3d._kernels.compiling import merged, part, scratch_kernel
-from grasp3d._kernels.hull.equilibrium import equilibrium
+from grasp3d._kernels.compiling import (
+    Bools1,
+    Bytes1,
+    Floats1,
+    Floats2,
+    Floats3,
+    Ints1,
+    merged,
+    part,
+    scratch_kernel,
+)
 from grasp3d._kernels.hull.growing_hull import (
     AROUND_ORIGIN,
     CONVERGED,
@@ -26,6 +34,7 @@ from grasp3d._kernels.hull.growing_hull import (
 )
 from grasp3d._kernels.hull.polytope import TOLERANCE
 from grasp3d._kernels.hull.support_functions import PER_FINGER, ROWS, WrenchSpace
+from grasp3d._kernels.hull.wrench_resistance import equilibrium
 from grasp3d._kernels.hull.wrenches import span
 from grasp3d._kernels.surface.vectors import copy6, dot6
 

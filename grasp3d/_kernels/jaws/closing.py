@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.array_types import Floats2, Floats3, Floats4, Ints2
-from grasp3d._kernels.compiling import kernel, part
+from grasp3d._kernels.compiling import Floats2, Floats3, Floats4, Ints2, kernel, part
 from grasp3d._kernels.jaws.jaws import (
     ANYWHERE,
     gather,

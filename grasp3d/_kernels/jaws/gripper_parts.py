@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.array_types import Bytes1, Floats1, Floats2, Ints1, UInt64s1
-from grasp3d._kernels.compiling import merged, part
+from grasp3d._kernels.compiling import Bytes1, Floats1, Floats2, Ints1, UInt64s1, merged, part
 from grasp3d._kernels.surface.face_tree import STACK
 from grasp3d._kernels.surface.vectors import dot
 

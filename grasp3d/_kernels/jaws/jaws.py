@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.array_types import Floats1, Floats2, Floats3
-from grasp3d._kernels.compiling import kernel, merged, part
+from grasp3d._kernels.compiling import Floats1, Floats2, Floats3, kernel, merged, part
 from grasp3d._kernels.surface.face_tree import GO_ON, NO_NODE, below, faces_of_leaf, walk
 from grasp3d._kernels.surface.polygons import CORNERS
 from grasp3d._kernels.surface.vectors import copy, copy_rows

@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.array_types import Floats1, Floats2
-from grasp3d._kernels.compiling import merged, part, scratch_kernel
+from grasp3d._kernels.compiling import Floats1, Floats2, merged, part, scratch_kernel
 from grasp3d._kernels.surface.vectors import copy, cross, difference, divided, dot, norm, scaled
 
 COLLINEAR = 1e-6

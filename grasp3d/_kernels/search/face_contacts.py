@@ -6,12 +6,16 @@ Angles are compared by their cosines, which saves most of the time: the larger c
 import math
 from typing import NamedTuple
 
-from grasp3d._kernels.array_types import FixedFloats2
-from grasp3d._kernels.compiling import merged, part, scratch_kernel
+from grasp3d._kernels.compiling import FixedFloats2, merged, part, scratch_kernel
 from grasp3d._kernels.search.antipodal_candidates import PairLimits
 from grasp3d._kernels.surface.face_tree import FaceTree
-from grasp3d._kernels.surface.surface_contacts import ContactNormals, Surface
-from grasp3d._kernels.surface.turns import line_turn, turn_at_vertex, turn_on_face
+from grasp3d._kernels.surface.surface_contacts import (
+    ContactNormals,
+    Surface,
+    line_turn,
+    turn_at_vertex,
+    turn_on_face,
+)
 from grasp3d._kernels.surface.vectors import (
     combined,
     copy,

@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.array_types import Floats2, Ints1
-from grasp3d._kernels.compiling import kernel, merged, part
+from grasp3d._kernels.compiling import Floats2, Ints1, kernel, merged, part
 from grasp3d._kernels.surface.face_tree import (
     GO_ON,
     NO_NODE,

@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.array_types import Floats2, Ints1
-from grasp3d._kernels.compiling import kernel, merged, part
-from grasp3d._kernels.surface.turns import least_turn
+from grasp3d._kernels.compiling import Floats2, Ints1, kernel, merged, part
+from grasp3d._kernels.surface.surface_contacts import least_turn
 
 LEAF = 1
 """Most faces of a leaf; more faces per leaf take less memory and more time."""

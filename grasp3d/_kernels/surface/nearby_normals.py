@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.array_types import FixedInts1
-from grasp3d._kernels.compiling import kernel, merged, part
+from grasp3d._kernels.compiling import FixedInts1, kernel, merged, part
 from grasp3d._kernels.surface.box_tree import distance_to_edge
 from grasp3d._kernels.surface.polygons import REGION_CORNERS, cut
 from grasp3d._kernels.surface.surface_contacts import ANY_NORMAL, smallest_angle

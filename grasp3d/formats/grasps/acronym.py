@@ -23,9 +23,9 @@ from grasp3d.formats.checks import library, outcomes_of
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES
+from grasp3d.system.documents import package_version
 from grasp3d.system.files import atomic_write
 from grasp3d.system.names import reason_of
-from grasp3d.system.versions import package_version
 
 BASE_TO_TCP = 0.105
 """From the hand's base to the TCP in the data set, which has one gripper [m]."""

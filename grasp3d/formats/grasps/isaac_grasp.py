@@ -30,7 +30,7 @@ from grasp3d.errors import ContactError, OutputError
 from grasp3d.formats import checks, frames
 from grasp3d.formats.format import Format, Given, register
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.hand.articulated.articulated_hand import ArticulatedHand
+from grasp3d.hand.articulated_hand import ArticulatedHand
 from grasp3d.system.documents import described, number_of
 
 NAME, VERSION = "isaac_grasp", 1.0

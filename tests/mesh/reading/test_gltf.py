@@ -9,8 +9,8 @@ import pytest
 
 from grasp3d import load_mesh
 from grasp3d.errors import MeshError
-from grasp3d.mesh.reading.mesh_files import read_mesh
-from grasp3d.mesh.reading.sources import RawMesh
+from grasp3d.mesh.mesh_files import read_mesh
+from grasp3d.mesh.sources import RawMesh
 from tests.helpers import mesh_files, shapes
 from tests.helpers.mesh_files import (
     DATA,

@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grasp3d.mesh.measures import Triangles
-from grasp3d.mesh.reading.mesh_files import read_mesh
-from grasp3d.mesh.reading.polygon_files import as_triangles
-from grasp3d.mesh.reading.sources import Source
+from grasp3d.mesh.mesh_files import as_triangles, read_mesh
+from grasp3d.mesh.sources import Source
 from tests.helpers import shapes
 
 SOURCE = Source(Path("a.obj"), "obj", "a.obj")

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from grasp3d.errors import MeshError
-from grasp3d.mesh.reading.mesh_files import read_mesh
+from grasp3d.mesh.mesh_files import read_mesh
 from tests.helpers import mesh_files, shapes
 from tests.helpers.mesh_files import FACES, SIX, VERTICES, written
 

@@ -11,9 +11,9 @@ import pytest
 import grasp3d
 from grasp3d.cli import main
 from grasp3d.errors import FileUnreadError, MeshError
-from grasp3d.mesh.reading import mesh_files
-from grasp3d.mesh.reading.mesh_files import read_mesh
-from grasp3d.mesh.reading.sources import Source
+from grasp3d.mesh import mesh_files
+from grasp3d.mesh.mesh_files import read_mesh
+from grasp3d.mesh.sources import Source
 from grasp3d.system import limited_reading
 from grasp3d.viewer.show import show
 from tests.helpers import mesh_files as examples
@@ -90,7 +90,7 @@ READ_ALL = """
 import sys
 from pathlib import Path
 from grasp3d import GraspError
-from grasp3d.mesh.reading.mesh_files import read_mesh
+from grasp3d.mesh.mesh_files import read_mesh
 for name in sys.argv[1:]:
     try:
         print(len(read_mesh(Path(name)).faces))

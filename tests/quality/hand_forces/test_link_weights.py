@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from grasp3d.contact.contacts import Contacts
-from grasp3d.quality.hand_forces.actuation import Actuation
-from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
-from grasp3d.quality.hand_forces.payloads import hand_payload, links_weigh
+from grasp3d.quality.actuation import Actuation
+from grasp3d.quality.hand_forces import HandGrasp, hand_payload, links_weigh
 from grasp3d.quality.tasks import STANDARD_GRAVITY, Task, Weight, Wrenches
 
 MOST, FRICTION = 20.0, 0.3

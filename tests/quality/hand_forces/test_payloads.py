@@ -12,13 +12,11 @@ from hypothesis import strategies as st
 
 import grasp3d
 from grasp3d.arrays import Floats
-from grasp3d.contact.contacts import Contacts
-from grasp3d.contact.friction_cones import turned
+from grasp3d.contact.contacts import Contacts, turned
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality import Acceleration, Weight, Wrenches, grip_force, payload
-from grasp3d.quality.hand_forces.actuation import Actuation
-from grasp3d.quality.hand_forces.hand_grasp import HandGrasp
-from grasp3d.quality.hand_forces.payloads import hand_payload
+from grasp3d.quality.actuation import Actuation
+from grasp3d.quality.hand_forces import HandGrasp, hand_payload
 from tests.helpers.random_hands import by_polygons, driven, random_hand, with_normals
 
 STANDARD_GRAVITY = 9.80665

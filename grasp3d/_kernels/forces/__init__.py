@@ -1,1 +1,0 @@
-"""Contact forces that resist wrenches and tasks."""

@@ -1,1 +1,0 @@
-"""The report: web pages of a library of labelled meshes, readable without a network."""

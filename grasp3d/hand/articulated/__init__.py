@@ -1,1 +1,0 @@
-"""Hands with joints: their links, motions and contacts."""

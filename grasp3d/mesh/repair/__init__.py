@@ -1,1 +1,0 @@
-"""Mesh repair: welding, removal of degenerate faces, winding, hole filling, union of bodies."""

@@ -1,1 +1,0 @@
-"""Search for the best grasps through the vertices of a surface."""

@@ -1,1 +1,0 @@
-"""A viewer session, independent of the display."""
