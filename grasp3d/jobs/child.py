@@ -23,7 +23,6 @@ import psutil
 
 import grasp3d
 from grasp3d.errors import GraspError
-from grasp3d.jobs.child_main import RAISED
 from grasp3d.jobs.cluster_settings import ClusterSettings
 from grasp3d.system.names import describe_unexpected
 
@@ -120,16 +119,15 @@ def call(
         The pickled return value of the function.
 
     Raises:
-        LostError: The process crashed, was killed or exceeded a limit.
-        Exception: The exception that the function raised, with its traceback as a note.
+        LostError: The process crashed, was killed or exceeded a limit, or the function raised.
     """
     worker = _taken()
-    code, data = worker.answer(work, _Watch(worker, memory, seconds, cancelled))
+    answer = worker.answer(work, _Watch(worker, memory, seconds, cancelled))
     with _lock:
         _idle.append(worker)
-    if code == RAISED:
-        raise pickle.loads(data)  # noqa: S301, from a process of ours
-    return data
+    if isinstance(answer, str):
+        raise LostError(answer)
+    return answer
 
 
 def end_idle() -> None:
@@ -171,8 +169,8 @@ class _Worker:
             env={**os.environ, **_ONE_THREAD},
         )
 
-    def answer(self, work: bytes, watch: "_Watch") -> tuple[int, bytes]:
-        """Send a call and read the answer; after any error the process is ended.
+    def answer(self, work: bytes, watch: "_Watch") -> bytes | str:
+        """Send a call and read what `child_main` answers; after any error the process is ended.
 
         Raises:
             LostError: The process exceeded a limit, or ended by itself.
@@ -184,7 +182,7 @@ class _Worker:
             with watch:
                 pickle.dump(work, requests)
                 requests.flush()
-                code, data = pickle.load(answers)  # noqa: S301, of ours
+                answer: bytes | str = pickle.load(answers)  # noqa: S301, of ours
         except (OSError, EOFError, pickle.UnpicklingError) as error:
             ended = self.close()
             raise LostError(watch.reason or _reason(ended)) from error
@@ -194,7 +192,7 @@ class _Worker:
         if watch.reason:  # a limit may be exceeded while the answer comes
             self.close()
             raise LostError(watch.reason)
-        return code, data
+        return answer
 
     def kill(self) -> None:
         """End the process, and those that it started."""

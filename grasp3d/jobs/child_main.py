@@ -1,6 +1,6 @@
 """Main loop of a process that makes calls for its parent.
 
-A request is a pickled function; an answer is a code, and the pickled result or exception.
+A request is a pickled function; an answer is its pickled result, or a text: why there is none.
 """
 
 import contextlib
@@ -16,10 +16,7 @@ from typing import Any, BinaryIO
 
 import cloudpickle
 
-from grasp3d.system.limited_reading import pickled_error
-
-VALUE, RAISED = range(2)
-"""Codes of an answer, before the pickled result or exception."""
+from grasp3d.system.names import describe_unexpected
 
 
 def main() -> None:
@@ -50,11 +47,9 @@ def _receive(requests: BinaryIO, inbox: "queue.SimpleQueue[Any]") -> None:
     os._exit(0)
 
 
-def _answer(work: bytes) -> tuple[int, bytes]:
-    """The code of the answer, and what follows it."""
+def _answer(work: bytes) -> bytes | str:
     try:
-        return VALUE, cloudpickle.dumps(pickle.loads(work)())  # noqa: S301, from the parent
-    except Exception as error:  # noqa: BLE001, the parent raises it
-        return RAISED, pickled_error(error, cloudpickle.dumps)
+        answer: bytes = cloudpickle.dumps(pickle.loads(work)())  # noqa: S301, from the parent
     except BaseException as error:  # noqa: BLE001, sys.exit must not end the process
-        return RAISED, pickled_error(RuntimeError(f"{type(error).__name__}: {error}"))
+        return describe_unexpected(error)
+    return answer

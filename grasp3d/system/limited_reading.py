@@ -150,19 +150,19 @@ def _serve(
     except MemoryError:
         answer = b""
     except Exception as error:  # noqa: BLE001, the parent raises it
-        answer = pickle.dumps((True, pickled_error(error)))
+        answer = pickle.dumps((True, _pickled(error)))
     sender.send_bytes(answer)
     os._exit(0)  # nothing of the parent's is to be ended
 
 
-def pickled_error(error: Exception, dumps: Callable[[object], bytes] = pickle.dumps) -> bytes:
+def _pickled(error: Exception) -> bytes:
     """Pickle an exception, also one that cannot be; its traceback is a note unless a user erred."""
     trace = "".join(traceback.format_exception(error))
-    error.__cause__ = error.__context__ = None  # Dask's processes pickle them, which may fail
+    error.__cause__ = error.__context__ = None  # which may not pickle
     try:
         if not isinstance(error, GraspError):
             error.add_note(trace)
-        data = dumps(error)
+        data = pickle.dumps(error)
         pickle.loads(data)  # noqa: S301, some exceptions pickle but do not unpickle
     except Exception:  # noqa: BLE001, as above
         plain = RuntimeError(f"{type(error).__name__}: {error}")

@@ -110,7 +110,7 @@ def _safe(character: str) -> str:
     return character if is_shown and character not in _FORBIDDEN else "_"
 
 
-def describe_unexpected(error: Exception) -> str:
+def describe_unexpected(error: BaseException) -> str:
     """Return a one-line message for an exception that should not occur."""
     description = " ".join(f"{type(error).__name__}: {error}".split())
     return f"unexpected {description}; please report this mesh"

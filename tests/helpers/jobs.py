@@ -52,7 +52,7 @@ FAULTS: dict[str, tuple[Callable[[], Any], str]] = {
         "unexpected ValueError: an error of two lines; please report this mesh",
     ),
     "exits": (
-        lambda: sys.exit(2), "unexpected RuntimeError: SystemExit: 2; please report this mesh",
+        lambda: sys.exit(2), "unexpected SystemExit: 2; please report this mesh",
     ),
     "does not pickle": (
         threading.Lock,
