@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from field_tables import FRAME_SOURCES
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -16,7 +17,6 @@ from grasp3d.formats.format import formats
 from grasp3d.formats.poses import GraspPoses
 from grasp3d.hand.frames import FRAMES, GripperFrame
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from field_tables import FRAME_SOURCES
 from tests.hand.test_articulated_hand import hand_of
 
 FRANKA = ParallelGripper.preset("franka")
