@@ -274,7 +274,10 @@ class Chunk:
         with _undamaged(self.path), self.path.open("rb") as file:
             parquet = pq.ParquetFile(file, page_checksum_verification=True)
             there = parquet.schema_arrow.names
-            return parquet.read(None if columns is None else [c for c in columns if c in there])
+            wanted = None if columns is None else [one for one in columns if one in there]
+            # Arrow's threads would release parts of a Python file when the interpreter has ended,
+            # which aborts the process.
+            return parquet.read(wanted, use_threads=False)
 
     @cached_property
     def members(self) -> dict[str, tuple[int, int]]:
