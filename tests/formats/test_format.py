@@ -1,6 +1,5 @@
 """What every registered format has, and that a further one needs nothing but its own module."""
 
-import json
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -9,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from format_pages import rendered
+from field_tables import format_table, pages
 from scipy.spatial.transform import Rotation
 
 import grasp3d
 from grasp3d.cli import main
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.formats import Format, GraspPoses, holds_poses, read_poses, write_grasps
+from grasp3d.formats import Format, GraspPoses, files, holds_poses, read_poses, write_grasps
 from grasp3d.formats import format as registry
 from grasp3d.formats.format import formats
 from tests.hand.test_articulated_hand import hand_of
@@ -27,14 +26,12 @@ NAMES = [*formats(), gpd_format.FORMAT.name]
 
 @pytest.fixture(autouse=True)
 def added() -> Iterator[None]:
-    """Also the format of the tests is known."""
     gpd_format.add()
     yield
     del registry._REGISTERED[gpd_format.FORMAT.name]  # noqa: SLF001, nobody else forgets one
 
 
 def poses_for(form: Format, count: int = 4) -> GraspPoses:
-    """Poses of a hand that a format has."""
     of_joints: dict[str, Any] = {"hand": FRANKA, "opening": np.full(count, 0.05)}
     if form.hands == ("articulated",):
         hand: Any = hand_of("allegro")
@@ -53,22 +50,13 @@ def test_poses_return_from_every_format(tmp_path: Path, name: str) -> None:
     poses, path = poses_for(form), tmp_path / f"a{form.suffixes[0]}"
     write_grasps(path, poses, format=name)
     assert holds_poses(path)
+    same, content = files._fitting(path)  # noqa: SLF001, in one format only
+    assert [one.name for one in same if one.sniff(content)] == [name]
     back = read_poses(path, hand=poses.hand if form.hands else None, unit=None)
     np.testing.assert_allclose(back.poses, poses.poses, atol=1e-12)
     assert str(back.gripper_frame) == form.frame
     if form.hands == ("articulated",):
         np.testing.assert_allclose(back.posture, poses.posture, atol=1e-12)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_content_is_in_one_format_only(tmp_path: Path, name: str) -> None:
-    from grasp3d.formats.files import _fitting
-
-    form = formats()[name]
-    path = tmp_path / f"a{form.suffixes[0]}"
-    write_grasps(path, poses_for(form), format=name)
-    same, content = _fitting(path)
-    assert [one.name for one in same if one.sniff(content)] == [name]
 
 
 def test_one_format_of_each_suffix_is_the_main_one() -> None:
@@ -89,12 +77,14 @@ def test_a_new_format_is_known_everywhere(
     assert (back.unit, str(back.gripper_frame)) == ("m", "gpd")
     with pytest.raises(ContactError, match=r"Text of GPD files have the pose of the hand's base"):
         read_poses(path)
+    with pytest.raises(SettingError, match=r"called 'xml'; known: acronym, .*gpd_text.*, parquet"):
+        grasp3d.write_grasps(path, poses, format="xml")
     path.write_text("other")
     with pytest.raises(ContactError, match=r"expected lines of 7 numbers .* \(Text of GPD\)"):
         read_poses(path, hand=FRANKA)
-    page = rendered("<!-- formats -->\n<!-- sections of formats -->")
-    assert "| [Text of GPD](#text-of-gpd) | `.gpd` | `gpd_text` | `gpd` | metres |" in page
-    assert "## Text of GPD\n" in page
+    assert "| `.gpd` | `gpd_text` | `gpd` | metres |" in format_table()
+    page = pages()["gpd_text.md"]
+    assert page.startswith("# Text of GPD\n")
     assert "| of a grasp | x y z [m]" in page
     monkeypatch.setenv("COLUMNS", "200")
     for command in ("label", "evaluate"):
@@ -103,17 +93,13 @@ def test_a_new_format_is_known_everywhere(
         assert "gpd_text" in capsys.readouterr().out, command
 
 
-def test_names_that_there_are_not_are_refused_with_those_that_there_are(tmp_path: Path) -> None:
-    with pytest.raises(SettingError, match=r"called 'xml'; known: acronym, .*gpd_text.*, parquet"):
-        write_grasps(tmp_path / "a.json", poses_for(formats()["json"]), format="xml")
-
-
 # Files by hand
 
 
 def test_matrices_are_read_in_the_frame_that_is_given(tmp_path: Path) -> None:
-    poses = poses_for(formats()["matrices"]).poses
-    np.save(tmp_path / "many.npy", in_millimetres(poses))
+    many = poses_for(formats()["matrices"])
+    poses = many.poses
+    np.save(tmp_path / "many.npy", many.in_unit("mm").poses)
     found = read_poses(tmp_path / "many.npy", unit="mm")
     assert (str(found.gripper_frame), found.assumes_frame, found.unit) == ("tcp", True, "mm")
     np.testing.assert_allclose(found.in_unit("m").poses, poses, atol=1e-12)
@@ -124,12 +110,6 @@ def test_matrices_are_read_in_the_frame_that_is_given(tmp_path: Path) -> None:
         found.poses[0, :3, 3], poses[0, :3, 3] + 0.1034 * poses[0, :3, 2], atol=1e-12
     )
     assert not found.assumes_frame
-
-
-def in_millimetres(poses: np.ndarray) -> np.ndarray:
-    poses = poses.copy()
-    poses[:, :3, 3] *= 1000.0
-    return poses
 
 
 @pytest.mark.parametrize("suffix", [".json", ".csv", ".parquet"])
@@ -155,17 +135,3 @@ def test_positions_have_two_names(tmp_path: Path, names: str) -> None:
     (tmp_path / "b.csv").write_text("x,y,qx,qy,qz,qw\n1,2,0,0,0,1\n")
     with pytest.raises(ContactError, match=r"column z is missing of px py pz \(or x y z\) qx"):
         read_poses(tmp_path / "b.csv")
-
-
-def test_the_frame_that_was_taken_is_printed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    above = np.diag([1.0, -1.0, -1.0, 1.0])[None]
-    np.save(tmp_path / "a.npy", above)
-    (tmp_path / "a.json").write_text(json.dumps({"grasps": [{"pose": above[0].tolist()}]}))
-    mesh = str(Path(__file__).parents[2] / "meshes" / "box.obj")
-    for name in ("a.npy", "a.json"):
-        out = str(tmp_path / f"{name}.csv")
-        main(["evaluate", mesh, str(tmp_path / name), "--unit", "m", "--hand", "franka", "-o", out])
-        said = capsys.readouterr().out
-        assert "poses read in the gripper's frame 'tcp', as the file states none (--frame)" in said

@@ -30,7 +30,6 @@ def equal(one: Any, other: Any, tolerance: float = 1e-9) -> None:
 
 
 def same_grasps(one: GraspPoses, other: GraspPoses, tolerance: float = 1e-9) -> None:
-    """Poses and postures of all stages are the same."""
     assert one.joint_names == other.joint_names
     for name in ("poses", "posture", "pregrasp_posture", "squeeze_posture"):
         equal(getattr(one, name), getattr(other, name), tolerance)
@@ -39,14 +38,6 @@ def same_grasps(one: GraspPoses, other: GraspPoses, tolerance: float = 1e-9) -> 
         assert (first is None) == (second is None)
         if first is not None:
             equal(first, second, tolerance)
-
-
-@pytest.mark.parametrize("suffix", [".json", ".csv", ".parquet"])
-def test_own_files_have_the_postures_of_all_stages(tmp_path: Path, suffix: str) -> None:
-    write_grasps(tmp_path / f"a{suffix}", with_joints())
-    same_grasps(read_poses(tmp_path / f"a{suffix}"), with_joints())
-    with pytest.raises(OutputError, match="joints of the postures have no names: give the hand"):
-        write_grasps(tmp_path / f"b{suffix}", replace(with_joints(), joint_names=()))
 
 
 def test_own_files_have_joints_by_name(tmp_path: Path) -> None:
@@ -59,16 +50,14 @@ def test_own_files_have_joints_by_name(tmp_path: Path) -> None:
     assert {"joint:index", "pregrasp_joint:thumb", "squeeze_joint:thumb"} <= {*columns}
     assert {"pregrasp_px", "pregrasp_qw"} <= {*columns}
     assert "squeeze_px" not in columns
-
-
-def test_the_order_of_joints_in_a_file_does_not_matter(tmp_path: Path) -> None:
-    poses = with_joints()
-    write_grasps(tmp_path / "a.json", poses)
-    content = json.loads((tmp_path / "a.json").read_text())
-    for entry in content["grasps"]:
+    rows = ["px,py,pz,qx,qy,qz,qw,unit,joint:a,joint:b,squeeze_joint:a", "0,0,0,0,0,0,1,m,1,2,3"]
+    (tmp_path / "a.csv").write_text("\n".join(rows))
+    with pytest.raises(ContactError, match="column squeeze_joint:b is missing"):
+        read_poses(tmp_path / "a.csv")
+    for entry in content["grasps"]:  # whatever their order is
         entry["squeeze_posture"] = dict(reversed([*entry["squeeze_posture"].items()]))
     (tmp_path / "a.json").write_text(json.dumps(content))
-    same_grasps(read_poses(tmp_path / "a.json"), poses)
+    same_grasps(read_poses(tmp_path / "a.json"), with_joints())
 
 
 @pytest.mark.parametrize(
@@ -80,7 +69,6 @@ def test_the_order_of_joints_in_a_file_does_not_matter(tmp_path: Path) -> None:
         ),
         ({"posture": {"index": 1.0, "thumb": "x"}}, "2: posture thumb must be a number; got 'x'"),
         ({"posture": {"index": 1.0, "thumb": None}}, "grasp 2: value 2 of its posture must be fin"),
-        ({"posture": [1.0, 2.0]}, "grasp 2: posture must be an object of keys and values"),
         ({"squeeze_posture": None}, "grasp 2: squeeze_posture must be an object of keys"),
     ],
 )
@@ -93,13 +81,6 @@ def test_postures_that_are_none_are_refused_with_their_grasp(
     (tmp_path / "a.json").write_text(json.dumps(content))
     with pytest.raises(ContactError, match=message):
         read_poses(tmp_path / "a.json")
-
-
-def test_a_table_without_a_joint_of_one_stage_is_refused(tmp_path: Path) -> None:
-    rows = ["px,py,pz,qx,qy,qz,qw,unit,joint:a,joint:b,squeeze_joint:a", "0,0,0,0,0,0,1,m,1,2,3"]
-    (tmp_path / "a.csv").write_text("\n".join(rows))
-    with pytest.raises(ContactError, match="column squeeze_joint:b is missing"):
-        read_poses(tmp_path / "a.csv")
 
 
 # Hands with joints: the same grasps through every format.
@@ -115,7 +96,6 @@ IN_MODEL = ("FFJ3", "FFJ2", "THJ4", "THJ0", "LFJ4")
 
 
 def grasps_of(name: str | ArticulatedHand, count: int = 4) -> GraspPoses:
-    """Grasps of a hand, in metres."""
     hand = hand_of(name) if isinstance(name, str) else name
     posture = random_postures(hand, count)
     moved = random_poses(count)
@@ -157,6 +137,8 @@ def test_every_format_has_the_same_grasps(tmp_path: Path, name: str, form: str) 
     equal(back.posture, poses.posture)
     equal(back.poses, poses.poses)
     assert back.joint_names == (() if form == "dexgraspbench" else poses.joint_names)
+    if form == "dexgraspbench":
+        assert back.settings["joint_order"] == f"not stated: that of {name} is assumed"
     if form not in {"dexgraspnet", "isaac_grasp"}:
         equal(back.squeeze_posture, poses.squeeze_posture)
         equal(back.pregrasp_poses, poses.pregrasp_poses)
@@ -164,13 +146,6 @@ def test_every_format_has_the_same_grasps(tmp_path: Path, name: str, form: str) 
         equal(back.pregrasp_posture, poses.pregrasp_posture)
     if form != "csv":
         assert back.object_scale == 0.08
-
-
-def test_joints_without_names_are_said_to_be_in_the_assumed_order(tmp_path: Path) -> None:
-    poses = grasps_of("leap")
-    write_grasps(tmp_path / "a.npy", poses, format="dexgraspbench")
-    back = read_poses(tmp_path / "a.npy", hand=poses.hand)
-    assert back.settings["joint_order"] == "not stated: that of leap is assumed"
 
 
 def test_joints_of_dexgraspnet_are_those_of_the_shadow_hand_with_their_signs() -> None:
@@ -183,15 +158,9 @@ def test_joints_of_dexgraspnet_are_those_of_the_shadow_hand_with_their_signs() -
     )
     of_model = replace(given, joint_names=(), hand=model)
     names = [n for n, joint in enumerate(model.joint_names) if "WRJ" not in joint]
-    found = matched(
-        replace(
-            given,
-            posture=postures[:, names],
-            joint_names=tuple(model.joint_names[n] for n in names),
-        ),
-        hand,
-        wrist=wrist_of(hand).joints,
-    )
+    fingers = tuple(model.joint_names[n] for n in names)
+    bare = replace(given, posture=postures[:, names], joint_names=fingers)
+    found = matched(bare, hand, wrist=wrist_of(hand).joints)
     tips = {}
     for one in (of_model, found):
         assert isinstance(one.hand, ArticulatedHand)
@@ -217,40 +186,20 @@ def test_a_posture_of_one_numbering_is_never_taken_for_the_other(given: tuple[st
     assert ("FFJ4," in str(error.value)) == (given == SHADOW_JOINTS)
 
 
-def test_names_may_begin_with_that_of_the_robot() -> None:
-    poses = grasps_of("shadow")
-    joints = tuple(f"rh_{name}" for name in poses.joint_names)
-    order = np.random.default_rng(2).permutation(len(joints))
-    shuffled = replace(
-        poses,
-        joint_names=tuple(joints[k] for k in order),
-        posture=poses.posture[:, order],
-        pregrasp_posture=poses.pregrasp_posture[:, order],
-        squeeze_posture=poses.squeeze_posture[:, order],
-    )
-    same_grasps(matched(shuffled, hand_of("shadow")), poses)
-
-
 @pytest.mark.parametrize(
-    ("joints", "message"),
+    ("last", "message"),
     [
-        ({"joint_3.0": None}, r"joint_3.0 of allegro is missing"),
-        ({"joint_3.0": "joint_3"}, r"joint_3 is no joint .*joint_3.0 of allegro is missing \(miss"),
-        ({"joint_3.0": None, "joint_7.0": None}, "joint_3.0, joint_7.0 of allegro are missing"),
-        ({"extra": "extra"}, "extra is no joint of allegro"),
+        (("joint_3", "joint_7.0"), r"joint_3 is no joint .*joint_3.0 of allegro is missing \(miss"),
+        ((), "joint_3.0, joint_7.0 of allegro are missing"),
     ],
 )
-def test_missing_surplus_and_misspelt_joints_are_named(
-    joints: dict[str, str | None], message: str
-) -> None:
-    poses = grasps_of("allegro")
-    known = {name: name for name in poses.joint_names} | joints
-    kept = tuple(name for name in known.values() if name)
-    other = GraspPoses(
-        poses=np.eye(4), posture=np.zeros((1, len(kept))), joint_names=kept, unit="m"
-    )
+def test_missing_and_misspelt_joints_are_named(last: tuple[str, ...], message: str) -> None:
+    hand = hand_of("allegro")
+    names = (*(one for one in hand.joint_names if one not in {"joint_3.0", "joint_7.0"}), *last)
+    postures = np.zeros((1, len(names)))
+    poses = GraspPoses(poses=np.eye(4), posture=postures, joint_names=names, unit="m")
     with pytest.raises(ContactError, match=message) as error:
-        matched(other, hand_of("allegro"))
+        matched(poses, hand)
     assert "\n" not in str(error.value)
 
 
@@ -271,8 +220,10 @@ def test_joints_that_follow_others_must_not_contradict_them(prefix: str, stage: 
         return np.hstack([posture, factors * posture[:, at] + offsets])
 
     names = (*hand.joint_names, *(joint.name for joint in followers))
-    last = np.arange(len(names)) == len(names) - 1
-    stages = {name: values(one) for name, one in poses.of_stages("posture").items()}
+    order = np.random.default_rng(2).permutation(len(names))
+    last = order == len(names) - 1
+    names = tuple(names[k] for k in order)
+    stages = {name: values(one)[:, order] for name, one in poses.of_stages("posture").items()}
     full = replace(poses, joint_names=tuple(prefix + name for name in names), **stages)
     same_grasps(matched(full, hand), poses)
     stages[stage] = stages[stage] + 0.01 * last
@@ -284,38 +235,6 @@ def test_joints_that_follow_others_must_not_contradict_them(prefix: str, stage: 
     with pytest.raises(ContactError, match=rf"{words} says .*; so in 1 of 4 grasps") as error:
         matched(replace(full, **stages), hand)
     assert "\n" not in str(error.value)
-
-
-def test_columns_that_are_called_as_the_joints_are_said_to_lack_their_prefix(
-    tmp_path: Path,
-) -> None:
-    hand = hand_of("allegro")
-    write_grasps(tmp_path / "a.csv", grasps_of("allegro"))
-    text = (tmp_path / "a.csv").read_text().replace('"joint:', '"')
-    (tmp_path / "a.csv").write_text(text)
-    words = r"rename the column 'joint_0\.0' to 'joint:joint_0\.0', and so on"
-    with pytest.raises(ContactError, match=words):
-        matched(read_poses(tmp_path / "a.csv", hand=hand), hand)
-
-
-@pytest.mark.parametrize("form", ["json", "csv", "parquet"])
-def test_joints_are_not_ignored_where_the_hand_is_a_gripper(tmp_path: Path, form: str) -> None:
-    path, poses = tmp_path / f"a{FORMATS[form]}", grasps_of("allegro")
-    write_grasps(path, poses, format=form)
-    box = load_mesh(shapes.box((9.0, 9.0, 9.0)), unit="m")
-    words = r"values of 16 joints \(joint_0.0, .* but franka is a gripper of two jaws, which"
-    with pytest.raises(ContactError, match=words):
-        read_poses(path, hand=ParallelGripper.preset("franka"))
-    with pytest.raises(ContactError, match=words):
-        evaluate_grasps(box, poses, hand=ParallelGripper.preset("franka"))
-
-
-def test_another_number_of_joints_is_refused_with_both() -> None:
-    poses = GraspPoses(poses=np.eye(4), posture=np.zeros((1, 22)), unit="m")
-    with pytest.raises(ContactError, match="have 22 values without names, but shadow has 24 joint"):
-        matched(poses, hand_of("shadow"))
-    with pytest.raises(ContactError, match="allegro is a hand with joints, but the poses have no"):
-        matched(GraspPoses(poses=np.eye(4), unit="m"), hand_of("allegro"))
 
 
 # Files as their programs lay them out.
@@ -370,29 +289,23 @@ def test_a_folder_with_grasps_of_two_hands_is_refused(
     for row, name in enumerate(names):
         save(tmp_path / "ball" / f"{name}.npy", bench(grasps_of("allegro"), row))
     assert holds_poses(tmp_path / "ball")
-    said = "has grasps of 2 hands, such as allegro and leap: put the files of each into a folder"
-    with pytest.raises(ContactError, match=said):
+    with pytest.raises(ContactError, match="has grasps of 2 hands, such as allegro and leap: put"):
         read_poses(tmp_path / "ball", hand=hand)
 
 
-@pytest.mark.parametrize(
-    ("stated", "words"),
-    [
-        ({"scene_path": "scene/tabletop.npy"}, "of the scene scene/tabletop.npy"),
-        ({"scene_cfg": {"scene": {}}}, "of the scene in its scene_cfg"),
-    ],
-)
-def test_a_pose_of_the_object_that_is_elsewhere_must_be_given(
-    tmp_path: Path, stated: dict[str, object], words: str
-) -> None:
+def test_a_pose_of_the_object_that_is_elsewhere_must_be_given(tmp_path: Path) -> None:
     poses = grasps_of("allegro")
     one = bench(poses, 2)
     del one["obj_pose"]
-    path = save(tmp_path / "a.npy", one | stated)
-    with pytest.raises(ContactError, match=rf"in the frame '{words}'.*give"):
-        read_poses(path, hand=poses.hand)
-    given = read_poses(path, hand=poses.hand, object_pose=random_poses(1, seed=2)[0])
-    equal(given.poses[0], poses.poses[2], 1e-6)
+    for stated, words in (
+        ({"scene_path": "scene/tabletop.npy"}, "of the scene scene/tabletop.npy"),
+        ({"scene_cfg": {"scene": {}}}, "of the scene in its scene_cfg"),
+    ):
+        path = save(tmp_path / "a.npy", one | stated)
+        with pytest.raises(ContactError, match=rf"in the frame '{words}'.*give"):
+            read_poses(path, hand=poses.hand)
+        given = read_poses(path, hand=poses.hand, object_pose=random_poses(1, seed=2)[0])
+        equal(given.poses[0], poses.poses[2], 1e-6)
 
 
 def net(poses: GraspPoses, scales: list[float]) -> list[dict[str, Any]]:
@@ -423,40 +336,52 @@ def test_grasps_at_several_scales_need_the_one_that_is_meant(tmp_path: Path) -> 
     assert back.object_scale == 0.06
     with pytest.raises(ContactError, match=r"no grasps of the object at the scale 0.08; known are"):
         read_poses(path, hand=poses.hand, object_scale=0.08)
-
-
-def test_the_scale_of_the_object_may_be_given_where_a_file_states_none(tmp_path: Path) -> None:
-    poses = grasps_of("allegro")
-    one = bench(poses, 0)
-    del one["obj_scale"]
-    path = save(tmp_path / "a.npy", one)
-    assert read_poses(path, hand=poses.hand).object_scale is None
-    assert read_poses(path, hand=poses.hand, object_scale=0.1).object_scale == 0.1
     write_grasps(tmp_path / "a.json", poses)
     with pytest.raises(ContactError, match=r"states the object's scale 0.08, not 0.1: give"):
         read_poses(tmp_path / "a.json", object_scale=0.1)
+    bare = bench(poses, 0)
+    del bare["obj_scale"]
+    path = save(tmp_path / "b.npy", bare)
+    assert read_poses(path, hand=poses.hand).object_scale is None
+    assert read_poses(path, hand=poses.hand, object_scale=0.1).object_scale == 0.1
 
 
 # What is refused.
 
 
+def test_joints_of_another_hand_are_refused(tmp_path: Path) -> None:
+    poses, franka = grasps_of("allegro"), ParallelGripper.preset("franka")
+    write_grasps(tmp_path / "a.csv", poses)
+    box = load_mesh(shapes.box((9.0, 9.0, 9.0)), unit="m")
+    words = r"values of 16 joints \(joint_0.0, .* but franka is a gripper of two jaws, which"
+    with pytest.raises(ContactError, match=words):
+        read_poses(tmp_path / "a.csv", hand=franka)
+    with pytest.raises(ContactError, match=words):
+        evaluate_grasps(box, poses, hand=franka)
+    unnamed = GraspPoses(poses=np.eye(4), posture=np.zeros((1, 22)), unit="m")
+    with pytest.raises(ContactError, match="have 22 values without names, but shadow has 24 joint"):
+        matched(unnamed, hand_of("shadow"))
+    with pytest.raises(ContactError, match="allegro is a hand with joints, but the poses have no"):
+        matched(GraspPoses(poses=np.eye(4), unit="m"), hand_of("allegro"))
+
+
+CYCLE: list[Any] = []
+CYCLE.append(CYCLE)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (
-            {"grasp_qpos": np.zeros(7)},
-            "grasp_qpos must have 7 numbers of a pose and those",
-        ),
+        ({"grasp_qpos": np.zeros(7)}, "grasp_qpos must have 7 numbers of a pose and those"),
+        ({"grasp_qpos": CYCLE}, "grasp_qpos must be numbers; got a list of 1$"),
+        ({"obj_scale": np.nan}, r"scale of the object must be one number above 0; got \[?nan"),
         ({"grasp_qpos": np.zeros(23)}, "quaternion"),
         ({"squeeze_qpos": np.zeros(22)}, "squeeze_qpos must have .*; got 22, in the first 23"),
         ({"grasp_qpos": "none"}, "grasp_qpos must be numbers; got"),
         ({"grasp_qpos": None}, "grasp_qpos must be numbers; got nothing"),
         ({"grasp_qpos": np.array(["1", "wide"])}, "numbers; got a list of 2 with 'wide'"),
         ({"grasp_qpos": np.array([])}, "grasp_qpos must be numbers; there are none"),
-        (
-            {"grasp_qpos": np.r_[np.zeros(3), 1, np.zeros(18), np.nan]},
-            "value 16 of its posture",
-        ),
+        ({"grasp_qpos": np.r_[np.zeros(3), 1, np.zeros(18), np.nan]}, "value 16 of its posture"),
         ({"obj_pose": np.zeros(6)}, "obj_pose must have 7 numbers; got 6"),
         ({"obj_scale": [1.0, 1.0, 2.0]}, "the scale of the object must be one number"),
     ],
@@ -470,28 +395,10 @@ def test_dictionaries_with_other_values_are_refused(
     assert "\n" not in str(error.value)
 
 
-def test_dictionaries_of_no_format_are_refused(tmp_path: Path) -> None:
-    path = save(tmp_path / "a.npy", {"scale": 1.0})
-    with pytest.raises(ContactError, match="dictionaries with the key grasp_qpos"):
-        read_poses(path, hand=hand_of("allegro"))
-    grasp = bench(grasps_of("allegro"), 0)
-    save(path, [grasp, {"scale": 1.0}])
+def test_lists_with_another_dictionary_are_refused(tmp_path: Path) -> None:
+    path = save(tmp_path / "a.npy", [bench(grasps_of("allegro"), 0), {"scale": 1.0}])
     with pytest.raises(ContactError, match="dictionary 2: the key grasp_qpos is missing"):
         read_poses(path, hand=hand_of("allegro"))
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("pickle_cyclic_list", r"grasp_qpos must be numbers; got a list of 1$"),
-        ("obj_scale_nan_accepted", r"scale of the object must be one number above 0; got \[?nan"),
-    ],
-)
-def test_cases_of_dictionaries_are_refused_in_one_sentence(name: str, message: str) -> None:
-    path = shapes.shared("cases", "21_names_and_tables", f"{name}.npy")
-    with pytest.raises(ContactError, match=message) as error:
-        read_poses(path, hand=hand_of("allegro"))
-    assert "\n" not in str(error.value)
 
 
 class Executes:
@@ -523,3 +430,5 @@ def test_hands_without_joints_and_grasps_without_postures_are_refused(tmp_path: 
     bare = GraspPoses(poses=poses.poses, unit="m", hand=poses.hand)
     with pytest.raises(OutputError, match="the poses have no values of them"):
         write_grasps(path, bare, format="dexgraspnet")
+    with pytest.raises(OutputError, match="joints of the postures have no names: give the hand"):
+        write_grasps(tmp_path / "a.csv", replace(with_joints(), joint_names=()))

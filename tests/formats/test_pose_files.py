@@ -15,16 +15,14 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from grasp3d import Label, load_mesh
-from grasp3d.errors import ContactError, FileUnreadError, GraspError, OutputError, SettingError
+from grasp3d import load_mesh
+from grasp3d.errors import ContactError, FileUnreadError, GraspError, OutputError
 from grasp3d.formats import holds_poses, read_poses, write_grasps
 from grasp3d.formats.checks import numbers
 from grasp3d.formats.own import read_contacts
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.pose_checks import pose_warning
-from grasp3d.settings.units import Unit
+from grasp3d.settings.units import METRES, Unit
 from grasp3d.system import limited_reading
 from tests.helpers import grippers, shapes
 
@@ -42,6 +40,8 @@ HAND = replace(
     max_force=70.0,
 )
 
+NO_JOINTS = replace(HAND, joint_names=(), joint_scale=(), joint_closed=())
+
 PANDA = replace(HAND, base_axes=("-y", "z"))
 """Fingers that move along y of the hand's own frame, as in its robot description."""
 
@@ -50,7 +50,6 @@ SUFFIX = {
     "graspgen": "json", "graspnet": "npy", "moveit": "json",
 }  # fmt: skip
 OWN = ("json", "csv", "parquet")
-HAND_BASE = ("isaac_grasp", "acronym", "graspgen", "graspnet", "moveit")
 
 FINITE = st.floats(-10.0, 10.0)
 HALF_TURNS = [
@@ -98,8 +97,9 @@ def some_poses(draw: st.DrawFn, *, known: bool = False) -> GraspPoses:
             "contacts": contacts,
             "normals": contacts / 100.0 - 0.05,
         },
+        settings={"friction": 0.5},
         object_file="cups/mug.obj",
-        object_scale=0.001,
+        object_scale=draw(st.sampled_from([None, 0.002])),
     )
 
 
@@ -134,7 +134,6 @@ LOST = {
 def test_what_a_format_has_returns_in_any_unit_and_frame(
     name: str, data: st.DataObject, tmp_path: Path
 ) -> None:
-    """The unit of the poses and the axes of the hand's own frame change nothing."""
     poses = data.draw(some_poses(known=name in {"graspgen", "graspnet"}))
     unit = data.draw(st.sampled_from(get_args(Unit)))
     axes = data.draw(st.sampled_from([("x", "z"), ("-y", "z"), ("z", "-x")]))
@@ -159,8 +158,12 @@ def test_what_a_format_has_returns_in_any_unit_and_frame(
         equal(found.columns["critical_angle"], poses.columns["critical_angle"])
     if name in {"json", "parquet", "acronym", "graspgen"}:
         assert found.object_file == "cups/mug.obj"
-    if name in {"json", "parquet", "acronym", "graspgen", "isaac_grasp"}:
-        assert found.object_scale == 0.001
+    if name in {"json", "parquet"}:
+        assert found.settings == poses.settings
+    if name in {"acronym", "graspgen", "isaac_grasp"}:  # else the numbers are those of the mesh
+        assert found.object_scale == (poses.object_scale or METRES[unit])
+    elif name in {"json", "parquet"}:
+        assert found.object_scale == poses.object_scale
 
 
 def one_pose(**fields: Any) -> GraspPoses:
@@ -168,45 +171,12 @@ def one_pose(**fields: Any) -> GraspPoses:
     pose = np.eye(4)
     pose[:3, :3] = np.column_stack([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
     pose[:3, 3] = [0.01, 0.02, 0.03]
-    values = {"opening": 0.03, "pregrasp_opening": 0.06, "unit": "m", "hand": HAND, **fields}
-    return GraspPoses(poses=pose, **values)
-
-
-@pytest.mark.parametrize("name", HAND_BASE)
-def test_robots_get_metres_whatever_the_unit_of_the_mesh(name: Any, tmp_path: Path) -> None:
-    poses = one_pose(outcome=1.0, scores=0.5)
-    found = there_and_back(tmp_path, poses.in_unit("mm"), name)
-    equal(found.poses, poses.poses)
-    if name not in {"graspgen", "acronym"}:
-        equal(found.pregrasp_opening, poses.pregrasp_opening)
-    if name in {"acronym", "graspgen", "isaac_grasp"}:
-        assert found.object_scale == 0.001  # the numbers of a mesh in millimetres to metres
+    values = {"poses": pose, "opening": 0.03, "pregrasp_opening": 0.06, "unit": "m", "hand": HAND}
+    return GraspPoses(**{**values, **fields})
 
 
 BASE = [0.01, 0.02 + 0.1034, 0.03]
 """Where the hand's base of `one_pose` is."""
-
-
-def test_isaac_grasp_is_written_as_documented(tmp_path: Path) -> None:
-    write_grasps(tmp_path / "one.yaml", one_pose(scores=0.75, names=("rim",)))
-    content = yaml.safe_load((tmp_path / "one.yaml").read_text())
-    grasps = content.pop("grasps")
-    assert content == {
-        "format": "isaac_grasp",
-        "format_version": 1.0,
-        "object_frame_link": "object",
-        "gripper_frame_link": "two_fingers",
-        "object_scale": 1.0,
-    }
-    grasp = grasps["rim"]
-    equal(grasp["position"], BASE)
-    half = math.sqrt(0.5)
-    equal([grasp["orientation"]["w"], *grasp["orientation"]["xyz"]], [half, half, 0.0, 0.0])
-    assert grasp["cspace_position"] == pytest.approx(
-        {"panda_finger_joint1": 0.015, "panda_finger_joint2": 0.015}
-    )
-    assert grasp["pregrasp_cspace_position"]["panda_finger_joint1"] == pytest.approx(0.03)
-    assert grasp["confidence"] == 0.75
 
 
 def test_poses_of_robots_are_those_of_the_frame_of_its_description(tmp_path: Path) -> None:
@@ -214,14 +184,13 @@ def test_poses_of_robots_are_those_of_the_frame_of_its_description(tmp_path: Pat
     poses = one_pose(hand=PANDA, outcome=1.0)
     rotation = poses.poses[0, :3, :3]
     write_grasps(tmp_path / "one.yaml", poses)
-    turn = yaml.safe_load((tmp_path / "one.yaml").read_text())["grasps"]["grasp_1"]["orientation"]
+    content = yaml.safe_load((tmp_path / "one.yaml").read_text())
+    assert [content["format"], content["format_version"]] == ["isaac_grasp", 1.0]
+    assert content["gripper_frame_link"] == "two_fingers"
+    turn = content["grasps"]["grasp_1"]["orientation"]
     hand = Rotation.from_quat([*turn["xyz"], turn["w"]]).as_matrix()
     equal(hand[:, 1], -rotation[:, 0])
     equal(hand[:, 2], rotation[:, 2])
-    write_grasps(tmp_path / "one.json", poses, format="moveit")
-    (message,) = json.loads((tmp_path / "one.json").read_text())
-    turn = message["grasp_pose"]["pose"]["orientation"]
-    equal(Rotation.from_quat([turn[axis] for axis in "xyzw"]).as_matrix(), hand)
     write_grasps(tmp_path / "two.json", poses, format="graspgen")
     transform = json.loads((tmp_path / "two.json").read_text())["grasps"]["transforms"][0]
     equal(np.array(transform)[:3, :3], rotation)
@@ -265,30 +234,26 @@ def test_isaac_grasp_is_read_from_its_documented_layout(tmp_path: Path) -> None:
     assert found.settings["object_frame_link"] == "/World/cup"
 
 
-def test_isaac_grasp_of_graspdatagen_has_its_outcomes_in_the_confidence(tmp_path: Path) -> None:
-    further = "created_with: grasp_sim\nobject_file: mug.obj\nobject_scale: 0.01\n"
-    text = ISAAC.replace("format_version: 1.0", 'format_version: "1.0"').replace(
-        "confidence: 0.5", "confidence: .nan"
-    )
-    (tmp_path / "cup.yaml").write_text(further + text)
-    found = read_poses(tmp_path / "cup.yaml", hand=PANDA, outcome="confidence")
-    equal(found.outcome, [np.nan, 1.0])
-    assert (found.object_file, found.object_scale) == ("mug.obj", 0.01)
-
-
-def test_the_same_joint_values_of_all_grasps_may_be_written_once(tmp_path: Path) -> None:
-    """Programs that dump one object many times write anchors and references to them."""
+def test_isaac_grasp_of_programs_that_write_anchors_and_what_the_object_is(tmp_path: Path) -> None:
     opened = {"panda_finger_joint1": 0.04}
     grasp = {
         "position": [0.0, 0.0, 0.0], "orientation": {"w": 1.0, "xyz": [0.0, 0.0, 0.0]},
         "cspace_position": opened, "pregrasp_cspace_position": opened,
     }  # fmt: skip
-    content = {"format": "isaac_grasp", "format_version": "1.0", "grasps": {"a": grasp, 7: grasp}}
+    content = {
+        "format": "isaac_grasp", "format_version": "1.0", "object_file": "mug.obj",
+        "object_scale": 0.01, "grasps": {"a": grasp | {"confidence": math.nan}, 7: grasp},
+    }  # fmt: skip
     (tmp_path / "cup.yaml").write_text(yaml.safe_dump(content))
     assert "&id" in (tmp_path / "cup.yaml").read_text()
     found = read_poses(tmp_path / "cup.yaml", hand=HAND)
     assert found.names == ("a", "7")
     equal(found.opening, [0.08, 0.08])
+    assert (found.object_file, found.object_scale) == ("mug.obj", 0.01)
+
+
+HUGE = object()
+"""Stands for transforms of a declared shape that no memory holds."""
 
 
 def write_acronym_by_hand(path: Path, **changes: Any) -> np.ndarray:
@@ -300,22 +265,19 @@ def write_acronym_by_hand(path: Path, **changes: Any) -> np.ndarray:
     content = {
         "grasps/transforms": transforms,
         "grasps/qualities/flex/object_in_gripper": np.array([1, 0, 1]),
-        "grasps/qualities/flex/object_motion_during_shaking_linear": np.zeros(3),
-        "gripper/configuration": np.array([0.04]),
         "gripper/type": "panda",
         "object/com": np.array([0.0, 0.01, 0.02]),
-        "object/density": 150.0,
         "object/file": "meshes/Mug/abc.obj",
         "object/friction": 1.0,
-        "object/inertia": np.eye(3),
         "object/mass": 0.2,
         "object/scale": 0.00027,
-        "object/volume": 0.001,
         **changes,
     }
     with h5py.File(path, "w") as file:
         for name, value in content.items():
-            if value is not None:
+            if value is HUGE:
+                file.create_dataset(name, (10**9, 4, 4), dtype="f8", chunks=(1, 4, 4))
+            elif value is not None:
                 file[name] = value
     return transforms
 
@@ -341,21 +303,6 @@ def test_acronym_is_read_from_its_documented_layout(tmp_path: Path) -> None:
     assert read_poses(tmp_path / "mug.h5", hand=HAND).count == 3  # where it is not needed
     with pytest.raises(ContactError, match=r"gripper/base_to_tcp must be a data set of shape \(\)"):
         read_poses(tmp_path / "mug.h5")
-
-
-def test_acronym_is_written_as_documented(tmp_path: Path) -> None:
-    poses = one_pose(outcome=0.0, object_file="mug.obj", settings={"mass": 0.3})
-    write_grasps(tmp_path / "one.h5", poses)
-    with h5py.File(tmp_path / "one.h5") as file:
-        transforms = file["grasps/transforms"][()]
-        equal(transforms[0, :3, 3], BASE)
-        equal(transforms[0, :3, :3], poses.poses[0, :3, :3])
-        outcome = file["grasps/qualities/flex/object_in_gripper"]
-        assert outcome[()].tolist() == [0]
-        assert outcome.dtype.kind == "i"
-        assert file["object/scale"][()] == 1.0
-        assert file["object/file"].asstr()[()] == "mug.obj"
-        assert file["object/mass"][()] == 0.3
 
 
 def test_a_published_file_of_acronym_is_read() -> None:
@@ -414,48 +361,31 @@ def test_graspnet_scores_follow_from_critical_angles(tmp_path: Path) -> None:
     rows = np.load(tmp_path / "one.npy")
     assert rows.shape == (1, 17)
     equal(rows[0, :4], [1.1 - 0.3, 0.06, 0.02, 0.02])
-    # A proper rotation whose columns are approach, closing axis and their product.
-    rotation = rows[0, 4:13].reshape(3, 3)
-    equal(rotation, poses.poses[0, :3, :3][:, [2, 0, 1]])
-    assert np.linalg.det(rotation) == pytest.approx(1.0)
-    # The ends of the fingers are 20 mm from the origin of this frame.
-    equal(rows[0, 13:16] + 0.02 * rotation[:, 0], [0.01, 0.02 - 0.008, 0.03])
-
-
-HEADER = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "object"}
-TURN = {"x": 0, "y": 0, "z": 0, "w": 1}
-
-
-def posture(position: float) -> dict[str, Any]:
-    """Both joints at a position."""
-    point = {"positions": [position] * 2, "velocities": [], "accelerations": [], "effort": [],
-             "time_from_start": {"sec": 0, "nanosec": 0}}  # fmt: skip
-    return {"header": HEADER, "joint_names": list(HAND.joint_names), "points": [point]}
-
-
-def translation(y: float) -> dict[str, Any]:
-    vector = {"x": 0.0, "y": y, "z": 0.0}
-    return {"direction": {"header": HEADER, "vector": vector}, "desired_distance": 0.1,
-            "min_distance": 0.02}  # fmt: skip
 
 
 def test_moveit_messages_have_every_field_of_the_definition(tmp_path: Path) -> None:
-    """Fields of moveit_msgs/Grasp, down to numbers, text and lists of them."""
     write_grasps(tmp_path / "one.json", one_pose(names=("rim",)), format="moveit")
     text = (tmp_path / "one.json").read_text()
     (message,) = json.loads(text, parse_float=lambda number: round(float(number), 9))
-    half = round(math.sqrt(0.5), 9)
+    half, header = round(math.sqrt(0.5), 9), {"stamp": {"sec": 0, "nanosec": 0}}
+    header |= {"frame_id": "object"}
+
+    def posture(position: float) -> dict[str, Any]:
+        point = {"positions": [position] * 2, "velocities": [], "accelerations": [], "effort": [],
+                 "time_from_start": {"sec": 0, "nanosec": 0}}  # fmt: skip
+        return {"header": header, "joint_names": list(HAND.joint_names), "points": [point]}
+
+    def translation(y: float) -> dict[str, Any]:
+        direction = {"header": header, "vector": {"x": 0.0, "y": y, "z": 0.0}}
+        return {"direction": direction, "desired_distance": 0.1, "min_distance": 0.02}
+
+    position = dict(zip("xyz", np.round(BASE, 9).tolist(), strict=True))
+    turn = {"x": half, "y": 0.0, "z": 0.0, "w": half}
     assert message == {
         "id": "rim",
         "pre_grasp_posture": posture(0.03),
         "grasp_posture": posture(0.015),
-        "grasp_pose": {
-            "header": HEADER,
-            "pose": {
-                "position": dict(zip("xyz", np.round(BASE, 9).tolist(), strict=True)),
-                "orientation": {"x": half, "y": 0.0, "z": 0.0, "w": half},
-            },
-        },
+        "grasp_pose": {"header": header, "pose": {"position": position, "orientation": turn}},
         "grasp_quality": 0.0,
         "pre_grasp_approach": translation(-1.0),
         "post_grasp_retreat": translation(1.0),
@@ -467,7 +397,10 @@ def test_moveit_messages_have_every_field_of_the_definition(tmp_path: Path) -> N
 
 def test_messages_of_ros_1_are_read_as_well(tmp_path: Path) -> None:
     header = {"seq": 0, "stamp": {"secs": 0, "nsecs": 0}, "frame_id": "cup"}
-    pose = {"position": {"x": 1.0, "y": 0.0, "z": 0.0}, "orientation": TURN}
+    pose = {
+        "position": {"x": 1.0, "y": 0.0, "z": 0.0},
+        "orientation": {"x": 0, "y": 0, "z": 0, "w": 1},
+    }
     message = {"id": "a", "grasp_pose": {"header": header, "pose": pose}, "grasp_quality": 353.6}
     (tmp_path / "a.json").write_text(json.dumps(message))
     with pytest.raises(ContactError, match="in the frame 'cup', not in that of the object"):
@@ -501,45 +434,19 @@ def test_normals_point_outward_in_files_and_contacts_are_those_of_read_contacts(
     assert not read_poses(path).columns
 
 
-def test_settings_are_at_the_top_of_json_and_in_the_metadata_of_parquet(tmp_path: Path) -> None:
-    poses = one_pose(settings={"friction": 0.5, "sensor_resolution": 0.3}, hand="my hand")
-    for suffix in ("json", "parquet"):
-        write_grasps(tmp_path / f"one.{suffix}", poses)
-        found = read_poses(tmp_path / f"one.{suffix}")
-        assert found.settings == poses.settings
-        assert found.hand == "my hand"
-    stated = json.loads(pq.read_schema(tmp_path / "one.parquet").metadata[b"grasp3d"])
-    assert stated["normals"] == "outward"
-
-
-def test_poses_are_distinguished_from_contacts(tmp_path: Path) -> None:
-    for name, suffix in SUFFIX.items():
-        path = tmp_path / f"{name}.{suffix}"
-        write_grasps(path, one_pose(outcome=1.0), format=name)  # type: ignore[arg-type]
-        assert holds_poses(path)
+def test_what_holds_no_poses_is_told_from_what_does(tmp_path: Path) -> None:
     (tmp_path / "points.json").write_text("[[[0, 0, 1], [0, 0, 0]]]")
     (tmp_path / "points.csv").write_text("x1,y1,z1,x2,y2,z2\n0,0,1,0,0,0\n")
     (tmp_path / "text.json").write_text("no JSON")
+    (tmp_path / "folder.json").mkdir()
     for name in ("points.json", "points.csv", "text.json", "absent.json", "mesh.stl"):
         assert not holds_poses(tmp_path / name)
+    for name, message in (("absent.json", "there is no such file"), ("folder.json", "is a folder")):
+        with pytest.raises(ContactError, match=message):
+            read_poses(tmp_path / name)
 
 
-def test_a_space_may_follow_each_comma_of_a_table(tmp_path: Path) -> None:
-    path = shapes.shared("cases", "14_csv_space_after_comma", "poses.csv")
-    (tmp_path / "dense.csv").write_text(path.read_text().replace(", ", ","))
-    found, dense = read_poses(path), read_poses(tmp_path / "dense.csv")
-    assert found.names == dense.names == ("g1",)
-    assert found.unit == dense.unit == "m"
-    equal(found.poses, dense.poses)
-    mesh = load_mesh(path.with_name("box.stl"), unit="m")
-    assert evaluate_grasps(mesh, found, hand=ParallelGripper.preset("franka")).label.tolist() == [
-        Label.S
-    ]
-
-
-def test_the_unit_of_a_file_without_one_is_given_and_another_one_is_refused(
-    tmp_path: Path,
-) -> None:
+def test_the_unit_of_a_file_without_one_is_given_and_another_one_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "poses.csv"
     path.write_text("px,py,pz,qx,qy,qz,qw\n0,0,60,0,0,0,1\n")
     assert read_poses(path).unit is None
@@ -553,20 +460,18 @@ def test_the_unit_of_a_file_without_one_is_given_and_another_one_is_refused(
         read_poses(tmp_path / "one.npy", hand=HAND, unit="mm")
 
 
-def no_joints() -> ParallelGripper:
-    return replace(HAND, joint_names=(), joint_scale=(), joint_closed=())
-
-
 @pytest.mark.parametrize(
     ("file", "name", "fields", "message"),
     [
         ("one.txt", None, {}, r"unsupported pose format \.txt: supported are \.csv \.npy \.json"),
         ("one", None, {}, "has no suffix"),
+        ("none.json", None, {"poses": np.zeros((0, 4, 4))}, "no poses to write"),
+        ("twins.yaml", None, {"poses": [np.eye(4)] * 2, "names": ("a", "a")}, "two grasps are ca"),
         ("one.csv", "isaac_grasp", {}, r"unsupported isaac_grasp format \.csv: .* \.yaml \.yml"),
         ("one.yaml", None, {"hand": None}, "need the lengths of the gripper: give it"),
         ("one.h5", None, {"hand": "franka"}, "need the lengths of the gripper: give it"),
         ("one.npy", None, {"unit": None}, "the unit of the poses is not known: give it"),
-        ("one.yaml", None, {"hand": no_joints()}, "'two_fingers' has no joint_names"),
+        ("one.yaml", None, {"hand": NO_JOINTS}, "'two_fingers' has no joint_names"),
         ("one.yaml", None, {"scores": 353.0}, "must be from 0 to 1; grasp 1 has 353"),
         ("one.json", "graspgen", {}, "each outcome; that of grasp 1 is missing"),
         ("one.json", "moveit", {"scores": math.inf}, "scores .* must be finite"),
@@ -582,16 +487,6 @@ def test_what_cannot_be_written_is_refused_and_leaves_no_file(
     assert not list(tmp_path.iterdir())
 
 
-def test_no_poses_equal_names_and_unknown_formats_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="no poses to write"):
-        write_grasps(tmp_path / "none.json", one_pose().take([]))
-    twins = GraspPoses(poses=[np.eye(4)] * 2, names=("a", "a"), unit="m", hand=HAND)
-    with pytest.raises(OutputError, match="two grasps are called 'a'"):
-        write_grasps(tmp_path / "twins.yaml", twins)
-    with pytest.raises(SettingError, match="no format is called 'xml'; known: acronym, csv"):
-        write_grasps(tmp_path / "a.json", one_pose(), format="xml")
-
-
 def test_a_missing_library_is_named_with_its_extra(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -605,14 +500,17 @@ def test_a_missing_library_is_named_with_its_extra(
             write_grasps(tmp_path / name, one_pose())
 
 
-UNIT_QUATERNION = "qx,qy,qz,qw"
-JSON_POSE = json.dumps(np.eye(4).tolist())
-OF_GRIPPER = '{"grasp3d": {"gripper": GRIPPER}, "grasps": [{"pose": ' + JSON_POSE + "}]}"
+def with_header(**header: Any) -> str:
+    """A file of two grasps, of which the second has no pose unless there is a header."""
+    pose = {"pose": np.eye(4).tolist()}
+    return json.dumps({**header, "grasps": [pose, pose if header else {"opening": 1}]})
 
+
+PLACED = ISAAC.replace("[0.1, -0.2, 3e-1]", "AT")
 BOMB = "\n".join(
     ["l0: &l0 [0, 0, 0, 0, 0, 0, 0, 0, 0, 0]"]
     + [f"l{one}: &l{one} [{', '.join([f'*l{one - 1}'] * 10)}]" for one in range(1, 10)]
-) + ISAAC.replace("[0.1, -0.2, 3e-1]", "*l9")
+) + PLACED.replace("AT", "*l9")
 """Nine levels of ten references each would be a list of 10^9 numbers."""
 
 
@@ -624,38 +522,18 @@ BOMB = "\n".join(
         ("a.json", '{"grasps": []}', "there are no grasps in it"),
         ("a.json", "[[[0, 0, 1], [0, 0, 0]]]", "contains no poses: expected"),
         ("a.json", '{"grasps": [{"pose": 1}]}', "grasp 1: pose must be 4 x 4 numbers"),
-        (
-            "a.json",
-            f'{{"grasps": [{{"pose": {JSON_POSE}}}, {{"opening": 1}}]}}',
-            "grasp 2: the key pose is missing",
-        ),
-        (
-            "a.json",
-            f'{{"grasp3d": {{"unit": "km"}}, "grasps": [{{"pose": {JSON_POSE}}}]}}',
-            "the unit must be one of m, cm, mm, in; got 'km'",
-        ),
-        (
-            "a.json",
-            OF_GRIPPER.replace(
-                "GRIPPER", '{"format": "grasp3d gripper", "version": 1, "unit": "m", "name": "x"}'
-            ),
-            "missing",
-        ),
-        ("a.json", '{"grasps": {"transforms": [[1]]}}', "grasp 1: transforms must be 4 x 4"),
+        ("a.json", with_header(), "grasp 2: the key pose is missing"),
+        ("a.json", with_header(grasp3d={"unit": "km"}), "the unit must be one of m, cm, mm, in; g"),
+        ("a.json", with_header(grasp3d={"gripper": {"format": "grasp3d gripper"}}), "missing"),
         ("a.csv", "x1,y1\n1,2\n", "contains no poses: expected columns px py pz"),
-        ("a.csv", f"px,py,pz,{UNIT_QUATERNION}\n1,2,3,0,0,0,2\n", "must have length 1; got"),
-        ("a.csv", f"px,py,pz,{UNIT_QUATERNION}\n1,,3,0,0,0,1\n", "its position is not finite"),
+        ("a.csv", "px,py,pz,qx,qy,qz,qw\n1,2,3,0,0,0,2\n", "must have length 1; got"),
+        ("a.csv", "px,py,pz,qx,qy,qz,qw\n1,,3,0,0,0,1\n", "its position is not finite"),
         ("a.parquet", "PAR1", "a.parquet: "),
         ("a.yaml", "a: [", "is no YAML"),
-        ("a.yaml", "format: other", "format must be isaac_grasp; got 'other'"),
         ("a.yaml", "format: isaac_grasp\nformat_version: 2.0\ngrasps: {}", "must be 1.0; got 2"),
-        ("a.yaml", ISAAC.replace("[0.1, -0.2, 3e-1]", "[0.1, .nan, 0]"), "position is not finite"),
+        ("a.yaml", PLACED.replace("AT", "[0.1, .nan, 0]"), "position is not finite"),
         ("a.yaml", BOMB, "position must be a list of 3 numbers; got a list of"),
-        (
-            "a.yaml",
-            ISAAC.replace("[0.1, -0.2, 3e-1]", "&a [*a, *a, *a]"),  # a list that contains itself
-            "position must be a list of 3 numbers",
-        ),
+        ("a.yaml", PLACED.replace("AT", "&a [*a, *a, *a]"), "position must be a list of 3 numbers"),
         ("a.yaml", ISAAC.replace("panda_", "robotiq_"), "not those of gripper 'two_fingers'"),
         ("a.yaml", ISAAC.replace("-0.0001", "-0.02"), "opening of -0.04 m: are they those of"),
         (
@@ -663,7 +541,6 @@ BOMB = "\n".join(
             "a: !!python/object/apply:os.system [echo]",
             "is no YAML: could not determine a constructor",
         ),
-        ("a.h5", "no HDF5", "is no HDF5 file"),
         ("a.npy", "no array", r"is no \.npy file"),
     ],
 )
@@ -676,50 +553,6 @@ def test_what_holds_no_poses_is_refused_in_one_sentence(
         read_poses(tmp_path / file, hand=hand)
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith(str(tmp_path / file))
-
-
-def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ContactError, match="there is no such file"):
-        read_poses(tmp_path / "a.json")
-    (tmp_path / "b.json").mkdir()
-    with pytest.raises(ContactError, match="is a folder"):
-        read_poses(tmp_path / "b.json")
-
-
-@pytest.mark.parametrize("name", ["isaac_grasp", "graspgen", "graspnet", "moveit"])
-def test_poses_of_the_base_need_the_gripper(name: Any, tmp_path: Path) -> None:
-    path = tmp_path / f"poses.{SUFFIX[name]}"
-    write_grasps(path, one_pose(outcome=1.0), format=name)
-    with pytest.raises(ContactError, match=r"the pose of the hand's base, .*: give it \(--hand"):
-        read_poses(path)
-
-
-def dataset(shape: tuple[int, ...], **options: Any) -> Any:
-    """Adds transforms of a declared shape to a file."""
-    return lambda file: file.create_dataset("grasps/transforms", shape, dtype="f8", **options)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            dataset((10**9, 4, 4), chunks=(1, 4, 4)),
-            r"must be \(k, 4, 4\), k at most 1000000; got \(1000000000, 4, 4\)",
-        ),
-        (lambda file: file.create_group("grasps/transforms"), r"must be \(k, 4, 4\), .*got \(\)"),
-        (
-            lambda file: file.__setitem__("grasps/transforms", h5py.SoftLink("/grasps/transforms")),
-            "is damaged, or no such HDF5 file",
-        ),
-    ],
-)
-def test_hdf5_that_is_absurdly_large_or_leads_nowhere_is_refused(
-    change: Any, message: str, tmp_path: Path
-) -> None:
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        change(file)
-    with pytest.raises(ContactError, match=message):
-        read_poses(tmp_path / "a.h5")
 
 
 @pytest.mark.slow
@@ -740,21 +573,24 @@ def test_a_damaged_file_that_hdf5_reads_for_ever_is_refused(
         read_poses(path)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"grasps/transforms": None}, "the data set grasps/transforms is missing"),
+        ({"grasps/transforms": HUGE}, r"k at most 1000000; got \(1000000000, 4, 4\)"),
+        ({"grasps/transforms": h5py.SoftLink("/grasps/transforms")}, "is damaged, or no such HDF"),
+        (
+            {"grasps/transforms/other": 1.0, "grasps/transforms": None},
+            r"be \(k, 4, 4\), .*got \(\)",
+        ),
         ({"grasps/transforms": np.zeros((3, 16))}, r"must be \(k, 4, 4\), .* got \(3, 16\)"),
         ({"grasps/transforms": np.zeros((0, 4, 4))}, "there are no grasps"),
-        ({"grasps/transforms": np.full((3, 4, 4), np.nan)}, "pose 1 has numbers that are not fin"),
         ({"grasps/transforms": np.full((3, 4, 4), b"a")}, "must be numbers of shape"),
         (
             {"grasps/qualities/flex/object_in_gripper": np.zeros(4)},
             r"object_in_gripper must be a data set of shape \(3,\); got .* shape \(4,\)",
         ),
         ({"object/scale": "large"}, r"object/scale must be numbers of shape \(\)"),
-        ({"object/file": 3.0}, "object/file must be text"),
         ({"object/scale": -1.0}, "scale must be a finite number above 0"),
     ],
 )
@@ -771,11 +607,10 @@ def test_wrong_data_sets_are_named(changes: dict[str, Any], message: str, tmp_pa
             np.zeros((3, 16)),
             r"an array with 17 numbers in each row .*got float64 of shape \(3, 16\)",
         ),
-        (np.zeros(17), "an array with 17 numbers in each row"),
         (np.zeros((0, 17)), r"there are no grasps|is no \.npy file"),
-        (np.full((1, 17), "a"), "an array with 17 numbers in each row"),
         (np.full((2, 17), np.nan), "grasp 1 has numbers that are not finite"),
         (np.zeros((1, 17)), "one of its axes has the length 0"),
+        (np.array(1.0), r"a\.npy: contains no poses"),
     ],
 )
 def test_wrong_arrays_are_refused(array: np.ndarray, message: str, tmp_path: Path) -> None:
@@ -784,28 +619,13 @@ def test_wrong_arrays_are_refused(array: np.ndarray, message: str, tmp_path: Pat
         read_poses(tmp_path / "a.npy", hand=HAND)
 
 
-def test_arrays_of_objects_and_of_huge_declared_size_are_refused(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", np.array([[print] * 17], dtype=object), allow_pickle=True)
-    with pytest.raises(ContactError, match=r"is a pickle that names builtins\.print"):
-        read_poses(tmp_path / "a.npy", hand=HAND)
+def test_arrays_of_huge_declared_size_are_refused(tmp_path: Path) -> None:
     with (tmp_path / "b.npy").open("wb") as stream:
         np.lib.format.write_array_header_1_0(
             stream, {"descr": "<f8", "fortran_order": False, "shape": (10**14, 17)}
         )
     with pytest.raises(ContactError, match=r"is no \.npy file of numbers"):
         read_poses(tmp_path / "b.npy", hand=HAND)
-
-
-@pytest.mark.parametrize("name", list(SUFFIX))
-def test_truncated_files_are_refused(name: Any, tmp_path: Path) -> None:
-    path = tmp_path / f"poses.{SUFFIX[name]}"
-    write_grasps(path, one_pose(outcome=1.0, scores=0.5), format=name)
-    whole = path.read_bytes()
-    for fraction in (0.0, 0.1, 0.5, 0.9):
-        path.write_bytes(whole[: int(fraction * len(whole))])
-        with pytest.raises(GraspError) as caught:
-            read_poses(path, hand=HAND)
-        assert "\n" not in str(caught.value)
 
 
 WORDS = st.sampled_from([
@@ -822,8 +642,10 @@ PLAIN = (
     | WORDS
     | st.just(np.eye(4).tolist())
 )
-DOCUMENTS = st.recursive(
-    PLAIN, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(WORDS, inner, max_size=4)
+DOCUMENTS = (
+    PLAIN
+    | st.lists(PLAIN, max_size=4)
+    | st.dictionaries(WORDS, PLAIN | st.lists(PLAIN, max_size=4), max_size=4)
 )
 
 
@@ -837,16 +659,6 @@ def only_grasp_errors(path: Path) -> None:
 
 
 @pytest.mark.slow
-@SHARED_FOLDER
-@given(document=DOCUMENTS)
-def test_any_json_and_yaml_is_read_or_refused(document: Any, tmp_path: Path) -> None:
-    (tmp_path / "a.json").write_text(json.dumps(document))
-    only_grasp_errors(tmp_path / "a.json")
-    (tmp_path / "a.yaml").write_text(yaml.safe_dump(document))
-    only_grasp_errors(tmp_path / "a.yaml")
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["json", "graspgen", "moveit", "isaac_grasp"])
 @SHARED_FOLDER
 @given(data=st.data())
@@ -855,9 +667,11 @@ def test_documents_with_one_changed_value_are_read_or_refused(
 ) -> None:
     path = tmp_path / f"poses.{SUFFIX[name]}"
     write_grasps(path, one_pose(outcome=1.0, scores=0.5), format=name)
-    text = path.read_text()
-    document = yaml.safe_load(text) if name == "isaac_grasp" else json.loads(text)
-    inner: Any = document
+    load, dump = (yaml.safe_load, yaml.safe_dump) if path.suffix == ".yaml" else (
+        json.loads, json.dumps
+    )  # fmt: skip
+    whole = {"": load(path.read_text())}
+    inner: Any = whole
     while True:
         keys = list(inner) if isinstance(inner, dict) else list(range(len(inner)))
         key = data.draw(st.sampled_from(keys))
@@ -866,18 +680,23 @@ def test_documents_with_one_changed_value_are_read_or_refused(
             inner[key] = data.draw(DOCUMENTS)
             break
         inner = inner[key]
-    dump = yaml.safe_dump if name == "isaac_grasp" else json.dumps
-    path.write_text(dump(document))
+    path.write_text(dump(whole[""]))
     only_grasp_errors(path)
 
 
-@pytest.mark.parametrize("suffix", ["json", "yaml", "csv", "npy", "h5", "parquet"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(SUFFIX))
 @SHARED_FOLDER
-@given(content=st.binary(max_size=60))
-def test_any_bytes_are_refused(suffix: str, content: bytes, tmp_path: Path) -> None:
-    start = {"npy": b"\x93NUMPY", "h5": b"\x89HDF\r\n\x1a\n"}.get(suffix, b"")
-    (tmp_path / f"a.{suffix}").write_bytes(start + content)
-    only_grasp_errors(tmp_path / f"a.{suffix}")
+@given(data=st.data())
+def test_damaged_bytes_are_read_or_refused(name: Any, data: st.DataObject, tmp_path: Path) -> None:
+    """Not those within HDF5, whose library may read damaged ones for ever."""
+    path = tmp_path / f"poses.{SUFFIX[name]}"
+    write_grasps(path, one_pose(outcome=1.0, scores=0.5), format=name)
+    content = bytearray(path.read_bytes())
+    for _ in range(0 if path.suffix == ".h5" else data.draw(st.integers(0, 3))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    path.write_bytes(content[: data.draw(st.integers(0, len(content)))])
+    only_grasp_errors(path)
 
 
 def test_numbers_are_the_same_whether_all_are_plain_or_one_is_text() -> None:
@@ -905,9 +724,3 @@ def test_texts_of_any_storage_are_read(tmp_path: Path) -> None:
         file["grasps/transforms"] = np.tile(np.eye(4), (3, 1, 1))
         file["object/file"], file["gripper/type"] = np.bytes_("mug.obj"), np.bytes_("panda")
     assert read_poses(tmp_path / "a.h5").object_file == "mug.obj"
-
-
-def test_an_array_without_rows_is_no_poses(tmp_path: Path) -> None:
-    np.save(tmp_path / "a.npy", 1.0)
-    with pytest.raises(ContactError, match=r"a\.npy: contains no poses"):
-        read_poses(tmp_path / "a.npy")

@@ -1,5 +1,3 @@
-import pickle
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +31,8 @@ def example(count: int = 4) -> GraspPoses:
             "label": np.array(["S", "M", "U", "S"])[:count],
             "contacts": np.arange(6.0 * count).reshape(count, 2, 3),
             "epsilon": np.linspace(0.0, 1.0, count),
+            "shift": np.full(count, 1e-3),
+            "area1": np.full(count, 1e-4),
         },
     )
 
@@ -43,8 +43,8 @@ def test_one_number_is_for_all_poses_and_what_is_not_given_is_not_known() -> Non
     for name in ("pregrasp_opening", "scores", "outcome"):
         assert np.isnan(getattr(poses, name)).all()
     assert poses.names == ("grasp_1", "grasp_2", "grasp_3")
-    assert len(poses) == 3
-    assert poses.hand is None
+    assert (len(poses), poses.hand) == (3, None)
+    assert "GraspPoses(poses=float64[3, 4, 4]" in repr(poses)
 
 
 def test_arrays_are_copies_that_cannot_be_changed() -> None:
@@ -77,15 +77,10 @@ def test_units_there_and_back(one: Any, other: Any) -> None:
     assert (there.poses[:, :3, :3] == poses.poses[:, :3, :3]).all()
     assert there.opening == pytest.approx(poses.opening * factor)
     assert there.columns["contacts"] == pytest.approx(poses.columns["contacts"] * factor)
+    assert there.columns["shift"] == pytest.approx(poses.columns["shift"] * factor)
+    assert there.columns["area1"] == pytest.approx(poses.columns["area1"] * factor**2)
     assert (there.columns["epsilon"] == poses.columns["epsilon"]).all()
-    back = there.in_unit(one)
-    assert back.poses == pytest.approx(poses.poses)
-
-
-def test_areas_are_in_the_unit_of_the_lengths() -> None:
-    touched = replace(example(), columns={"area1": np.full(4, 1e-4), "shift": np.full(4, 1e-3)})
-    in_mm = touched.in_unit("mm").columns
-    np.testing.assert_allclose([in_mm["area1"][0], in_mm["shift"][0]], [100.0, 1.0])
+    assert there.in_unit(one).poses == pytest.approx(poses.poses)
 
 
 def test_a_unit_that_is_not_known_cannot_be_converted() -> None:
@@ -104,7 +99,6 @@ def test_take_by_indices_and_by_mask() -> None:
 
 
 def with_joints() -> GraspPoses:
-    """Three poses of a hand with two joints, in metres."""
     moved = random_poses(3)
     moved[:, 2, 3] -= 0.01
     return GraspPoses(
@@ -118,17 +112,7 @@ def with_joints() -> GraspPoses:
     )
 
 
-def test_postures_before_and_after_the_grasp_stay_with_their_grasps() -> None:
-    poses = with_joints()
-    some = poses.take([2, 0])
-    assert some.joint_names == poses.joint_names
-    for name in ("posture", "pregrasp_posture", "squeeze_posture", "pregrasp_poses"):
-        assert (getattr(some, name) == getattr(poses, name)[[2, 0]]).all()
-    assert some.squeeze_poses is None
-    assert poses.take([]).posture.shape == (0, 2)
-
-
-def test_poses_before_the_grasp_are_scaled_and_moved_with_it_and_postures_are_not() -> None:
+def test_what_is_before_and_after_a_grasp_stays_with_it() -> None:
     poses = with_joints()
     assert poses.pregrasp_poses is not None
     way = np.linalg.inv(poses.poses) @ poses.pregrasp_poses
@@ -140,25 +124,11 @@ def test_poses_before_the_grasp_are_scaled_and_moved_with_it_and_postures_are_no
         in_mm.pregrasp_poses[:, 2, 3], poses.pregrasp_poses[:, 2, 3] * 1000.0
     )
     assert (in_mm.posture == poses.posture).all()
-
-
-@pytest.mark.parametrize(
-    ("fields", "message"),
-    [
-        ({"joint_names": ("one",)}, "2 joints need as many names that differ"),
-        ({"posture": [[0.0, 0.0], [0.0, np.nan]]}, "grasp 2: value 2 of its posture must be finit"),
-        ({"pregrasp_poses": np.eye(4)}, "2 poses need as many pregrasp_poses"),
-    ],
-)
-def test_impossible_postures_are_refused(fields: dict[str, Any], message: str) -> None:
-    with pytest.raises(ContactError, match=message):
-        GraspPoses(**{"poses": random_poses(2), "posture": np.zeros((2, 2)), **fields})
-
-
-def test_poses_can_be_sent_to_another_process_and_printed() -> None:
-    poses = pickle.loads(pickle.dumps(example()))  # noqa: S301, our own bytes
-    assert poses.names == example().names
-    assert "GraspPoses(poses=float64[4, 4, 4]" in repr(poses)
+    some = poses.take([2, 0])
+    for name in ("posture", "pregrasp_posture", "squeeze_posture", "pregrasp_poses"):
+        assert (getattr(some, name) == getattr(poses, name)[[2, 0]]).all()
+    assert (some.joint_names, some.squeeze_poses) == (poses.joint_names, None)
+    assert poses.take([]).posture.shape == (0, 2)
 
 
 def changed(index: Any, factor: float, value: float = 0.0) -> np.ndarray:
@@ -175,14 +145,8 @@ def changed(index: Any, factor: float, value: float = 0.0) -> np.ndarray:
         ([np.eye(4), np.eye(3)], "must be 4x4 matrices of numbers"),
         (changed((1, 0, 3), np.nan), "pose 2 has numbers that are not finite"),
         (random_poses(2).transpose(0, 2, 1), "pose 1: the last row .* is it transposed"),
-        (
-            changed(np.s_[1:, :3, 0], -1.0),
-            r"pose 2 is left-handed \(determinant -1\), as are 2 of 3",
-        ),
-        (
-            changed(np.s_[2, :3, :3], 1000.0),
-            r"pose 3: its axes have the lengths \(1000, 1000, 1000\).*scale",
-        ),
+        (changed(np.s_[1:, :3, 0], -1.0), r"pose 2 is left-handed \(det.* -1\), as are 2 of 3"),
+        (changed(np.s_[2, :3, :3], 1000.0), r"pose 3: its axes have the lengths \(1000, 10.*scale"),
     ],
 )
 def test_what_is_no_pose_is_refused_with_the_probable_cause(poses: Any, message: str) -> None:
@@ -190,16 +154,23 @@ def test_what_is_no_pose_is_refused_with_the_probable_cause(poses: Any, message:
         GraspPoses(poses=poses)
 
 
+JOINTS = {"posture": np.zeros((3, 2))}
+
+
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
         ({"opening": [0.1, 0.2]}, r"opening must be numbers of shape \(3,\)"),
+        ({**JOINTS, "joint_names": ("one",)}, "2 joints need as many names that differ"),
+        ({"posture": [[0, 0], [0, np.nan], [0, 0]]}, "grasp 2: value 2 of its posture must be fi"),
+        ({**JOINTS, "pregrasp_poses": np.eye(4)}, "3 poses need as many pregrasp_poses"),
         ({"opening": -0.1}, "grasp 1: opening must be a length of at least 0"),
         ({"outcome": [1.0, 0.0, 0.5]}, "grasp 3: outcome must be 1"),
         ({"names": ("a", "b")}, "3 poses need 3 names; got 2"),
         ({"names": ("a", "b", "\ud800")}, "grasp 3: a name must be text that can be printed"),
         ({"unit": "km"}, "unit of poses must be one of m, cm, mm, in; got 'km'"),
-        ({"columns": {"opening": np.zeros(3)}}, "no column of poses can be called 'opening'"),
+        ({"columns": {"success": np.zeros(3)}}, "no column of poses can be called 'success'"),
+        ({"columns": {"a": [[1, 2], [1], [1]]}}, "a must have as many values in all grasps"),
     ],
 )
 def test_impossible_fields_are_refused(fields: dict[str, Any], message: str) -> None:
@@ -215,16 +186,7 @@ def toward_center(count: int, unit: float) -> np.ndarray:
 
 
 def ball(size: float = 0.1, unit: Any = "m") -> grasp3d.ObjectMesh:
-    """A ball of a diameter in the unit of its file, about the origin."""
     return grasp3d.load_mesh(shapes.sphere(1, 0.5 * size), unit=unit, max_edge=1e9)
-
-
-def test_lengths_in_another_unit_are_noticed() -> None:
-    assert pose_warning(toward_center(10, 1.0), ball()) is None
-    read_in_millimetres = toward_center(10, 1000.0)  # numbers of metres
-    found = pose_warning(read_in_millimetres, ball(100.0, "mm"))
-    words = "if their lengths are in m, not in mm, give their unit: a column unit"
-    assert words in str(found)
 
 
 @pytest.mark.parametrize(
@@ -247,13 +209,9 @@ def test_poses_that_are_all_far_are_refused_with_the_likely_unit(
     check_near(poses, ball(size, mesh_unit))
     counted = pose_warning(poses, ball(size, mesh_unit))
     assert "9 of 10 poses are over 20 object sizes away" in str(counted)
-
-
-def test_no_poses_are_not_far() -> None:
-    check_near(np.zeros((0, 4, 4)), ball())
-    assert pose_warning(np.zeros((0, 4, 4)), ball()) is None
-
-
-def test_columns_of_unequal_lengths_are_refused_by_name() -> None:
-    with pytest.raises(ContactError, match="tags must have as many values in all grasps"):
-        GraspPoses(poses=np.tile(np.eye(4), (2, 1, 1)), columns={"tags": [[1, 2], [1]]})
+    found = pose_warning(toward_center(10, 1000.0), ball(100.0, "mm"))  # numbers of metres
+    words = "if their lengths are in m, not in mm, give their unit: a column unit"
+    assert words in str(found)
+    for near in (toward_center(10, 1.0), np.zeros((0, 4, 4))):
+        check_near(near, ball())
+        assert pose_warning(near, ball()) is None

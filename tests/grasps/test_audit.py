@@ -14,19 +14,14 @@ import grasp3d
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import ContactError
 from grasp3d.formats.poses import GraspPoses
-from grasp3d.grasps.audit import FEWEST, READING, UNCHANGED, PoseReading, audit_poses, explained
+from grasp3d.grasps.audit import FEWEST, READING, UNCHANGED, audit_poses, explained
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.hand.frames import FRAMES, GripperFrame, ObjectPose
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reach import collides
-from grasp3d.hand.scene import Scene
-from grasp3d.hand.table import Table
 from tests.hand.test_articulated_hand import hand_of
 from tests.helpers import shapes
 from tests.helpers.hand_grasps import touching
-from tests.helpers.hands import HANDS
-from tests.helpers.random_search import random_poses_on
 
 Floats = Any
 HAND = ParallelGripper.preset("franka")
@@ -54,34 +49,28 @@ def mistake(true: str, stated: str, change: Callable[[Floats], Floats] = np.asar
     return Mistake(FRAMES[true], FRAMES[stated], change)
 
 
+def turned(poses: Floats, rotations: Floats) -> Floats:
+    changed = poses.copy()
+    changed[:, :3, :3] = rotations
+    return changed
+
+
 def quaternions(*order: int) -> Callable[[Floats], Floats]:
     """Quaternions (x y z w) that are stored in another order."""
 
     def change(poses: Floats) -> Floats:
-        changed = poses.copy()
         stored = Rotation.from_matrix(poses[:, :3, :3]).as_quat()[:, order]
-        changed[:, :3, :3] = Rotation.from_quat(stored).as_matrix()
-        return changed
+        return turned(poses, Rotation.from_quat(stored).as_matrix())
 
     return change
 
 
 def scaled(factor: float) -> Callable[[Floats], Floats]:
-    """Lengths that are stored in another unit."""
-
-    def change(poses: Floats) -> Floats:
-        changed = poses.copy()
-        changed[:, :3, 3] *= factor
-        return changed
-
-    return change
+    return lambda poses: poses * np.where(np.arange(4) == 3, [[factor]] * 3 + [[1.0]], 1.0)
 
 
 def transposed(poses: Floats) -> Floats:
-    """Rotations that are stored column by column."""
-    changed = poses.copy()
-    changed[:, :3, :3] = poses[:, :3, :3].transpose(0, 2, 1)
-    return changed
+    return turned(poses, poses[:, :3, :3].transpose(0, 2, 1))
 
 
 def misread(poses: GraspPoses, mistake: Mistake, hand: Hand = HAND) -> GraspPoses:
@@ -93,7 +82,6 @@ def misread(poses: GraspPoses, mistake: Mistake, hand: Hand = HAND) -> GraspPose
 
 @cache
 def found_on(file: str) -> tuple[ObjectMesh, GraspPoses]:
-    """A shipped mesh, and the best grasps on it, in metres."""
     mesh = load_mesh(MESHES / file, unit="m")
     best = grasp3d.best_grasps(grasp3d.label_surface(mesh, hand=HAND), 100)
     return mesh, GraspPoses(poses=best.poses, unit="m", hand=HAND)
@@ -119,7 +107,6 @@ BURG_AT_BASE = GripperFrame(approach="-z", closing="x", origin="base")
 MISTAKES: dict[str, tuple[Mistake, str]] = {
     "closing axis": (mistake("graspgen", "hand"), "with --frame graspgen in"),
     "base": (mistake("graspgen", "tcp"), "with --frame graspgen in"),
-    "base of its own": (mistake("hand", "tcp"), "with --frame hand in"),
     "flange": (mistake("panda_link8", "hand"), "with --frame panda_link8 in"),
     "TCP": (mistake("tcp", "graspgen"), "with --frame tcp in"),
     "axes at the base": (
@@ -140,7 +127,6 @@ MISTAKES: dict[str, tuple[Mistake, str]] = {
         "with --frame graspgen and their quaternions in the order (w x y z)",
     ),
     "mm": (mistake("hand", "hand", scaled(1000.0)), "with their lengths in mm instead of m,"),
-    "cm": (mistake("tcp", "tcp", scaled(100.0)), "with their lengths in cm instead of m,"),
     "in": (mistake("graspgen", "graspgen", scaled(INCH)), "their lengths in inches instead of m,"),
     "frame and mm": (
         mistake("graspgen", "tcp", scaled(1000.0)),
@@ -168,42 +154,27 @@ def test_a_mistake_is_named_and_undone(name: str) -> None:
     np.testing.assert_array_equal(explained(mesh, wrong, HAND).poses, read.poses)
 
 
-TURNED = (
-    "banana.ply", "hammer.ply",
-    *(pytest.param(name, marks=pytest.mark.slow)
-      for name in ("bottle.off", "bowl.ply", "dumbbell.stl", "mug.glb", "spray.glb", "wrench.glb")),
-)  # fmt: skip
-"""Shipped meshes on which turned poses fit less than half as often as the right ones."""
-
-
-@pytest.mark.parametrize("file", TURNED)
+@pytest.mark.slow
+@pytest.mark.parametrize("file", ["banana.ply", "hammer.ply", "bottle.off"])
 def test_poses_that_are_turned_do_not_pass_in_silence(file: str) -> None:
     mesh, right = found_on(file)
     assert audit_poses(mesh, right, HAND) is None
-    turned = right.changed(lambda poses: poses @ QUARTER)
-    reading = audit_poses(mesh, turned, HAND)
+    sideways = right.changed(lambda poses: poses @ QUARTER)
+    reading = audit_poses(mesh, sideways, HAND)
     assert reading is not None
     assert reading.fitting >= 2 * reading.stated
     counts = f"in {reading.stated} of {right.count} poses; "
     assert counts in str(reading)
-    warnings = evaluate_grasps(mesh, turned, hand=HAND).warnings
+    warnings = evaluate_grasps(mesh, sideways, hand=HAND).warnings
     assert str(reading) in warnings
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("file", ["sphere.stl", "nut.obj", "knob.ply"])
-def test_on_round_objects_turned_poses_fit_as_well(file: str) -> None:
-    """The page on files by others says so: no audit can tell them apart."""
-    mesh, right = found_on(file)
-    assert audit_poses(mesh, right.changed(lambda poses: poses @ QUARTER), HAND) is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("file", ["mug.glb", "hammer.ply", "box.obj"])
+@pytest.mark.parametrize("file", ["mug.glb", "box.obj"])
 def test_there_is_no_alarm_at_poses_of_which_many_miss(file: str) -> None:
     mesh, right = found_on(file)
     rng = np.random.default_rng(0)
-    for count in (8, 20, 100):
+    for count in (8, 100):
         for millimetres, degrees in ((2.0, 3.0), (5.0, 15.0), (10.0, 15.0), (20.0, 15.0)):
             poses = right.poses[rng.integers(0, right.count, count)].copy()
             poses[:, :3, 3] += rng.normal(0.0, 0.001 * millimetres, (count, 3))
@@ -213,88 +184,31 @@ def test_there_is_no_alarm_at_poses_of_which_many_miss(file: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("file", ["mug.glb", "spray.glb", "bottle.off", "dumbbell.stl"])
-def test_poses_of_a_network_many_of_which_collide_do_not_hide_a_mistake(file: str) -> None:
-    """200 poses, wrong by 6° and 4 mm about each axis, of an object on a table."""
-    mesh, rng, scene = load_mesh(MESHES / file, unit="m"), np.random.default_rng(0), Scene(HAND)
-    poses = random_poses_on(mesh, scene, pairs=200, seed=3)
-    poses = poses[rng.permutation(len(poses))[:200]]
-    turns = rng.normal(0.0, np.radians(6.0), (200, 3))
-    poses[:, :3, :3] @= Rotation.from_rotvec(turns).as_matrix()
-    poses[:, :3, 3] += rng.normal(0.0, 0.004, (200, 3))
-    table = Table.below(mesh, "z")
-    noisy = GraspPoses(poses=poses, unit="m", hand=HAND)
-    assert collides(mesh, poses, HAND.limits[1], HAND, table=table).mean() > 0.3
-    assert audit_poses(mesh, noisy, HAND, table=table) is None
-    for wrong, right in (
-        (mistake("hand", "tcp"), "--frame hand"),
-        (mistake("tcp", "tcp", quaternions(3, 0, 1, 2)), "order (w x y z)"),
-    ):
-        reading = audit_poses(mesh, misread(noisy, wrong), HAND, table=table)
-        assert reading is not None
-        assert right in str(reading) or not reading.stands_out
-
-
-@pytest.mark.slow
 def test_poses_in_the_frame_of_a_robot_are_changed_there() -> None:
     mesh, right = found_on("mug.glb")
-    turned = np.eye(4)
-    turned[:3, :3] = Rotation.from_euler("xz", [20, 35], degrees=True).as_matrix()
-    turned[:3, 3] = 0.4, 0.0, 0.1
-    pose = ObjectPose.of(turned)
+    pose = ObjectPose.of("0.4,0,0.1,35")
     moved = replace(right, poses=pose.matrix @ right.poses)
     wrong = misread(moved, mistake("hand", "hand", quaternions(3, 0, 1, 2)))
     wrong = replace(wrong, poses=np.linalg.inv(pose.matrix) @ wrong.poses, object_pose=pose)
     reading = audit_poses(mesh, wrong, HAND)
     assert reading is not None
-    assert "order (w x y z)" in str(reading)
     np.testing.assert_allclose(reading.applied(wrong).poses, right.poses, atol=1e-9)
 
 
-@pytest.mark.slow
-def test_units_of_poses_are_found_whatever_the_unit_of_the_mesh() -> None:
-    mesh, right = found_on("mug.glb")
-    small = load_mesh((1000.0 * mesh.vertices, mesh.faces), unit="mm")
-    given = replace(right, opening=INCH * 50.0, pregrasp_opening=INCH * 60.0)
-    wrong = replace(misread(given, mistake("hand", "hand", scaled(INCH))), unit="mm")
-    wrong = wrong.scaled(1000.0, "mm")
-    wrong = replace(wrong, opening=given.opening, pregrasp_opening=given.pregrasp_opening)
-    reading = audit_poses(small, wrong, HAND)
-    assert reading is not None
-    assert "their lengths in inches instead of m" in str(reading)
-    read = reading.applied(wrong)
-    np.testing.assert_allclose(read.poses[:, :3, 3], 1000.0 * right.poses[:, :3, 3], atol=1e-6)
-    np.testing.assert_allclose(read.opening, 50.0)
-    np.testing.assert_allclose(read.pregrasp_opening, 60.0)
-    with pytest.raises(ContactError, match="unit of the poses is not known"):
-        reading.applied(replace(wrong, unit=None))
-
-
-def audited(mesh: ObjectMesh, poses: GraspPoses) -> PoseReading | None:
-    return audit_poses(mesh, poses, HAND)
-
-
 def test_nothing_is_said_of_good_poses_and_of_few(cone: ObjectMesh, good: GraspPoses) -> None:
-    assert audited(cone, good) is None
+    assert audit_poses(cone, good, HAND) is None
     wrong = misread(good, mistake("graspgen", "tcp"))
-    assert audited(cone, wrong.take(np.arange(FEWEST - 1))) is None
-    assert audited(cone, good.take([])) is None
+    assert audit_poses(cone, wrong.take(np.arange(FEWEST - 1)), HAND) is None
+    assert audit_poses(cone, good.take([]), HAND) is None
     kept = explained(cone, good, HAND)
     np.testing.assert_array_equal(kept.poses, good.poses)
     assert kept.settings[READING] == UNCHANGED
 
 
-def test_poses_beside_the_object_have_no_other_reading(cone: ObjectMesh, good: GraspPoses) -> None:
-    """That nothing fits is no proof of a mistake."""
-    beside = good.poses.copy()
-    beside[:, :3, 3] += 0.2 * Rotation.random(40, random_state=1).apply([1.0, 0.0, 0.0])
-    assert audited(cone, replace(good, poses=beside)) is None
-
-
 def test_several_readings_that_fit_are_not_named(cone: ObjectMesh, good: GraspPoses) -> None:
     """Turned about the middle of the object, these poses fit in all directions."""
     wrong = misread(good, mistake("graspgen", "tcp"))
-    reading = audited(cone, wrong)
+    reading = audit_poses(cone, wrong, HAND)
     assert reading is not None
     assert not reading.stands_out
     told = str(reading)
@@ -303,16 +217,6 @@ def test_several_readings_that_fit_are_not_named(cone: ObjectMesh, good: GraspPo
     with pytest.raises(ContactError, match=r"give the frame \(--frame"):
         reading.applied(wrong)
     np.testing.assert_array_equal(explained(cone, wrong, HAND).poses, wrong.poses)
-
-
-def test_readings_that_mean_the_same_poses_are_one() -> None:
-    """Rotations of poses from straight above are the same if they are transposed."""
-    bar = load_mesh(shapes.box((0.06, 0.5, 0.02)), unit="m")
-    poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (20, 1, 1))
-    poses[:, :3, 3] = np.linspace((-0.005, -0.22, 0.0), (0.005, 0.22, 0.0), 20)
-    right = GraspPoses(poses=poses, unit="m", hand=HAND)
-    reading = audited(bar, misread(right, mistake("graspgen", "tcp")))
-    assert "with --frame graspgen in 20" in str(reading)
 
 
 def test_evaluated_poses_are_warned_of(cone: ObjectMesh, good: GraspPoses) -> None:
@@ -326,11 +230,7 @@ def test_evaluated_poses_are_warned_of(cone: ObjectMesh, good: GraspPoses) -> No
     assert results.to_poses().settings["suspected_reading"] == str(results.reading)
     assert evaluate_grasps(cone, good, hand=HAND).reading is None
     wide = load_mesh(shapes.box((0.3, 0.3, 0.3)), unit="m", max_edge=1.0)
-    inside = good.poses.copy()
-    inside[:, :3, 3] *= 0.1
-    text = warnings(replace(good, poses=inside), wide)
-    assert f"starts in the object in {good.count} of {good.count} poses" in text
-    assert "narrower than the stroke" in text
+    assert f"starts in the object in {good.count} of {good.count} poses" in warnings(good, wide)
 
 
 # Hands with joints: their links touch a box.
@@ -341,40 +241,25 @@ def box() -> ObjectMesh:
     return load_mesh(shapes.box((0.05, 0.07, 0.12)), unit="m")
 
 
-@cache
-def right(name: str) -> GraspPoses:
-    return touching(hand_of(name), box(), 40)
-
-
-OF_HANDS: dict[str, tuple[Mistake, str]] = {
-    "xyzw": (MISTAKES["xyzw"][0], "in the order (x y z w) instead of (w x y z)"),
-    "wxyz": (MISTAKES["wxyz"][0], "in the order (w x y z) instead of (x y z w)"),
-    "mm": (MISTAKES["mm"][0], "with their lengths in mm instead of m"),
-}
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", HANDS)
+@pytest.mark.parametrize("name", ["barrett", "shadow"])
 def test_a_mistake_in_poses_of_a_hand_is_named(name: str) -> None:
-    hand, poses = hand_of(name), right(name)
+    hand = hand_of(name)
+    poses = touching(hand, box(), 40)
     assert audit_poses(box(), poses, hand) is None
     assert explained(box(), poses, hand).settings[READING] == UNCHANGED
-    for mistake, words in OF_HANDS.values():
-        wrong = misread(poses, mistake, hand)
+    for name_of, words in (
+        ("xyzw", "in the order (x y z w) instead of (w x y z)"),
+        ("mm", "with their lengths in mm instead of m"),
+    ):
+        wrong = misread(poses, MISTAKES[name_of][0], hand)
         reading = audit_poses(box(), wrong, hand)
         assert reading is not None
         assert words in str(reading)
         assert f" in {reading.stated} of 40 poses; " in str(reading)
         assert reading.fitting == 40
         np.testing.assert_allclose(reading.applied(wrong).poses, poses.poses, atol=1e-9)
-
-
-@pytest.mark.slow
-def test_poses_of_the_palm_are_named() -> None:
-    hand, poses = hand_of("shadow"), right("shadow")
-    palm = np.linalg.inv(GripperFrame(link="palm").to_tcp(hand))
-    wrong = replace(poses, poses=poses.poses @ palm)
-    reading = audit_poses(box(), wrong, hand)
-    assert reading is not None
-    assert reading.fitting == 40
-    assert "--frame palm in 40" in str(reading)
+    if name == "shadow":
+        palm = np.linalg.inv(GripperFrame(link="palm").to_tcp(hand))
+        reading = audit_poses(box(), replace(poses, poses=poses.poses @ palm), hand)
+        assert "--frame palm in 40" in str(reading)

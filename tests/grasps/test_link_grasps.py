@@ -1,4 +1,4 @@
-"""Poses of hands with joints: labels, numbers and reasons of known grasps."""
+"""Poses of hands with joints: labels, numbers and reasons of known grasps; what motors hold."""
 
 import math
 from dataclasses import replace
@@ -10,13 +10,15 @@ import pytest
 from numpy.typing import NDArray
 
 import grasp3d
-from grasp3d import Contacts, Label, critical_friction_angle
+from grasp3d import Label
+from grasp3d.describe.verdict import verdict_of
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.formats import GraspPoses
-from grasp3d.grasps.link_grasps import LinkGrasps
+from grasp3d.grasps.link_grasps import LinkGrasps, MotorLoads
 from grasp3d.hand.articulated_hand import ArticulatedHand
 from grasp3d.hand.table import Approach, Table
 from grasp3d.mesh import ObjectMesh
+from grasp3d.quality.tasks import STANDARD_GRAVITY
 from grasp3d.surface.fields import HAND_GRASPS
 from tests.helpers import shapes, slider_hand
 from tests.helpers.slider_hand import BOX, TOUCHING
@@ -74,17 +76,6 @@ def test_four_fingers_on_a_box(box: ObjectMesh, tmp_path: Path) -> None:
     assert found.rank.tolist() == [6]
 
 
-def test_critical_angle_is_that_of_the_contacts_bit_for_bit(
-    box: ObjectMesh, tmp_path: Path
-) -> None:
-    postures = TOUCHING + np.random.default_rng(0).uniform(-0.004, 0.002, size=(5, 4))
-    found = evaluated(box, tmp_path, *postures)
-    for row in range(5):
-        points, normals = found.contacts_of(row)
-        contacts = Contacts(points - box.center_mass, normals)
-        assert found.critical_angle[row] == critical_friction_angle(contacts)
-
-
 def test_a_location_error_costs_a_hand_what_the_surface_turns_and_torques_need(
     box: ObjectMesh, tmp_path: Path
 ) -> None:
@@ -103,21 +94,13 @@ def test_a_location_error_costs_a_hand_what_the_surface_turns_and_torques_need(
     assert margins[0] > margins[1] > 0.0 > margins[3]
 
 
-def test_links_have_the_resolution_that_they_state_or_that_of_the_model(
-    box: ObjectMesh, tmp_path: Path
-) -> None:
-    stated = {f"finger_{number}": math.radians(30.0) for number in range(4)}
-    found = evaluated(box, tmp_path, TOUCHING, sensors=stated)
-    assert found.label.tolist() == [Label.S]
-    assert found.margin[0] == pytest.approx(math.atan(0.5) - math.radians(15.0), abs=SAMPLED)
-    assert found.to_poses().settings["sensor_resolutions"] == pytest.approx(
-        {"palm": math.radians(10.0), **stated}
-    )
-    coarse = dict.fromkeys(["finger_1", "finger_3"], math.radians(80.0))
-    found = evaluated(box, tmp_path, TOUCHING, sensors=coarse)
-    # Their tilts exceed friction.
-    assert found.label.tolist() == [Label.M]
-    assert found.margin[0] == pytest.approx(math.atan(0.5) - math.radians(40.0), abs=SAMPLED)
+def test_links_have_the_resolution_that_they_state(box: ObjectMesh, tmp_path: Path) -> None:
+    for degrees, number, label in ((30.0, 4, Label.S), (80.0, 2, Label.M)):  # tilts beyond friction
+        stated = {f"finger_{k}": math.radians(degrees) for k in range(number)}
+        found = evaluated(box, tmp_path, TOUCHING, sensors=stated)
+        expected = math.atan(0.5) - math.radians(0.5 * degrees)
+        assert found.margin[0] == pytest.approx(expected, abs=SAMPLED)
+        assert found.label.tolist() == [label]
 
 
 @pytest.mark.parametrize(
@@ -154,7 +137,7 @@ def test_joints_that_follow_have_limits_of_their_own(box: ObjectMesh, tmp_path: 
     assert third == "joint 3 (slide_3) is 30 mm beyond its limit"
 
 
-def test_reasons_of_collisions(box: ObjectMesh, tmp_path: Path) -> None:
+def test_reasons_of_collisions_and_of_the_region(box: ObjectMesh, tmp_path: Path) -> None:
     found = evaluated(box, tmp_path, TOUCHING)
     contacts = replace(
         found.contacts, self_collision=np.array([[0, 2]]), self_depth=np.array([0.007])
@@ -164,6 +147,10 @@ def test_reasons_of_collisions(box: ObjectMesh, tmp_path: Path) -> None:
     below = replace(found, contacts=replace(found.contacts, table_depth=np.array([0.02])))
     assert below.reason.tolist() == ["20 mm below the table"]
     assert overlapping.reachable.tolist() == below.reachable.tolist() == [False]
+    part = grasp3d.load_mesh(shapes.box(BOX), unit="m", region="box:0,-1,-1,1,1,1")
+    outside = evaluated(part, tmp_path, TOUCHING)
+    assert outside.reason.tolist() == ["touches outside --region"]
+    assert outside.label.tolist() == [Label.U]
 
 
 def test_table_and_approach(box: ObjectMesh, tmp_path: Path) -> None:
@@ -179,26 +166,6 @@ def test_table_and_approach(box: ObjectMesh, tmp_path: Path) -> None:
     assert found.reason.tolist() == ["comes 180° from the approach direction, more than 57°"]
 
 
-def test_results_in_other_units_are_the_same(box: ObjectMesh, tmp_path: Path) -> None:
-    hand, poses = slider_hand.hand(tmp_path), given(TOUCHING - 0.002, 0.01)
-    millimetres = grasp3d.load_mesh(shapes.box(1000.0 * np.array(BOX)), unit="mm")
-    one, other = (
-        grasp3d.evaluate_grasps(mesh, poses, FINE, hand=hand) for mesh in (box, millimetres)
-    )
-    assert one.label.tolist() == other.label.tolist()
-    assert one.reason.tolist() == other.reason.tolist()
-    np.testing.assert_allclose(one.gap, other.gap, atol=1e-6)
-    np.testing.assert_allclose(one.epsilon, other.epsilon, rtol=2e-2)
-    assert one.rank.tolist() == other.rank.tolist()
-
-
-def test_contacts_outside_the_region_are_refused(tmp_path: Path) -> None:
-    part = grasp3d.load_mesh(shapes.box(BOX), unit="m", region="box:0,-1,-1,1,1,1")
-    found = evaluated(part, tmp_path, TOUCHING)
-    assert found.reason.tolist() == ["touches outside --region"]
-    assert found.label.tolist() == [Label.U]
-
-
 def test_joints_are_matched_by_name(box: ObjectMesh, tmp_path: Path) -> None:
     hand = slider_hand.hand(tmp_path)
     values = np.array([TOUCHING, 0.01, 0.02, 0.03])
@@ -211,23 +178,17 @@ def test_joints_are_matched_by_name(box: ObjectMesh, tmp_path: Path) -> None:
     assert unnamed.links.tolist() == ["finger_0"]
     order = "the order of the joints is not stated: that of sliders is assumed"
     assert order in unnamed.warnings
+    beyond = np.full((10, 4), TOUCHING)
+    beyond[:2, 2] = 0.1
+    (said,) = grasp3d.evaluate_grasps(box, given(*beyond), hand=hand).warnings
+    assert "beyond their limits in 2 of 10 poses: are these of another hand" in said
     with pytest.raises(ContactError, match=r"no values of them: .* columns called joint:"):
         grasp3d.evaluate_grasps(box, np.eye(4)[None], hand=hand)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"model": grasp3d.GraspModel(method="extremes")}, "takes no method extremes"),
-        ({"max_distance": 0.1}, "max_distance applies to contacts"),
-    ],
-)
-def test_settings_that_do_not_apply_are_refused(
-    box: ObjectMesh, tmp_path: Path, options: dict[str, Any], message: str
-) -> None:
-    hand = slider_hand.hand(tmp_path)
-    with pytest.raises(SettingError, match=message):
-        grasp3d.evaluate_grasps(box, given(TOUCHING), **options, hand=hand)
+    extremes = grasp3d.GraspModel(method="extremes")
+    with pytest.raises(SettingError, match="takes no method extremes"):
+        grasp3d.evaluate_grasps(box, given(values), extremes, hand=hand)
+    with pytest.raises(SettingError, match="max_distance applies to contacts"):
+        grasp3d.evaluate_grasps(box, given(values), hand=hand, max_distance=0.1)
 
 
 def test_chosen_poses_and_tables(box: ObjectMesh, tmp_path: Path) -> None:
@@ -240,23 +201,123 @@ def test_chosen_poses_and_tables(box: ObjectMesh, tmp_path: Path) -> None:
     assert frame["reason"].tolist()[1:] == ["", ""]
     assert frame["gap_finger_0"].round(6).tolist()[1:] == [0.0, 0.003]
     poses = found.to_poses()
-    assert poses.joint_names == tuple(f"slide_{number}" for number in range(4))
-    assert poses.columns["links"].tolist()[0] == ""
     columns = {name for name in poses.columns if not name.startswith("gap_")}
     assert columns == {field.name for field in HAND_GRASPS if field.when == "always"} - {"score"}
     assert poses.in_unit("mm").columns["gap"][2] == pytest.approx(3.0)
-    assert poses.settings["contact_rule"] == "given"
     assert grasp3d.grasps.ranked_rows(found).tolist() == [1, 2, 0]
 
 
-def test_joints_beyond_their_limits_cast_doubt_on_an_assumed_order(
+ANGLE = math.radians(5.0)
+DOWN = "weight within 0 of -z"
+
+
+def loaded(
+    folder: Path, load: grasp3d.Load | None, model: grasp3d.GraspModel = FINE, **stated: Any
+) -> LinkGrasps:
+    """The slider hand around a box, at a pose that touches its four sides and at one that none."""
+    box = grasp3d.load_mesh(shapes.box(BOX), unit="m")
+    posture = np.array([[TOUCHING] * 4, [0.0] * 4])
+    poses = GraspPoses(poses=np.tile(np.eye(4), (2, 1, 1)), posture=posture, unit="m")
+    hand = grasp3d.read_hand(slider_hand.write(folder, **stated))
+    found = grasp3d.evaluate_grasps(box, poses, model, hand=hand, load=load)
+    assert isinstance(found, LinkGrasps)
+    return found
+
+
+def held(*given: Any, **stated: Any) -> MotorLoads:
+    """What the motors of the same hand hold."""
+    found = loaded(*given, **stated).motors
+    assert found is not None
+    return found
+
+
+def test_four_sliding_fingers_hold_a_box_by_friction_alone(tmp_path: Path) -> None:
+    load_result = held(tmp_path, grasp3d.Load(task=DOWN, torque_limits=10.0))
+    # Contacts are averaged over what is near, a little off the middle of the sides.
+    sure = 4.0 * 10.0 * math.tan(math.atan(0.5) - ANGLE) / STANDARD_GRAVITY
+    assert load_result.payload[0] == pytest.approx(sure, rel=0.04)
+    assert np.isnan(load_result.payload).tolist() == [False, True]
+    assert np.isnan(load_result.payload_most).all()  # it matters for a mass only
+    assert load_result.limit[0] in {f"slide_{k}" for k in range(4)}
+    nine = grasp3d.Load(mass=9.0, task=DOWN, torque_limits=10.0)
+    best = 4.0 * 10.0 * math.tan(math.atan(0.5) + ANGLE) / STANDARD_GRAVITY
+    assert held(tmp_path, nine).payload_most[0] == pytest.approx(best, rel=0.04)
+    assert loaded(tmp_path, nine).label[0] == Label.U
+    double = held(tmp_path, grasp3d.Load(task=DOWN, torque_limits=20.0))
+    assert double.payload[0] == pytest.approx(2.0 * load_result.payload[0], rel=1e-6)
+
+
+def test_every_pose_that_does_not_surely_hold_the_mass_says_so(tmp_path: Path) -> None:
+    coarse = grasp3d.GraspModel(sensor_resolution=math.radians(60.0))
+    found = loaded(tmp_path, grasp3d.Load(task=DOWN, mass=0.1), coarse)
+    assert found.label.tolist() == [Label.M, Label.U]
+    assert found.reason.tolist() == [
+        "surely holds 0 kg only", "no link within 5 mm of the object",
+    ]  # fmt: skip
+    slippery = held(tmp_path, grasp3d.Load(), replace(FINE, friction=0.05))
+    assert (slippery.payload[0], slippery.limit[0]) == (0.0, "what can be pressed at the contacts")
+
+
+def test_numbers_of_another_load_do_not_stay_with_the_poses(tmp_path: Path) -> None:
+    held = loaded(tmp_path, grasp3d.Load(task=DOWN))
+    poses = held.to_poses()
+    poses = replace(poses, columns={**poses.columns, "gap_other": held.gap, "own": held.gap})
+    again = grasp3d.evaluate_grasps(held.mesh, poses, FINE, hand=held.hand).to_poses()
+    lost = poses.columns.keys() - again.columns.keys()
+    assert {"payload", "limit", "gap_other"} <= lost
+    assert "own" in again.columns
+
+
+def test_torques_that_are_not_stated_are_asked_for(tmp_path: Path) -> None:
+    unstated = {"torques": {"slide_0": 20.0}}
+    with pytest.raises(SettingError, match="of the motor of slide_1, slide_2, slide_3: state it"):
+        loaded(tmp_path, grasp3d.Load(mass=1.0), **unstated)
+    with pytest.raises(SettingError, match="of slide_0, slide_1, slide_2, slide_3: state it"):
+        loaded(tmp_path, grasp3d.Load(mass=1.0), torques={})
+    found = loaded(tmp_path, None, **unstated)
+    assert (found.label[0], found.motors) == (Label.S, None)
+    idle = dict.fromkeys([f"slide_{k}" for k in range(4)], 0.0)
+    with pytest.raises(SettingError, match="no motor that torque_limits could limit"):
+        loaded(tmp_path, grasp3d.Load(torque_limits=10.0), torques=idle)
+    with pytest.raises(SettingError, match="takes no torsion_radius with a load"):
+        loaded(tmp_path, grasp3d.Load(task=DOWN), replace(FINE, torsion_radius=0.003))
+
+
+def test_the_weight_of_links_takes_from_what_motors_hold(tmp_path: Path) -> None:
+    heavy = {f"finger_{k}": {"mass": 0.2} for k in range(4)}
+    down = grasp3d.Load(task="weight within 0 of -x", torque_limits=10.0)
+    light, found = held(tmp_path, down), held(tmp_path, down, masses=heavy)
+    assert "is neglected: no masses" in light.link_weights
+    assert found.link_weights == ("the weight of the links that move, 0.8 kg, counts")
+    assert found.payload[0] < light.payload[0] - 0.01
+
+
+@pytest.mark.parametrize("task", ["weight", "weight within 0 of -x"])
+def test_motors_that_do_not_carry_the_links_are_said_to(tmp_path: Path, task: str) -> None:
+    heavy = {f"finger_{k}": {"mass": 1.5} for k in range(4)}
+    load = grasp3d.Load(mass=0.1, task=task, torque_limits=10.0)
+    found = loaded(tmp_path, load, masses=heavy)
+    assert found.motors is not None
+    assert found.motors.limit[0] == "the weight of the links"
+    said = "the weight of the links alone is too much for the motors"
+    assert found.reason[0].endswith(f": {said}")
+    assert "its motors are too weak to hold 0.1 kg" in str(verdict_of(found))
+    light = held(tmp_path, load, masses={"finger_0": {"mass": 0.01}})
+    assert light.limit[0].startswith("slide_")
+
+
+def test_two_point_contacts_are_said_to_leave_the_turn_about_their_line_free(
     box: ObjectMesh, tmp_path: Path
 ) -> None:
-    hand = grasp3d.read_hand(slider_hand.write(tmp_path))
-    for wrong, told in ((1, False), (2, True)):
-        postures = np.full((10, 4), TOUCHING)
-        postures[:wrong, 2] = 0.1
-        poses = GraspPoses(poses=np.tile(np.eye(4), (10, 1, 1)), posture=postures, unit="m")
-        warnings = grasp3d.evaluate_grasps(box, poses, hand=hand).warnings
-        (said,) = (one for one in warnings if one.startswith("the order of the joints is not"))
-        assert ("beyond their limits in 2 of 10 poses: are these of another hand" in said) == told
+    hand = grasp3d.read_hand(slider_hand.write(tmp_path, 2))
+    pose = np.eye(4)
+    pose[1, 3] = 0.002
+    poses = GraspPoses(poses=pose, posture=np.full((1, 2), TOUCHING), unit="m")
+    load = grasp3d.Load(mass=0.01, torque_limits=10.0)
+    found = grasp3d.evaluate_grasps(box, poses, FINE, hand=hand, load=load)
+    assert isinstance(found, LinkGrasps)
+    assert found.motors is not None
+    assert found.motors.payload[0] == 0.0
+    assert found.motors.limit[0] == "the turn about the line of the contacts"
+    said = "point contacts on one line leave the turn about it free"
+    assert found.reason[0].endswith(f"holds 0 kg at most: {said}")

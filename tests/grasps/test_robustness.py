@@ -1,7 +1,6 @@
 """Scores of what closed jaws touch, and of poses that are a little wrong."""
 
 import math
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -62,6 +61,10 @@ def test_opposed_patches_about_the_centre_of_mass_hold_what_friction_allows() ->
     ratio = held / 0.3
     assert found.stated.score[0] == pytest.approx(ratio / (1.0 + ratio), abs=PAYLOAD_RTOL)
     assert found.score[0] == pytest.approx(found.stated.score[0], rel=1e-12)
+    bare = evaluated(box(), pose()).robustness.stated  # the weight per force
+    ratio = math.sin(2.0 * BETA)
+    assert bare.payload[0] * STANDARD_GRAVITY == pytest.approx(ratio, rel=PAYLOAD_RTOL)
+    assert bare.score[0] == pytest.approx(ratio / (1.0 + ratio), abs=PAYLOAD_RTOL)
 
 
 def test_a_load_that_is_too_heavy_lacks_an_angle() -> None:
@@ -71,12 +74,14 @@ def test_a_load_that_is_too_heavy_lacks_an_angle() -> None:
     """
     held = FORCE * math.sin(2.0 * BETA) / STANDARD_GRAVITY
     masses = (0.95 * held, 1.05 * held, 1.5 * held, 2.5 * held)
-    scores = [
-        evaluated(box(), pose(), load=Load(mass=mass, grip_force=FORCE)).robustness.stated.score[0]
+    found = [
+        evaluated(box(), pose(), load=Load(mass=mass, grip_force=FORCE)).robustness
         for mass in masses
     ]
+    scores = [one.stated.score[0] for one in found]
     assert scores[0] > 0.5
     assert 0.0 >= scores[1] > scores[2] > scores[3] >= LOST
+    assert [one.label[0] for one in found[:2]] == [Label.S, Label.M]
 
 
 def test_contacts_near_the_border_may_be_lost() -> None:
@@ -88,13 +93,10 @@ def test_contacts_near_the_border_may_be_lost() -> None:
         # On the faces of a box nearby poses are about as good.
         assert found.score[0] == pytest.approx((1.0 + alone) * stay - 1.0, abs=0.06)
         assert found.score[0] < found.stated.score[0]
-
-
-def test_without_a_load_the_score_is_of_weight_per_force() -> None:
-    found = evaluated(box(), pose()).robustness
-    ratio = math.sin(2.0 * BETA)
-    assert found.stated.payload[0] * STANDARD_GRAVITY == pytest.approx(ratio, rel=PAYLOAD_RTOL)
-    assert found.stated.score[0] == pytest.approx(ratio / (1.0 + ratio), abs=PAYLOAD_RTOL)
+    # 4 mm inside the pad's end.
+    tall, at = mesh_of(shapes.box((0.03, 0.03, 0.12))), pose((0.0, 0.0, 0.057))
+    for error, label in (("3mm", Label.S), ("4.5mm", Label.M)):
+        assert evaluated(tall, at, pose_error=error).robustness.label[0] == label
 
 
 def pressed(results: EvaluatedPoses, row: int) -> Floats:
@@ -151,13 +153,6 @@ def test_a_patch_that_hangs_over_the_pad_carries_less() -> None:
     np.testing.assert_allclose(found.pad_margin, [0.005, 0.005, 0.004, 0.0005], atol=1e-8)
 
 
-def test_what_does_not_close_is_lost() -> None:
-    found = evaluated(box(), pose((0.2, 0.0, 0.0)), load=Load(mass=0.1)).robustness
-    assert found.score[0] == LOST
-    assert found.label[0] == Label.U
-    assert found.closing_share[0] == 0.0
-
-
 def test_patches_that_do_not_close_have_the_angle_that_they_lack() -> None:
     """Wedge of 2 x 20 degrees: friction holds 22 degrees at best beside alpha/2, so it is fixed."""
     angle = math.radians(20.0)
@@ -169,6 +164,49 @@ def test_patches_that_do_not_close_have_the_angle_that_they_lack() -> None:
         mesh_of(wedge), pose((0.0, 0.0, 0.05)), pads(compliance=1e-5), fixed=True
     ).robustness
     assert found.stated.score[0] == pytest.approx((BETA - angle) / math.pi, abs=2e-3)
+
+
+def test_without_errors_and_load_tried_labels_are_the_labels() -> None:
+    results = evaluated(blob(), random_poses(150, 0.01, seed=3), pads(compliance=0.002))
+    found = results.robustness
+    np.testing.assert_array_equal(np.where(results.reachable, found.label, Label.U), results.label)
+    assert found.tried == 1
+    assert (found.score[~results.jaws.closed] == LOST).all()
+    assert set(results.label) == {Label.U, Label.M, Label.S}
+
+
+@pytest.mark.slow
+def test_errors_are_never_better_than_none() -> None:
+    poses, hand = random_poses(40, 0.008, seed=5), pads(compliance=0.002)
+    exact = evaluated(blob(), poses, hand)
+    for error in ("0.1mm", "0.7mm,0.5deg", "3deg", "5mm,3deg"):
+        found = evaluated(blob(), poses, hand, pose_error=error).robustness
+        # Where fingers start in the object, U becomes M.
+        assert not ((found.label == Label.S) & (exact.robustness.label < Label.S)).any()
+    assert (found.label < exact.robustness.label).any()
+
+
+def test_fingers_that_start_in_the_object_by_less_than_the_error_give_way() -> None:
+    """The box of 60 mm is 12 mm off the middle of a stroke of 80: 2 mm of it are in a finger."""
+    off = pose((0.012, 0.0, 0.0))
+    refused = evaluated(box(), off)
+    assert not refused.jaws.closed[0]
+    short = evaluated(box(), off, pose_error="0.5mm")
+    assert not short.jaws.closed[0]
+    given = evaluated(box(), off, pose_error="4mm")
+    assert given.jaws.closed[0]
+    assert 0.0 < abs(given.jaws.shift[0]) <= 0.004
+    assert given.robustness.label[0] == Label.M
+    assert given.to_table()["shift"].to_pylist() == [given.jaws.shift[0]]
+    # Fingers that start in the object by less than the compliance close, but their way is free.
+    franka, wide = read_hand("franka"), mesh_of(shapes.box((0.07, 0.05, 0.03)))
+    for offset in (0.0053, 0.0065, 0.008):
+        at = pose((offset, 0.0, 0.0))
+        assert not evaluated(wide, at, franka).reachable[0]
+        found = evaluated(wide, at, franka, pose_error="5mm")
+        assert found.jaws.closed[0]
+        assert found.reachable[0]
+        assert 0.0 < abs(found.jaws.shift[0]) <= 0.005
 
 
 def test_of_patches_beside_each_other_the_best_line_counts() -> None:
@@ -191,101 +229,9 @@ def test_of_patches_beside_each_other_the_best_line_counts() -> None:
     assert score > (BETA - found.critical_angle[0]) / math.pi + 0.05
 
 
-def test_without_errors_and_load_tried_labels_are_the_labels() -> None:
-    results = evaluated(blob(), random_poses(150, 0.01, seed=3), pads(compliance=0.002))
-    found = results.robustness
-    np.testing.assert_array_equal(np.where(results.reachable, found.label, Label.U), results.label)
-    assert found.tried == 1
-    assert set(results.label) == {Label.U, Label.M, Label.S}
-
-
-@pytest.mark.slow
-def test_errors_are_never_better_than_none() -> None:
-    poses, hand = random_poses(40, 0.008, seed=5), pads(compliance=0.002)
-    exact = evaluated(blob(), poses, hand)
-    for error in ("0.1mm", "0.7mm,0.5deg", "3deg", "5mm,3deg"):
-        found = evaluated(blob(), poses, hand, pose_error=error).robustness
-        # Where fingers start in the object, U becomes M.
-        assert not ((found.label == Label.S) & (exact.robustness.label < Label.S)).any()
-    assert (found.label < exact.robustness.label).any()
-
-
-def test_lengths_scale_the_distance_from_the_border() -> None:
-    lengths = ("max_opening", "pad_width", "pad_height", "finger_thickness", "finger_width",
-               "finger_length", "palm_thickness", "palm_width", "palm_length", "compliance",
-               "clearance")  # fmt: skip
-    small = pads(compliance=0.002)
-    large = replace(small, **{name: 2.0 * getattr(small, name) for name in lengths})
-    vertices, faces = shapes.lopsided()
-    twice = mesh_of((0.05 * vertices, faces))
-    poses = random_poses(20, 0.006, seed=9)
-    scaled = poses.copy()
-    scaled[:, :3, 3] *= 2.0
-    one = evaluated(blob(), poses, small).robustness
-    two = evaluated(twice, scaled, large).robustness
-    np.testing.assert_allclose(2.0 * one.pad_margin, two.pad_margin, atol=1e-7)
-
-
-def test_a_contact_within_the_error_of_the_border_is_not_sure() -> None:
-    """4 mm inside the pad's end: S at an error of 3 mm, M at one of 4.5 mm."""
-    tall = mesh_of(shapes.box((0.03, 0.03, 0.12)))
-    at = pose((0.0, 0.0, 0.057))
-    for error, label in (("3mm", Label.S), ("4.5mm", Label.M)):
-        results = evaluated(tall, at, pose_error=error)
-        assert results.robustness.label[0] == label
-
-
-def test_a_load_that_patches_do_not_hold_is_not_sure() -> None:
-    held = FORCE * math.sin(2.0 * BETA) / STANDARD_GRAVITY
-    for mass, label in ((0.9 * held, Label.S), (1.1 * held, Label.M)):
-        results = evaluated(box(), pose(), load=Load(mass=mass, grip_force=FORCE))
-        assert results.robustness.label[0] == label
-
-
-def test_fingers_that_start_in_the_object_by_less_than_the_error_give_way() -> None:
-    """The box of 60 mm is 12 mm off the middle of a stroke of 80: 2 mm of it are in a finger."""
-    off = pose((0.012, 0.0, 0.0))
-    refused = evaluated(box(), off)
-    assert not refused.jaws.closed[0]
-    short = evaluated(box(), off, pose_error="0.5mm")
-    assert not short.jaws.closed[0]
-    given = evaluated(box(), off, pose_error="4mm")
-    assert given.jaws.closed[0]
-    assert 0.0 < abs(given.jaws.shift[0]) <= 0.004
-    assert given.robustness.label[0] == Label.M
-    assert given.to_table()["shift"].to_pylist() == [given.jaws.shift[0]]
-
-
-def test_a_gripper_that_gives_way_is_clear_of_the_object() -> None:
-    """Fingers that start in the object by less than the compliance close, but their way is free."""
-    hand = read_hand("franka")
-    wide = mesh_of(shapes.box((0.07, 0.05, 0.03)))
-    for offset in (0.0053, 0.0065, 0.008):
-        at = pose((offset, 0.0, 0.0))
-        assert not evaluated(wide, at, hand).reachable[0]
-        found = evaluated(wide, at, hand, pose_error="5mm")
-        assert found.jaws.closed[0]
-        assert found.reachable[0]
-        assert 0.0 < abs(found.jaws.shift[0]) <= 0.005
-        assert found.robustness.label[0] == Label.M
-
-
 def test_contacts_outside_the_region_have_no_score() -> None:
-    mesh = load_mesh(
-        shapes.box((60.0, 50.0, 30.0)), unit="mm", max_edge="8mm", region="box:-1,-1,-1,19mm,1,1"
-    )
-    for method in ("exact", "extremes"):
-        found = evaluate_grasps(mesh, pose(), GraspModel(method=method), hand=pads())
-        robustness = found.robustness
-        assert found.label[0] == robustness.label[0] == robustness.stated.label[0] == Label.U
-        assert robustness.score[0] == LOST
-
-
-def test_a_load_that_nothing_holds_is_scored_by_what_lacks() -> None:
-    """On a ball, farther off its middle the angle of friction that lacks grows."""
-    ball = mesh_of(trimesh.creation.icosphere(4, 0.02))
-    poses = [pose((0.0, 0.0, height)) for height in (0.013, 0.015, 0.017, 0.019)]
-    load = Load(mass=0.1, grip_force=FORCE)
-    found = evaluated(ball, poses, pads(pad_height=0.004), fixed=True, load=load).robustness
-    assert (np.diff(found.score) < 0.0).all()
-    assert (found.score > LOST).all()
+    region = "box:-1,-1,-1,19mm,1,1"
+    mesh = load_mesh(shapes.box((60.0, 50.0, 30.0)), unit="mm", max_edge="8mm", region=region)
+    found = evaluated(mesh, pose()).robustness
+    assert found.label[0] == found.stated.label[0] == Label.U
+    assert found.score[0] == LOST

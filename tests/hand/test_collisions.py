@@ -80,20 +80,6 @@ def test_a_swept_gripper_collides_somewhere_on_its_way(hand: ParallelGripper) ->
     assert 3 < found.sum() < 22
 
 
-@pytest.mark.parametrize("hand", GRIPPERS, ids=lambda hand: hand.name)
-def test_what_blocks_shallow_fingers_blocks_deeper_ones(hand: ParallelGripper) -> None:
-    mesh = load_mesh(shapes.lopsided(), unit="cm", max_edge="100cm")
-    poses, openings = random_poses(mesh, 300, seed=6)
-    poses[:, :3, 3] *= 2.0
-    deeper = poses.copy()
-    deeper[:, :3, 3] += 0.7 * poses[:, :3, 2]
-    table = Table.below(mesh)
-    shallow = collides(mesh, poses, 100.0 * openings, hand, table=table)
-    deep = collides(mesh, deeper, 100.0 * openings, hand, table=table)
-    assert not (shallow & ~deep).any()
-    assert (deep & ~shallow).any()
-
-
 def test_a_gripper_wholly_inside_a_solid_collides() -> None:
     small = replace(HAND, palm_length=0.02)
     for swept in (True, False):
@@ -110,22 +96,6 @@ def test_a_gripper_in_a_cavity_is_free_there_but_cannot_get_there() -> None:
     mesh = load_mesh((shell.vertices, shell.faces), unit="mm", max_edge="500mm")
     assert not collides(mesh, [np.eye(4)], 40.0, HAND, swept=False).any()
     assert collides(mesh, [np.eye(4)], 40.0, HAND).all()
-
-
-def test_a_palm_in_a_cavity_collides_on_its_way() -> None:
-    """A bowl from inside: what is above the palm on its way is in the way."""
-    tube = trimesh.creation.annulus(45.0, 60.0, 100.0, sections=64)
-    lid = trimesh.creation.cylinder(60.0, 10.0, sections=64)
-    lid.apply_translation((0.0, 0.0, -55.0))
-    closed = trimesh.boolean.union([tube, lid], engine="manifold")
-    mesh = load_mesh((closed.vertices, closed.faces), unit="mm", max_edge="500mm")
-    narrow = replace(HAND, palm_thickness=0.08, palm_width=0.02, finger_length=0.02)
-    into, out = np.eye(4), np.eye(4)
-    into[:3, :3] = Rotation.from_euler("x", 180, degrees=True).as_matrix()
-    for pose, open_end in ((into, True), (out, False)):
-        # The palm is 80 mm wide and the hole 90 mm, so it fits in, from the open end.
-        assert collides(mesh, [pose], 20.0, narrow)[0] != open_end
-    assert not collides(mesh, [into], 20.0, narrow, swept=False).any()
 
 
 def corners_below(pose: np.ndarray, opening: float, table: Table) -> bool:
@@ -159,15 +129,3 @@ def test_a_table_is_avoided_from_every_side(up: str) -> None:
     expected = [corners_below(pose, 0.03, table) for pose in poses]
     assert (found == (alone | expected)).all()
     assert 0.1 < np.mean(expected) < 0.9
-
-
-def test_a_table_is_in_the_way_of_an_approach_from_below() -> None:
-    mesh = load_mesh(shapes.sphere(2, 0.001), unit="m", max_edge=1.0)
-    table = Table(np.array([0.0, 0.0, 1.0]), -0.2)
-    for angle, blocked in ((180.0, False), (90.0, False), (0.0, True)):
-        pose = np.eye(4)
-        pose[:3, :3] = Rotation.from_euler("x", angle, degrees=True).as_matrix()
-        # The hand ends 96 mm behind its TCP, but starts outside the object.
-        assert collides(mesh, [pose], 0.03, HAND, table=table)[0] == blocked or angle == 0.0
-        low = Table(np.array([0.0, 0.0, 1.0]), -0.09)
-        assert collides(mesh, [pose], 0.03, HAND, table=low)[0] == blocked

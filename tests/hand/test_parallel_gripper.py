@@ -1,18 +1,20 @@
-"""Descriptions of grippers: what is refused, and what follows from them."""
+"""Descriptions of grippers: what is refused, what follows from them, and their JSON."""
 
+import json
 import math
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.choices import AXES
-from grasp3d.hand.hand import touching
+from grasp3d.hand.hand_files import read_hand, write_hand
 from grasp3d.hand.parallel_gripper import ALIASES, PRESETS, ParallelGripper
-from grasp3d.settings import GraspModel
 
 FLAT: dict[str, Any] = {
     "name": "flat",
@@ -44,24 +46,17 @@ ROUND = FLAT | {"name": "round", "pad_width": 0.0, "pad_height": 0.0, "tip_radiu
         ({"max_force": 0.0}, "max_force must be a finite force above 0"),
         ({"joint_names": ("one",)}, "a number for each of the 1 joint_names"),
         ({"base_axes": ("x", "-x")}, "two axes at right angles"),
+        (
+            ROUND | {"tip_radius": 0.009, "finger_thickness": 0.019},
+            "at most the diameter of the round tips, 0.018",
+        ),
     ],
 )
 def test_impossible_grippers_are_refused(changed: dict[str, Any], words: str) -> None:
-    with pytest.raises(SettingError, match=r"gripper ('flat'|3)|sensor resolution") as refused:
+    with pytest.raises(SettingError, match=r"gripper ('flat'|'round'|3)") as refused:
         ParallelGripper(**(FLAT | changed))
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
-
-
-def test_fingers_thicker_than_their_round_tips_are_refused() -> None:
-    with pytest.raises(SettingError, match=r"at most the diameter of the round tips, 0[.]018"):
-        ParallelGripper(**(ROUND | {"tip_radius": 0.009, "finger_thickness": 0.019}))
-
-
-def test_the_resolution_of_a_gripper_replaces_that_of_the_model() -> None:
-    gripper = ParallelGripper(**ROUND, sensor_resolution=0.4)
-    assert touching(gripper, GraspModel()).sensor_resolution == 0.4
-    assert touching(ParallelGripper(**ROUND), GraspModel()) == GraspModel()
 
 
 def test_the_torsion_radius_is_that_of_a_disc_of_the_area_of_the_pad() -> None:
@@ -118,29 +113,107 @@ def test_joints_close_and_open(name: str) -> None:
     changes = [abs(opened - closed) for closed, opened in values]
     assert all(0.0 < change < 1.0 for change in changes)
     assert np.ptp(changes or [0.0]) == pytest.approx(0.0)
+    if name.startswith("robotiq"):
+        assert values[0][1] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_both_fingers_of_the_franka_hand_move_by_half_of_the_opening() -> None:
-    gripper = ParallelGripper.preset("franka")
-    assert gripper.joint_names == ("panda_finger_joint1", "panda_finger_joint2")
-    assert gripper.joint_scale == (0.5, 0.5)
-    assert gripper.base_to_tcp == 0.1034
+LENGTHS = st.floats(1e-4, 0.05)
 
 
-def test_robotiq_joints_are_0_when_open() -> None:
-    for name in ("robotiq_2f85", "robotiq_2f140"):
-        gripper = ParallelGripper.preset(name)
-        value = gripper.joint_closed[0] + gripper.joint_scale[0] * gripper.max_opening
-        assert value == pytest.approx(0.0, abs=1e-12)
+@st.composite
+def grippers(draw: st.DrawFn) -> ParallelGripper:
+    finger, opening = draw(LENGTHS), draw(st.floats(0.01, 0.05))
+    is_round = draw(st.booleans())
+    joints = draw(st.integers(0, 3))
+    numbers = st.floats(-10.0, 10.0)
+    return ParallelGripper(
+        name=draw(st.text(max_size=10)),
+        max_opening=opening,
+        finger_thickness=finger,
+        finger_width=2.0 * finger,
+        finger_length=3.0 * finger,
+        pad_width=0.0 if is_round else finger,
+        pad_height=0.0 if is_round else 3.0 * finger,
+        tip_radius=finger if is_round else 0.0,
+        palm_thickness=opening + draw(LENGTHS),
+        palm_width=draw(LENGTHS),
+        palm_length=draw(LENGTHS),
+        max_force=draw(st.none() | st.floats(0.1, 1e4)),
+        sensor_resolution=draw(st.none() | st.floats(0.0, 3.0)),
+        base_to_tcp=draw(LENGTHS),
+        base_axes=draw(st.sampled_from([("x", "z"), ("-y", "x")])),
+        joint_names=tuple(f"joint {number}" for number in range(joints)),
+        joint_scale=tuple(draw(numbers) for _ in range(joints)),
+        joint_closed=tuple(draw(numbers) for _ in range(joints)),
+        source=draw(st.text(max_size=10)),
+    )
 
 
-def test_the_tactile_gripper_has_the_tips_of_the_paper() -> None:
-    gripper = ParallelGripper.preset("tactile")
-    assert gripper.tip_radius == 0.01
-    assert math.degrees(gripper.sensor_resolution) == pytest.approx(22.9, abs=0.05)
+@pytest.mark.slow
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(grippers())
+def test_what_is_written_is_read_again(tmp_path: Path, gripper: ParallelGripper) -> None:
+    write_hand(tmp_path / "g.json", gripper)
+    assert read_hand(tmp_path / "g.json") == gripper
 
 
-def test_aliases_are_other_names_of_presets() -> None:
-    assert set(ALIASES.values()) <= set(PRESETS)
-    assert not set(ALIASES) & set(PRESETS)
-    assert ParallelGripper.preset("panda") is PRESETS["franka"]
+def test_a_person_writes_lengths_and_a_name(tmp_path: Path) -> None:
+    lengths = {
+        "max_opening": 0.08, "finger_thickness": 0.026, "finger_width": 0.021,
+        "finger_length": 0.0462, "pad_width": 0.0174, "pad_height": 0.0176,
+        "palm_thickness": 0.208, "palm_width": 0.0633, "palm_length": 0.092,
+    }  # fmt: skip
+    path = tmp_path / "mine.json"
+    path.write_text(json.dumps({"name": "mine", **lengths}), encoding="utf-8")
+    assert read_hand(path) == ParallelGripper(name="mine", **lengths)
+
+
+def changed(folder: Path, **values: Any) -> Path:
+    """A file of the Franka hand with other values; those that are None are left out."""
+    path = folder / "g.json"
+    write_hand(path, ParallelGripper.preset("franka"))
+    content = json.loads(path.read_text(encoding="utf-8")) | values
+    removed = {name for name, value in values.items() if value is None}
+    kept = {name: value for name, value in content.items() if name not in removed}
+    path.write_text(json.dumps(kept), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"format": "other"}, 'expected an object with "format": "grasp3d gripper"'),
+        ({"version": 2}, "version must be 1; got 2"),
+        ({"unit": "mm"}, 'unit must be "m"; got "mm"'),
+        ({"max_openning": 0.08}, "no key is called 'max_openning' (did you mean max_opening?)"),
+        ({"max_opening": "80 mm"}, 'max_opening must be a number; got "80 mm"'),
+        ({"max_opening": 80}, "is it in millimetres?"),
+        ({"pad_width": math.nan}, "is no JSON: NaN is no finite number"),
+    ],
+)
+def test_wrong_contents_are_refused_in_one_sentence(
+    tmp_path: Path, values: dict[str, Any], words: str
+) -> None:
+    path = changed(tmp_path, **values)
+    with pytest.raises(SettingError) as refused:
+        read_hand(path)
+    assert str(refused.value).startswith(str(path))
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_name_is_a_preset_and_a_path_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, gripper in PRESETS.items():
+        assert read_hand(name) is gripper
+    assert ALIASES["panda"] == "franka"
+    assert read_hand("panda") is PRESETS["franka"]
+    write_hand("mine.json", replace(ParallelGripper.preset("franka"), name="mine"))
+    assert read_hand("mine.json").name == "mine"
+    assert read_hand(tmp_path / "mine.json").name == "mine"
+    with pytest.raises(SettingError, match="no gripper is called 'mine'; known"):
+        read_hand("mine")
+    with pytest.raises(SettingError, match="there is no such file"):
+        read_hand("folder/mine.json")

@@ -14,16 +14,8 @@ from hypothesis import strategies as st
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d._kernels.jaws.gripper_parts import make_workspace
 from grasp3d._kernels.jaws.reaching import can_reach
-from grasp3d.errors import SettingError
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reach import (
-    ANGLES,
-    NormalizedScene,
-    Reach,
-    Reachability,
-    collides,
-    reach_grasps,
-)
+from grasp3d.hand.reach import ANGLES, NormalizedScene, Reach, Reachability, collides, reach_grasps
 from grasp3d.hand.table import Approach, Table
 from grasp3d.settings.units import METRES, Unit
 from tests.helpers import shapes
@@ -41,11 +33,7 @@ def block() -> ObjectMesh:
 
 
 def reach_of(
-    mesh: ObjectMesh,
-    points: np.ndarray,
-    normals: np.ndarray,
-    hand: ParallelGripper,
-    **options: Any,
+    mesh: ObjectMesh, points: np.ndarray, normals: np.ndarray, hand: ParallelGripper, **options: Any
 ) -> Reach:
     """What is reached of contacts in millimetres, with lengths in millimetres."""
     reach = reach_grasps(mesh, MM * points, normals, hand, **options)
@@ -103,24 +91,7 @@ def test_the_pose_is_the_grasps_frame() -> None:
     assert pose[:3, 2] == pytest.approx([-0.8, 0.0, 0.6])
 
 
-def test_a_contact_far_from_the_approached_end_is_out_of_the_fingers_reach() -> None:
-    """From 20 mm beside the centre the far end is 50 mm away, and the fingers reach 36 mm."""
-    wide = replace(HAND, palm_width=0.2)
-    points, normals = across(1, (20.0, 0.0, 0.0))
-    approach = Approach(np.array([1.0, 0.0, 0.0]))
-    reach = reach_of(block(), points, normals, wide, approach=approach)
-    angles = 2.0 * np.pi * np.arange(ANGLES) / ANGLES
-    farthest = 50.0 * np.cos(angles) + 10.0 * np.abs(np.sin(angles))
-    assert (reach.free[0] == (farthest < 36.0)).all()
-    free = int(reach.free.sum())
-    assert reach.approach_margin[0] == pytest.approx((free - 1) // 2 * 2.0 * np.pi / ANGLES)
-    # The middle of the arc is the approach from the near end.
-    assert reach.poses[0, :3, 2] == pytest.approx([-1.0, 0.0, 0.0], abs=1e-9)
-
-
-def test_beside_a_table_a_block_is_reached_from_above_only(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_beside_a_table_a_block_is_reached_from_above_only(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("grasp3d.hand.reach.ANGLES", 64)
     mesh = block()
     reach = reach_of(mesh, *across(1), HAND, table=Table.below(mesh))
@@ -131,20 +102,13 @@ def test_beside_a_table_a_block_is_reached_from_above_only(
     assert reach.free.sum() == 2 * count + 1 == 3
     assert reach.poses[0, :3, 2] == pytest.approx([0.0, 0.0, -1.0])
     assert reach.approach_margin[0] == pytest.approx(2.0 * math.pi / 64)
-
-
-def test_beside_a_table_a_grasp_from_above_and_below_is_not_reached() -> None:
-    mesh = block()
     assert names(reach_of(mesh, *across(2), HAND, table=Table.below(mesh))) == ["TABLE"]
-
-
-def test_what_object_and_table_block_together_is_blocked() -> None:
-    """A finger cannot go into a deep hole beside the table either."""
+    # A finger cannot go into a deep hole beside a table either.
     tube = load_mesh(shapes.tube(5.0, 15.0, 200.0), unit="mm", max_edge=9.0)
     points = np.array([[[5.0, 0.0, 0.0], [15.0, 0.0, 0.0]]])
-    normals = np.array([[[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]])
     for table in (None, Table.below(tube)):
-        assert names(reach_of(tube, points, normals, HAND, table=table)) == ["BLOCKED"]
+        reach = reach_of(tube, points, across(0)[1], HAND, table=table)
+        assert names(reach) == ["BLOCKED"]
 
 
 def test_approach_limits() -> None:
@@ -224,13 +188,6 @@ def test_a_ring_is_held_from_inside() -> None:
     assert names(reach_of(mesh, points, normals, thick, grip=-1)) == ["WIDTH"]
 
 
-def test_three_contacts_are_not_those_of_a_gripper() -> None:
-    points, normals = np.zeros((1, 3, 3)), np.ones((1, 3, 3))
-    for hand in (HAND, TIPS):
-        with pytest.raises(SettingError, match="has two fingers, not 3"):
-            reach_of(block(), points, normals, hand)
-
-
 @cache
 def blob() -> ObjectMesh:
     vertices, faces = shapes.lopsided()
@@ -293,25 +250,8 @@ def test_one_free_angle_is_found_exactly_where_there_is_any(
     inner = (points - mesh.center) / mesh.size
     found = [can_reach(*one, 1, *scene, workspace) for one in zip(inner, normals, strict=True)]
     assert (reached == found).all()
-
-
-@pytest.mark.parametrize("hand", GRIPPERS, ids=lambda hand: hand.name)
-def test_no_grasp_depends_on_those_tested_before(held: tuple, hand: ParallelGripper) -> None:
-    mesh, points, normals = held
-    one = reach_grasps(mesh, points, normals, hand)
-    two = reach_grasps(mesh, points[::-1], normals[::-1], hand).take(np.arange(len(points))[::-1])
-    for name, values in vars(one).items():
-        np.testing.assert_array_equal(values, getattr(two, name))
-
-
-def test_swapping_the_contacts_mirrors_the_arc(held: tuple) -> None:
-    mesh, points, normals = held
-    one = reach_grasps(mesh, points, normals, HAND)
-    two = reach_grasps(mesh, points[:, ::-1], normals[:, ::-1], HAND)
-    assert (one.state == two.state).all()
-    assert one.reached.any()
-    assert (one.free == np.roll(two.free[:, ::-1], 1, axis=1)).all()
-    assert one.approach_margin == pytest.approx(two.approach_margin, nan_ok=True)
+    back = reach_grasps(mesh, points[::-1], normals[::-1], hand, table=table)
+    assert (back.reached[::-1] == reached).all()
 
 
 @pytest.mark.slow
@@ -354,29 +294,3 @@ def test_moving_and_scaling_everything_changes_nothing(
     assert np.allclose(two.poses[ok, :3, :3], turn @ one.poses[ok, :3, :3], atol=1e-6)
     expected = scale * one.poses[ok, :3, 3] @ turn.T + shift
     assert np.allclose(two.poses[ok, :3, 3], expected, atol=1e-8 * scale)
-
-
-@pytest.mark.slow
-@settings(deadline=None, max_examples=25)
-@given(
-    name=st.sampled_from(
-        ["finger_thickness", "finger_width", "palm_width", "palm_length", "palm_thickness"]
-    ),
-    factor=st.floats(1.0, 4.0),
-    stands=st.booleans(),
-)
-def test_a_larger_gripper_never_reaches_more(name: str, factor: float, stands: bool) -> None:
-    mesh = blob()
-    points, normals = opposed(mesh, 25, seed=5)
-    table = Table.below(mesh) if stands else None
-    large = replace(HAND, **{name: factor * getattr(HAND, name)})
-    small = reach_grasps(mesh, points, normals, HAND, table=table)
-    found = reach_grasps(mesh, points, normals, large, table=table)
-    assert not (found.reached & ~small.reached).any()
-    same = found.reached & (found.depth == small.depth)
-    assert not (found.free[same] & ~small.free[same]).any()
-
-
-def test_no_grasps_are_no_error() -> None:
-    empty = np.zeros((0, 2, 3))
-    assert reach_grasps(block(), empty, empty, HAND).poses.shape == (0, 4, 4)

@@ -16,7 +16,6 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, unit_rows
 from grasp3d.contact.contacts import Contacts, tangents
-from grasp3d.errors import ContactError, SettingError
 from grasp3d.outcomes.scene import (
     FAR,
     JOINTS,
@@ -68,25 +67,15 @@ class Tip:
 
 @dataclass(frozen=True, kw_only=True)
 class FacetPress:
-    """How two tips press on two facets.
-
-    Attributes:
-        opening: Distance of the contacts [m].
-        tip_radius: Radius of the tips [m].
-        force: Force of each tip along the line between the contacts [N].
-        mass: Mass of the object [kg].
-        seconds: How long they press [s].
-        most_shift: Shift at which a run ends [m].
-        dry_friction: Whether contacts behave as dry friction; otherwise MuJoCo's defaults.
-    """
+    """How two tips press on two facets, in metres, kilograms, newtons and seconds."""
 
     opening: float = 0.05
     tip_radius: float = 0.005
-    force: float = 5.0
+    force: float = 5.0  # of each tip, along the line between the contacts
     mass: float = 0.1
     seconds: float = 1.0
-    most_shift: float = 5e-3
-    dry_friction: bool = True
+    most_shift: float = 5e-3  # at which a run ends
+    dry_friction: bool = True  # otherwise MuJoCo's defaults
 
 
 @without_log()
@@ -102,26 +91,9 @@ def facet_slip(normals: ArrayLike, friction: float, press: FacetPress | None = N
     Returns:
         The farther shift of the two points of the object across the line between the contacts [m],
         when the run ends. The grasp holds where it is below `SLIPPED`.
-
-    Raises:
-        SettingError: A facet faces away from its tip.
-
-    Example:
-        Contacts with normals 20 degrees from the line between them hold at a friction of tan 21,
-        and slip at tan 19 degrees:
-
-        >>> import math
-        >>> from tests.helpers.facets import SLIPPED, facet_slip
-        >>> tilt = math.radians(20.0)
-        >>> normals = [[math.cos(tilt), math.sin(tilt), 0.0], [-1.0, 0.0, 0.0]]
-        >>> frictions = [math.tan(math.radians(angle)) for angle in (21.0, 19.0)]
-        >>> [facet_slip(normals, friction) < SLIPPED for friction in frictions]
-        [True, False]
     """
     setup = press or FacetPress()
     inward = unit_rows(np.array(normals, dtype=np.float64))
-    if inward.shape != (2, 3) or not (inward[:, 0] * (1.0, -1.0) > 0.0).all():
-        raise SettingError("facets must face their tips: normals of shape (2, 3), inward along x")
     model = plates_model(
         inward,
         setup.opening,
@@ -146,13 +118,7 @@ def slip_friction(
 ) -> float:
     """Friction angle at which two pressed facets begin to slip, by bisection [rad].
 
-    Args:
-        normals: Inward normals of the facets, shape (2, 3), as in `facet_slip`.
-        press: How they are pressed; None: the defaults.
-        within: Largest error of the angle, in degrees.
-
-    Raises:
-        SettingError: As in `facet_slip`.
+    `within` is the largest error of the angle, in degrees; the rest is as in `facet_slip`.
     """
 
     def holds(angle: float) -> bool:
@@ -167,18 +133,8 @@ def slip_tilt(
     """Critical friction angle at which tilted facets begin to slip, by bisection over the tilt.
 
     Both normals are turned from the line between the contacts about axes of their own, in the
-    proportion of their given angles.
-
-    Args:
-        normals: Inward normals of the facets, shape (2, 3), as in `facet_slip`; at least one off
-            the line.
-        friction: Coulomb coefficient.
-        press: How they are pressed; None: the defaults.
-        within: Largest error of the angle, in degrees.
-
-    Returns:
-        The larger angle of the two normals from the line where they begin to slip [rad]: to be
-        compared with the friction angle.
+    proportion of their given angles, of which one at least is not 0. Returns the larger angle of
+    the two from the line where they begin to slip [rad]: to be compared with the friction angle.
     """
     inward = unit_rows(np.array(normals, dtype=np.float64))
     axes = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -203,12 +159,7 @@ def _first_angle(reaches: Callable[[float], bool], within: float) -> float:
 
 
 def random_facets(random: np.random.Generator, largest: float) -> Floats:
-    """Normals of two facets, tilted about random axes by up to an angle, shape (2, 3).
-
-    Args:
-        random: Source of randomness.
-        largest: Largest tilt [rad].
-    """
+    """Normals of two facets, tilted about random axes by up to an angle [rad], shape (2, 3)."""
     tilt, turn = largest * random.random(2), 2.0 * math.pi * random.random(2)
     across = np.sin(tilt)
     normals = np.stack([np.cos(tilt), across * np.cos(turn), across * np.sin(turn)], axis=1)
@@ -216,13 +167,7 @@ def random_facets(random: np.random.Generator, largest: float) -> Floats:
 
 
 def tilt_at_random(normals: Floats, tilt: Floats, random: np.random.Generator) -> Floats:
-    """Tilt normals by up to an angle, evenly over the cap of directions.
-
-    Args:
-        normals: Unit normals, shape (..., 3).
-        tilt: Largest angle [rad], shape (...).
-        random: Source of randomness.
-    """
+    """Tilt unit normals (..., 3) by up to an angle [rad] (...), evenly over a cap."""
     shape = normals.shape[:-1]
     angle = np.arccos(1.0 - random.random(shape) * (1.0 - np.cos(tilt)))
     turn = 2.0 * math.pi * random.random(shape)
@@ -335,35 +280,15 @@ def holding_force(
     """The smallest force with which two round tips hold a load on two facets, by bisection.
 
     Args:
-        contacts: Two contacts, relative to the centre of mass, in metres, of one grasp. Their
-            torsion radius is that of the tips.
+        contacts: Two contacts, relative to the centre of mass, in metres, of one grasp, with one
+            friction and torsion radius, which is that of the tips.
         wrench: Force [N] and torque about the centre of mass [N m] on the object, shape (6,).
         tip_radius: Radius of the tips [m].
         mass: Mass of the object, for its inertia [kg]: it weighs what the wrench says.
         within: Largest error, as a fraction of the force.
-
-    Raises:
-        ContactError: It is not one grasp of two contacts with one friction and torsion radius.
-
-    Example:
-        1 N across two fingers with a friction of 0.5 needs 1 N of each:
-
-        >>> import grasp3d
-        >>> from tests.helpers.facets import holding_force
-        >>> normals = [[1, 0, 0], [-1, 0, 0]]
-        >>> contacts = grasp3d.Contacts([[-0.02, 0, 0], [0.02, 0, 0]], normals, friction=0.5)
-        >>> print(f"{holding_force(contacts, [0, 0, -1, 0, 0, 0]).normal:.1f} N")
-        1.0 N
     """
     points, load = contacts.points, np.array(wrench, dtype=np.float64)
-    if points.shape != (2, 3) or load.shape != (6,):
-        raise ContactError(
-            "a holding force needs one grasp of two contacts and one wrench of shape (6,); got "
-            f"points of shape {points.shape} and a wrench of shape {load.shape}"
-        )
-    frictions, radii = np.unique(contacts.friction), np.unique(contacts.torsion_radius)
-    if len(frictions) != 1 or len(radii) != 1:
-        raise ContactError("a holding force needs one friction and torsion radius of both contacts")
+    (friction,), (radius,) = np.unique(contacts.friction), np.unique(contacts.torsion_radius)
     x = unit_rows(points[1:] - points[:1])[0]
     y = unit_rows(np.cross(np.eye(3)[np.abs(x).argmin()], x)[None])[0]
     frame = np.stack([x, y, np.cross(x, y)])  # rows: the axes
@@ -371,7 +296,7 @@ def holding_force(
         plates_model,
         contacts.normals @ frame.T,
         float(np.linalg.norm(points[1] - points[0])),
-        Tip(tip_radius, float(frictions[0]), float(radii[0])),
+        Tip(tip_radius, float(friction), float(radius)),
         mass=mass,
         center=-frame @ points.mean(axis=0),
     )

@@ -1,10 +1,8 @@
 """How deep convex shapes and surfaces are in each other, between bounds: dense and slow."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-import trimesh
 from scipy.spatial import ConvexHull
 
 from grasp3d.arrays import Floats
@@ -83,23 +81,3 @@ def depth_of_surface(one: LinkShape, pose: Floats, triangles: Floats, finest: fl
         quarters = [np.stack([parts[:, i], between[:, i], between[:, i - 1]], 1) for i in range(3)]
         parts = np.concatenate([between, *quarters])
     return np.array([best, max(best, min(top, max(best, 0.0) + 2.0 * finest))])
-
-
-def signed_depth(mesh: trimesh.Trimesh) -> Depths:
-    """Depth of points below all triangles of a closed surface, one by one."""
-    triangles = np.asarray(mesh.triangles)
-    normals = np.asarray(mesh.face_normals)
-
-    def depth(points: Floats) -> Floats:
-        rows: Any = []
-        for p in points:
-            near = trimesh.triangles.closest_point(triangles, np.tile(p, (len(triangles), 1)))
-            away = np.linalg.norm(near - p, axis=1)
-            # Of faces that are equally near, the one that is seen from above.
-            heights = ((p - triangles[:, 0]) * normals).sum(axis=1)
-            nearest = away <= away.min() + 1e-12
-            height = heights[nearest][np.abs(heights[nearest]).argmax()]
-            rows.append(-np.sign(height) * away.min())
-        return np.array(rows)
-
-    return depth

@@ -14,14 +14,7 @@ APPROACHES = 12
 
 
 def random_poses_on(mesh: ObjectMesh, scene: Scene, *, pairs: int, seed: int) -> Floats:
-    """Free poses at random pairs of opposed places, 12 approaches each at three depths, in metres.
-
-    Args:
-        mesh: The object, in metres.
-        scene: The gripper, the table and the approach.
-        pairs: Number of pairs.
-        seed: Of the random numbers.
-    """
+    """Free poses at random pairs of opposed places, approached from all around [m]."""
     random = np.random.default_rng(seed)
     surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     points, face = trimesh.sample.sample_surface(surface, 4 * pairs, seed=seed)

@@ -1,10 +1,13 @@
 """Surfaces of several bodies, and what repair makes of them."""
 
+import manifold3d
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from grasp3d import ObjectMesh
-from grasp3d.mesh.measures import Triangles
+from grasp3d.arrays import first_at_position
+from grasp3d.mesh.measures import Triangles, is_closed
 from grasp3d.mesh.repair import RepairedSurface, repair_surface
 from grasp3d.settings.mesh_options import Repair
 from tests.helpers.shapes import Surface
@@ -46,3 +49,22 @@ def used_by(surface: RepairedSurface) -> NDArray[np.bool_]:
     used = np.zeros(len(surface.vertices), dtype=bool)
     used[surface.faces] = True
     return used[surface.canonical]
+
+
+def assert_whole(surface: RepairedSurface) -> None:
+    """Check the properties of every united surface, and that Manifold accepts it as a solid."""
+    assert surface.closed
+    assert is_closed(surface.faces)
+    assert np.array_equal(surface.canonical[surface.faces], surface.faces)
+    assert np.array_equal(surface.canonical[surface.canonical], surface.canonical)
+    size = np.ptp(surface.vertices, axis=0).max()
+    solid = manifold3d.Manifold(
+        manifold3d.Mesh64(surface.vertices / size, surface.faces.astype(np.uint64))
+    )
+    assert solid.status() == manifold3d.Error.NoError
+    assert solid.volume() == pytest.approx(volume_of(surface) / size**3, rel=1e-9)
+
+
+def over_positions(surface: Surface) -> Surface:
+    """The surface over its positions, as in a file without indices."""
+    return surface[0], first_at_position(surface[0])[surface[1]]

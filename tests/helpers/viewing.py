@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grasp3d import (
     GraspModel,
+    Label,
     Sampling,
     SurfaceLabels,
     label_surface,
@@ -21,7 +23,10 @@ from grasp3d.formats.surface_files import read_labels
 from grasp3d.mesh.object_mesh import MeshReport
 from grasp3d.pictures.subject import Subject, subject_of
 from grasp3d.quality.force_ranges import EpsilonRange
+from grasp3d.stability.label import COLORS
 from grasp3d.viewer.collection import Collection, collection_of
+from grasp3d.viewer.inspection import Inspection
+from grasp3d.viewer.panel_text import panel_text
 from grasp3d.viewer.session import Session
 from tests.helpers import shapes
 from tests.helpers.vertex_labels import with_arrays
@@ -83,8 +88,7 @@ def with_epsilon(subject: Subject, value: float, model: GraspModel) -> Subject:
 
 def uncomputed(session: Session) -> Subject:
     """What is displayed, before the worker has computed any column of it."""
-    subject = session.subject
-    assert subject is not None
+    subject = shown(session)
     return replace(subject, labels=subject.labels.using(model=session.model))
 
 
@@ -107,6 +111,23 @@ def ready_session(collection: Collection | SurfaceLabels) -> Session:
     return session
 
 
+def shown(session: Session) -> Subject:
+    """What is displayed."""
+    assert session.subject is not None
+    return session.subject
+
+
+def inspected(session: Session) -> Inspection:
+    """The vertex or grasp that is inspected."""
+    assert session.inspection is not None
+    return session.inspection
+
+
+def fractions(session: Session) -> dict[str, float]:
+    """What the panel says of areas, by letter."""
+    return {one.letter: one.fraction for one in panel_text(session).fractions}
+
+
 def has_begun(session: Session, text: str) -> bool:
     """Whether a job runs, or waits to be polled; it may be done already, in another thread."""
     working = session.working
@@ -121,11 +142,14 @@ def wait_until_idle(session: Session) -> None:
         time.sleep(0.002)
 
 
-def rewritten(path: Path, *changes: tuple[bytes, bytes]) -> Path:
-    """A file with some of its bytes replaced."""
-    data = path.read_bytes()
-    for before, after in changes:
-        assert before in data
-        data = data.replace(before, after, 1)
-    path.write_bytes(data)
-    return path
+def nearest_label(pixels: NDArray[Any]) -> NDArray[np.int64]:
+    """Label with the hue that each shaded pixel has, or is nearest to."""
+    colors = np.array([COLORS[label] for label in sorted(Label)], dtype=float)
+    hues = colors / np.linalg.norm(colors, axis=1, keepdims=True)
+    return np.asarray((pixels.astype(float) @ hues.T).argmax(axis=-1))
+
+
+def label_parts(picture: NDArray[Any]) -> dict[str, float]:
+    """Fractions of the coloured pixels by label."""
+    nearest = nearest_label(picture[np.ptp(picture.astype(int), axis=-1) > 60])
+    return {label.name: float((nearest == label).mean()) for label in Label}

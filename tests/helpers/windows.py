@@ -78,42 +78,32 @@ class Window:
     @contextmanager
     def open(cls, script: str, folder: Path) -> Iterator["Window"]:
         """Open a window alone on its screen: tests find it by its name, and it has the mouse."""
+        lines, work = folder / "lines.jsonl", folder / "work"
+        lines.touch()
+        work.mkdir()
+        # Pictures rendered earlier in this process have selected an off-screen window.
+        kept = {name: value for name, value in os.environ.items() if name != WINDOW}
         with screen() as display:
-            made = cls._start(script, display, folder)
+            process = subprocess.Popen(
+                [sys.executable, "-c", script, str(lines)],
+                env={**kept, "DISPLAY": display}, cwd=work, text=True,
+                stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            )  # fmt: skip
+            made = cls(process, display, lines, work)
             try:
                 made.until(lambda state: state["fractions"], "labels")
-                wait_for(lambda: made.numbers, "a window with a title")
+                wait_for(lambda: made.number, "a window with a title")
                 made.do("windowfocus", made.number)
                 yield made
             finally:
-                made.process.kill()
-                made.process.communicate()
-
-    @classmethod
-    def _start(cls, script: str, display: str, folder: Path) -> "Window":
-        lines = folder / "lines.jsonl"
-        lines.touch()
-        folder = folder / "work"
-        folder.mkdir()
-        # Pictures rendered earlier in this process have selected an off-screen window.
-        kept = {name: value for name, value in os.environ.items() if name != WINDOW}
-        process = subprocess.Popen(
-            [sys.executable, "-c", script, str(lines)],
-            env={**kept, "DISPLAY": display}, cwd=folder, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        )  # fmt: skip
-        return cls(process, display, lines, folder)
-
-    @property
-    def numbers(self) -> list[str]:
-        """Numbers of all windows with the tested title."""
-        words = ["search", "--name", "^a window to test$"]
-        return self.do(*words, check=False).split()  # fails where there is none
+                process.kill()
+                process.communicate()
 
     @property
     def number(self) -> str:
-        (number,) = self.numbers
-        return number
+        """Number of the window with the tested title; '' until it is there."""
+        words = ["search", "--name", "^a window to test$"]
+        return self.do(*words, check=False).strip()  # fails where there is none
 
     @property
     def state(self) -> dict[str, Any]:
@@ -142,9 +132,8 @@ class Window:
     def key(self, *names: str) -> None:
         self.do("key", *names)
 
-    def click(self, x: float, y: float, *, shift: bool = False) -> None:
-        held = (["keydown", "shift"], ["keyup", "shift"]) if shift else ([], [])
-        self.do("mousemove", round(x), round(y), *held[0], "click", 1, *held[1])
+    def click(self, x: float, y: float) -> None:
+        self.do("mousemove", round(x), round(y), "click", 1)
 
     def drag(self, *positions: tuple[float, float]) -> None:
         """Press at the first position, move through the others, release at the last."""

@@ -109,10 +109,9 @@ def test_workers_are_limited_by_processors_and_memory(
     (tmp_path / "memory").mkdir()
     machine = psutil.virtual_memory().total / 1e9
     for name in ("memory.high", "memory/memory.limit_in_bytes", "memory.max"):
-        limits = {"max": machine, "0": machine, f"{10**18}": machine, "8000000000": 8.0}
-        for text, expected in limits.items():
+        for text, limit in {"max": machine, "0": machine, "8000000000": 8.0}.items():
             (tmp_path / name).write_text(f"{text}\n", encoding="ascii")
-            assert machine_memory() == min(machine, expected)
+            assert machine_memory() == min(machine, limit)
         (tmp_path / name).unlink()
     monkeypatch.setattr(running, "machine_memory", lambda: 8.0)
     monkeypatch.setattr(running, "available_processors", lambda: 64)
@@ -145,7 +144,7 @@ else:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("arguments", [["script.py"], ["-c", SCRIPT], ["script.py", "thread"]])
+@pytest.mark.parametrize("arguments", [["-c", SCRIPT], ["script.py", "thread"]])
 def test_a_script_needs_no_main_guard_and_no_dask(tmp_path: Path, arguments: list[str]) -> None:
     (tmp_path / "script.py").write_text(SCRIPT, encoding="ascii")
     with started(*arguments, cwd=tmp_path) as script:
@@ -183,10 +182,12 @@ except KeyboardInterrupt:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("signum", [signal.SIGKILL, signal.SIGINT])
-@pytest.mark.parametrize("where", ["here", "dask"])
+@pytest.mark.parametrize(
+    ("where", "signum"),
+    [("here", signal.SIGKILL), ("here", signal.SIGINT), ("dask", signal.SIGKILL)],
+)
 def test_jobs_and_what_they_started_end_with_their_client(
-    tmp_path: Path, signum: signal.Signals, where: str
+    tmp_path: Path, where: str, signum: signal.Signals
 ) -> None:
     with ExitStack() as stack:
         options, cluster = [], ClusterSettings(workers=1)

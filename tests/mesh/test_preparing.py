@@ -1,16 +1,30 @@
+"""Preparing a mesh: size, centre, normals, edges, units and scale."""
+
 import math
+from collections import defaultdict
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from grasp3d import ObjectMesh, load_mesh
-from grasp3d.errors import MeshError
-from grasp3d.mesh.measures import Triangles, has_area, paired_edges, rounding_of
+from grasp3d import MeshOptions, ObjectMesh, label_surface, load_mesh
+from grasp3d.errors import MeshError, SettingError
+from grasp3d.formats import read_labels, write_npz, write_ply
+from grasp3d.mesh.measures import (
+    Triangles,
+    crowded_edges,
+    edge_counts,
+    has_area,
+    is_closed,
+    paired_edges,
+    rounding_of,
+)
 from grasp3d.mesh.normals import corner_normals, crease_twins
 from tests.helpers import oracles, shapes
-from tests.helpers.repairs import joined
-from tests.helpers.shapes import Surface
+from tests.helpers.commands import export
 
 
 def test_a_box_is_closed_with_a_volume_and_refined() -> None:
@@ -36,14 +50,6 @@ def test_the_volume_and_centre_of_mass_of_a_cone() -> None:
     radius = 2.0 * math.tan(0.3)
     assert mesh.volume == pytest.approx(math.pi * radius**2 * 2.0 / 3.0, rel=1e-3)
     assert mesh.center_mass == pytest.approx([0.0, 0.0, 0.5], abs=1e-9)
-
-
-def test_far_from_the_origin_precision_is_kept() -> None:
-    vertices, faces = shapes.sphere(3)
-    near, far = load_mesh((vertices, faces)), load_mesh((vertices + 1e6, faces))
-    assert far.volume == pytest.approx(near.volume, rel=1e-8)
-    assert far.center_mass - 1e6 == pytest.approx(near.center_mass, abs=1e-8)
-    assert far.size == pytest.approx(near.size, rel=1e-8)
 
 
 def test_smooth_normals_are_interpolated_and_creases_have_sets() -> None:
@@ -79,46 +85,19 @@ def test_the_tip_of_a_cone_has_many_normals() -> None:
     assert np.arccos(-around[:, 2]) == pytest.approx(math.pi / 2.0 - 0.3, abs=0.01)
 
 
-def test_the_crease_angle_decides_what_is_smooth() -> None:
-    prism = trimesh.creation.cylinder(0.5, 1.0, sections=8)  # edges of 45 degrees
-    sharp = load_mesh((prism.vertices, prism.faces))
-    smooth = load_mesh((prism.vertices, prism.faces), crease_angle=math.radians(50.0))
-    for mesh, counts in ((sharp, {1, 2}), (smooth, {1})):
-        side = np.abs(mesh.vertices[:, 2]) < 0.4
-        assert set(mesh.contact_normals.counts[side]) == counts
-
-
 def test_twins_are_across_each_crease() -> None:
     mesh = load_mesh(shapes.box(), max_edge=0.3)
     corners = mesh.corner_normals
-    twins = crease_twins(mesh.faces, corners.corners)
-    along = 0
-    for face, across in zip(mesh.faces, twins, strict=True):
+    twins = crease_twins(mesh.faces, corners.corners)  # (F, 3, 2)
+    for face, rows, across in zip(mesh.faces, corners.corners, twins, strict=True):
         for i in range(3):
             ends = face[[(i + 1) % 3, (i + 2) % 3]]
             on_box_edge = (np.abs(mesh.vertices[ends]) == 0.5).all(axis=0).sum() == 2
             assert (across[i] >= 0).all() == on_box_edge
             if on_box_edge:
-                along += 1
                 assert (corners.vertices[across[i]] == ends).all()
-                own = oracles.angle(
-                    corners.normals[across[i][0]],
-                    np.cross(*(np.diff(mesh.vertices[face], axis=0)))[None].ravel() * -1.0,
-                )
-                assert own == pytest.approx(math.pi / 2.0)
-    assert along > 20
-
-
-def test_vertices_at_one_position_are_joined_and_keep_their_rows() -> None:
-    vertices, faces = joined(shapes.box(), shapes.box())
-    mesh = load_mesh((vertices, np.vstack([faces[:6], faces[18:]])))
-    assert mesh.report.closed
-    assert mesh.file_vertices == 16
-    assert np.array_equal(mesh.vertices[:16], vertices)
-    assert mesh.canonical[8:16].tolist() == list(range(8))
-    assert mesh.on_surface.all()
-    assert mesh.vertex_areas[8:16].sum() == 0.0
-    assert "8 vertices joined" in str(mesh.report.repairs[0])
+                cosines = corners.normals[across[i]] @ corners.normals[rows[i]]
+                assert cosines == pytest.approx(0.0)
 
 
 def test_unused_vertices_stay_where_they_are() -> None:
@@ -141,7 +120,7 @@ def test_degenerate_and_repeated_faces_are_left_out_and_counted() -> None:
 
 
 def test_faces_without_area_are_found_by_the_rounding_of_the_coordinates() -> None:
-    flat = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 1e-18, 0.0]])
+    flat = np.array([[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0], [500.0, 5e-13, 0.0]])
     thin = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 1e-9, 0.0]])
     face = np.array([[0, 1, 2]])
     assert not has_area(flat, face, rounding_of(flat))[0]
@@ -150,91 +129,15 @@ def test_faces_without_area_are_found_by_the_rounding_of_the_coordinates() -> No
     assert not has_area(thin, face, rounding_of(np.float64(np.float32(thin + 0.1))))[0]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("shape", [shapes.sphere(2), shapes.box(), shapes.tube(), shapes.torus()])
-def test_an_inside_out_mesh_is_turned_and_reported(shape: Surface) -> None:
-    vertices, faces = shape
-    mesh = load_mesh((vertices, faces[:, ::-1]))
-    good = load_mesh((vertices, faces))
-    assert mesh.volume == pytest.approx(good.volume)
-    assert f"{len(faces)} faces turned: they were inside out" in map(str, mesh.report.repairs)
-    own = slice(0, len(vertices))
-    assert mesh.normals[own] == pytest.approx(good.normals[own], abs=1e-9)
-
-
-def test_mixed_winding_is_made_consistent() -> None:
-    vertices, faces = shapes.sphere(2)
-    mixed = faces.copy()
-    mixed[::5] = mixed[::5, ::-1]
-    mesh = load_mesh((vertices, mixed))
-    assert mesh.report.closed
-    assert mesh.volume == pytest.approx(load_mesh((vertices, faces)).volume)
-    assert "turned to agree with neighbours" in " ".join(map(str, mesh.report.repairs))
-
-
-def test_one_inside_out_body_beside_another_is_turned() -> None:
-    vertices, faces = shapes.sphere(2)
-    mesh = load_mesh(joined((vertices, faces), (vertices + [5.0, 0.0, 0.0], faces[:, ::-1])))
-    assert mesh.report.bodies == 2
-    assert mesh.volume == pytest.approx(2.0 * load_mesh((vertices, faces)).volume)
-
-
-def ball_at(center: list[float], radius: float) -> Surface:
-    vertices, faces = shapes.sphere(3)
-    return vertices * radius + center, faces
-
-
-def outward_fraction(mesh: ObjectMesh, first: int, middle: list[float]) -> float:
-    own = slice(first, mesh.file_vertices)
-    outward = -mesh.normals[own] * (mesh.vertices[own] - middle)
-    return float((outward.sum(axis=1) > 0.0).mean())
-
-
-@pytest.mark.slow
-def test_an_inside_out_ball_in_the_hole_of_a_ring_is_no_cavity() -> None:
-    ring = shapes.torus(1.0, 0.3)
-    vertices, faces = ball_at([0.0, 0.0, 0.0], 0.2)
-    mesh = load_mesh(joined(ring, (vertices, faces[:, ::-1])))
-    assert outward_fraction(mesh, len(ring[0]), [0.0, 0.0, 0.0]) == 1.0
-    good = load_mesh(joined(ring, (vertices, faces)))
-    assert mesh.volume == pytest.approx(good.volume)
-
-
-def test_a_closed_body_beside_an_open_one_is_oriented_by_itself() -> None:
-    bowl, rim = shapes.sphere(3)
-    rim = rim[bowl[rim].mean(axis=1)[:, 2] < 0.0]
-    vertices, faces = ball_at([5.0, 0.0, 0.0], 1.0)
-    mesh = load_mesh(joined((bowl, rim), (vertices, faces[:, ::-1])))
-    assert not mesh.report.closed
-    assert outward_fraction(mesh, len(bowl), [5.0, 0.0, 0.0]) == 1.0
-
-
-def test_a_tray_is_not_closed_to_a_box() -> None:
-    vertices, faces = shapes.box()
-    top = (vertices[faces][:, :, 2] == 0.5).all(axis=1)
-    mesh = load_mesh((vertices, faces[~top]))
-    assert not mesh.report.closed
-    assert mesh.report.repairs == ()
-    assert "open" in mesh.report.warnings[0]
-
-
-@pytest.mark.slow
 def test_a_needle_in_a_flat_face_makes_no_crease() -> None:
     """Its third corner is moved off the line by the rounding of 32 bits only."""
     vertices, faces = shapes.box((0.1, 0.1, 0.1))
-    a, b, c = faces[0]
-    other = next(f for f in faces[1:] if {a, b, c} & set(f) and len({a, b, c} & set(f)) == 2)
-    p, q = sorted({a, b, c} & set(other))
-    middle = len(vertices)
-    points = np.vstack([vertices, 0.3 * vertices[p] + 0.7 * vertices[q]])
-    opposite = next(iter({a, b, c} - {p, q}))
-    forward = any((faces[0][k], faces[0][(k + 1) % 3]) == (p, q) for k in range(3))
-    first, last = (p, q) if forward else (q, p)
-    cut = [[first, middle, opposite], [middle, last, opposite], [first, last, middle]]
+    first, last, opposite = faces[0]
+    points = np.vstack([vertices, 0.3 * vertices[first] + 0.7 * vertices[last]])
+    cut = [[first, 8, opposite], [8, last, opposite], [first, last, 8]]
     bent = np.vstack([faces[1:], cut])
     for seed in range(20):
-        turned = np.float64(np.float32(points @ shapes.rotation(seed).T))
-        mesh = load_mesh((turned, bent))
+        mesh = load_mesh((np.float64(np.float32(points @ shapes.rotation(seed).T)), bent))
         sharp = mesh.contact_normals.counts >= 2
         back = np.abs(mesh.vertices @ shapes.rotation(seed))
         assert ((np.abs(back[sharp] - 0.05) < 1e-6).sum(axis=1) >= 2).all()
@@ -253,43 +156,16 @@ def test_sizes_out_of_range_are_refused(scale: float) -> None:
         load_mesh((vertices * scale, faces))
 
 
-def test_a_cavity_stays_a_cavity() -> None:
-    vertices, faces = shapes.sphere(3)
-    both, wound = joined((vertices, faces), (0.5 * vertices, faces[:, ::-1]))
-    full = load_mesh((vertices, faces)).volume
-    for winding in (wound, wound[:, ::-1]):
-        mesh = load_mesh((both, winding))
-        assert mesh.volume == pytest.approx(full * 7.0 / 8.0)
-        inner = np.linalg.norm(mesh.vertices, axis=1) < 0.6
-        outward = np.einsum("ij,ij->i", -mesh.normals, mesh.vertices)
-        assert (outward[inner] < 0.0).all()
-        assert (outward[~inner] > 0.0).all()
-
-
 def test_a_missing_triangle_is_filled_and_a_large_hole_is_reported() -> None:
     vertices, faces = shapes.sphere(2)
-    repaired = load_mesh((vertices, faces[1:]))
-    assert repaired.report.closed
-    assert "1 face added to close holes" in " ".join(map(str, repaired.report.repairs))
+    repaired = load_mesh((vertices, faces[1:])).report
+    assert repaired.closed
+    assert "1 face added to close holes" in str(repaired.repairs[0])
     opened = load_mesh((vertices, faces[vertices[faces].mean(axis=1)[:, 2] < 0.5]))
     assert not opened.report.closed
     assert opened.report.center_mass_from == "surface"
     assert math.isnan(opened.volume)
     assert "the surface is open" in opened.report.warnings[0]
-
-
-def test_an_open_mesh_inside_out_is_turned_by_its_outermost_faces() -> None:
-    vertices, faces = shapes.sphere(3)
-    opened = faces[vertices[faces].mean(axis=1)[:, 2] < 0.5]
-    for winding in (opened, opened[:, ::-1]):
-        mesh = load_mesh((vertices, winding))
-        used = mesh.on_surface
-        assert (np.einsum("ij,ij->i", mesh.normals[used], mesh.vertices[used]) < 0.0).all()
-
-
-def test_edges_with_more_than_two_faces_are_not_paired() -> None:
-    faces = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])
-    assert len(paired_edges(faces)[0]) == 0
 
 
 def test_normals_are_averaged_by_angle_for_any_tessellation() -> None:
@@ -304,18 +180,17 @@ def test_normals_are_averaged_by_angle_for_any_tessellation() -> None:
     assert oracles.angle(at_centre[0], np.array([0.0, 0.0, -1.0])) == pytest.approx(0.15, abs=0.01)
 
 
+NONE = np.empty((0, 3), int)
+
+
 @pytest.mark.parametrize(
     ("vertices", "faces", "message"),
     [
         ([[0, 0, 0]], [[0, 0, 1]], "uses vertex 1, but there are 1 vertices"),
         ([[0, 0, 0], [1, 0, 0], [0, 1, math.nan]], [[0, 1, 2]], "vertex 2 has a coordinate"),
         ([[0, 0, 0], [1, 0, 0], [0, 0, 0]], [[0, 1, 2]], "two corners at one position"),
-        ([[0, 0, 0], [1, 0, 0]], np.empty((0, 3), int), "holds no triangles"),
-        (
-            [[0, 0, 0], [1, 0, 0], [0, 1, 0]],
-            [[0.9, 1.2, 2.7]],
-            "faces must be whole numbers",
-        ),
+        ([[0, 0, 0], [1, 0, 0]], NONE, "holds no triangles"),
+        ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0.9, 1.2, 2.7]], "faces must be whole numbers"),
     ],
 )
 def test_arrays_that_are_no_surface_are_refused(
@@ -323,19 +198,6 @@ def test_arrays_that_are_no_surface_are_refused(
 ) -> None:
     with pytest.raises(MeshError, match=message):
         load_mesh((vertices, faces))
-
-
-def test_a_max_edge_that_would_fill_the_memory_is_refused() -> None:
-    with pytest.raises(MeshError, match="give a longer max_edge"):
-        load_mesh(shapes.box(), max_edge=1e-5)
-
-
-@pytest.mark.parametrize(("unit", "implausible"), [("m", True), ("mm", False), ("cm", False)])
-def test_an_implausible_size_for_its_unit_gives_a_warning(unit: str, implausible: bool) -> None:
-    vertices, faces = shapes.box((80.0, 60.0, 90.0))
-    mesh = load_mesh((vertices, faces), unit=unit)  # type: ignore[arg-type]
-    assert bool(mesh.report.warnings) == implausible
-    assert mesh.file_size == pytest.approx(math.sqrt(80.0**2 + 60.0**2 + 90.0**2))
 
 
 def test_a_unit_that_is_stated_later_is_as_if_it_were_stated_at_first() -> None:
@@ -348,6 +210,134 @@ def test_a_unit_that_is_stated_later_is_as_if_it_were_stated_at_first() -> None:
         np.testing.assert_allclose(getattr(later, name), getattr(first, name), rtol=1e-12)
 
 
-def test_what_is_no_surface_is_refused_before_its_unit_is_asked_for() -> None:
-    with pytest.raises(MeshError, match="vertex 2"):
-        load_mesh(([[0, 0, 0], [1, 0, 0], [0, math.nan, 1]], [[0, 1, 2]]), max_edge="1mm")
+# Edges
+
+
+def half_edges(faces: np.ndarray) -> dict[frozenset[int], list[int]]:
+    """Half-edges 3 f + i, opposite to corner i of face f, of each edge in ascending order."""
+    found = defaultdict(list)
+    for f, face in enumerate(faces.tolist()):
+        for i in range(3):
+            found[frozenset((face[(i + 1) % 3], face[(i + 2) % 3]))].append(3 * f + i)
+    return found
+
+
+@pytest.mark.parametrize("vertices", [4, 12, 400])
+def test_half_edges_are_paired_or_crowded_in_ascending_order(vertices: int) -> None:
+    rng = np.random.default_rng(vertices)
+    some = [rng.choice(vertices, 3, replace=False) for _ in range(60)]
+    faces = np.array([*some, *some[:5], *(face[::-1] for face in some[5:9])])
+    edges = half_edges(faces)
+    one, two = paired_edges(faces)
+    pairs = sorted(tuple(rows) for rows in edges.values() if len(rows) == 2)
+    assert sorted(zip(one.tolist(), two.tolist(), strict=True)) == pairs
+    crowds = sorted(row for rows in edges.values() if len(rows) > 2 for row in rows)
+    assert sorted(crowded_edges(faces).tolist()) == crowds
+    assert pairs or vertices == 4
+    assert crowds or vertices == 400
+    assert edge_counts(faces) == tuple(
+        sum(fits(len(rows)) for rows in edges.values()) for fits in ((1).__eq__, (2).__lt__)
+    )
+    none = np.zeros((0, 3), dtype=np.int64)
+    assert [len(rows) for rows in (*paired_edges(none), crowded_edges(none))] == [0, 0, 0]
+
+
+def test_a_surface_is_closed_where_the_directions_of_each_edge_cancel() -> None:
+    _, faces = shapes.box()
+    assert is_closed(faces)
+    assert is_closed(np.vstack([faces, faces[:1], faces[:1, ::-1]]))  # four faces at an edge
+    assert not is_closed(faces[1:])
+    assert not is_closed(np.vstack([faces[1:], faces[:1, ::-1]]))
+
+
+# Units and scale
+
+
+POWERS = st.integers(-12, 12).map(lambda power: 2.0**power)
+
+
+def assert_equal(one: ObjectMesh, two: ObjectMesh) -> None:
+    assert (one.unit, one.file_unit) == (two.unit, two.file_unit)
+    np.testing.assert_array_equal(one.faces, two.faces)
+    for name in ("vertices", "center_mass", "size", "volume", "torque_scale"):
+        np.testing.assert_allclose(getattr(one, name), getattr(two, name), rtol=1e-12, atol=1e-12)
+
+
+@settings(max_examples=10, deadline=None)
+@given(scale=POWERS, again=POWERS, unit=st.sampled_from(["m", "mm", None]))
+def test_a_scaled_mesh_is_that_of_scaled_coordinates(
+    scale: float, again: float, unit: str | None
+) -> None:
+    vertices, faces = shapes.lopsided(2)
+    made = load_mesh((vertices, faces), scale=scale, unit=unit)
+    assert_equal(made, load_mesh((scale * vertices, faces), unit=unit))
+    stated = {"unit": unit, "crease_angle": 0.5}
+    assert_equal(load_mesh(made, crease_angle=0.5), load_mesh((scale * vertices, faces), **stated))
+    assert_equal(load_mesh(made, scale=again), load_mesh((again * vertices, faces), unit=unit))
+
+
+@pytest.mark.parametrize("write", [write_ply, write_npz])
+@pytest.mark.parametrize("unit", ["cm", None])
+def test_files_keep_the_scale(tmp_path: Path, write: object, unit: str | None) -> None:
+    vertices, faces = shapes.sphere(1)
+    mesh = load_mesh((vertices, faces), scale=2.0, unit=unit, max_edge="inf" if unit else np.inf)
+    labels = label_surface(mesh)
+    path = tmp_path / f"labels.{write.__name__[6:]}"  # type: ignore[attr-defined]
+    write(path, labels)  # type: ignore[operator]
+    read = read_labels(path)
+    assert read.mesh.options.scale == 2.0
+    np.testing.assert_allclose(read.mesh.vertices, mesh.vertices, rtol=1e-6)
+    assert read.mesh.size == pytest.approx(mesh.size)
+    again = load_mesh(read.mesh, scale=3.0)
+    assert again.size == pytest.approx(1.5 * mesh.size)
+    assert load_mesh(read.mesh, repair="none").size == pytest.approx(mesh.size)
+
+
+def test_a_box_is_of_the_scaled_mesh_and_paint_of_the_file(tmp_path: Path) -> None:
+    vertices, faces = shapes.box()
+    painted = trimesh.Trimesh(vertices, faces, process=False).subdivide().subdivide()
+    above = painted.vertices[:, 2:] > 0.0
+    painted.visual.vertex_colors = np.where(above, [255, 0, 0, 255], [255, 255, 255, 255])
+    painted.export(tmp_path / "mask.ply")
+    for region in ("box:-9,-9,{},9,9,9", str(tmp_path / "mask.ply")):
+        once, twice = (
+            load_mesh(
+                (vertices, faces), scale=scale, max_edge=0.2 * scale,
+                region=region.format(0.3 * scale),
+            ).region
+            for scale in (1.0, 2.0)
+        )  # fmt: skip
+        np.testing.assert_array_equal(once, twice)
+        assert 0 < np.count_nonzero(once) < len(once)
+    labels = label_surface(load_mesh((vertices, faces), scale=2.0, region="box:-9,-9,0,9,9,9"))
+    write_ply(tmp_path / "labelled.ply", labels)  # in the file's coordinates
+    painting = f"{tmp_path / 'labelled.ply'}:label"
+    painted = load_mesh((vertices, faces), scale=2.0, region=painting)
+    assert 0 < np.count_nonzero(painted.region) < len(painted.region)
+
+
+@pytest.mark.parametrize(("size", "unit"), [(120.0, "mm"), (0.12, "m")])
+def test_a_guessed_unit_is_used_and_named(tmp_path: Path, size: float, unit: str) -> None:
+    source = export(tmp_path / "egg.ply", shapes.box((size, size / 2.0, size / 3.0)))
+    guessed, stated = load_mesh(source, unit="guess"), load_mesh(source, unit=unit)
+    assert_equal(guessed, stated)
+    assert guessed.options == stated.options
+    (text,) = set(guessed.report.warnings) - set(stated.report.warnings)
+    assert text.startswith(f"its unit, {unit}, is a guess (largest extent {size:g}: ")
+    assert load_mesh(guessed, max_edge="1m").unit == "m"
+    assert load_mesh(source, unit="guess", scale=0.5).size == pytest.approx(stated.size / 2.0)
+
+
+def test_a_unit_that_is_stated_is_no_guess_and_what_cannot_be_guessed_is_refused(
+    tmp_path: Path,
+) -> None:
+    known = load_mesh(shapes.box((2.0, 1.0, 1.0)), unit="cm")
+    for mesh in (load_mesh(known, unit="guess"), load_mesh(known.to_trimesh(), unit="guess")):
+        assert mesh.size == pytest.approx(known.size)
+        assert not any("guess" in text for text in mesh.report.warnings)
+    source = export(tmp_path / "moon.ply", shapes.box((1e9, 1e9, 1e9)))
+    with pytest.raises(SettingError, match=r"moon\.ply: its unit cannot be guessed .*; state it$"):
+        load_mesh(source, unit="guess")
+    for scale in (0.0, -1.0, np.inf, np.nan, "2"):
+        with pytest.raises(SettingError, match="scale must be"):
+            MeshOptions(scale=scale)  # type: ignore[arg-type]

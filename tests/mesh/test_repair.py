@@ -1,271 +1,37 @@
+"""Repair of single surfaces: welding, winding, holes, seams, and limits of large ones."""
+
 import math
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
 
 import manifold3d
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial import ConvexHull
 
-from grasp3d import ObjectMesh, Sampling, label_surface, load_mesh
-from grasp3d.arrays import first_at_position
-from grasp3d.mesh import repair
-from grasp3d.mesh.cleaning import LONG, close_hole, disagreeing, holes_of, without_mirrored
+from grasp3d import load_mesh
+from grasp3d.arrays import Floats
+from grasp3d.cli import main
+from grasp3d.mesh import preparing
+from grasp3d.mesh.cleaning import LONG, close_hole, disagreeing, holes_of
 from grasp3d.mesh.measures import Triangles, edge_counts, face_areas, is_closed
-from grasp3d.mesh.repair import RepairedSurface
 from grasp3d.mesh.union import put_on_surface, without_slivers
-from grasp3d.settings.mesh_options import Repair
-from grasp3d.surface.vertex_fields import Reason
 from tests.helpers import shapes
-from tests.helpers.repairs import counts, inward, joined, moved, repaired, used_by, volume_of
+from tests.helpers.commands import export
+from tests.helpers.repairs import (
+    assert_whole,
+    counts,
+    joined,
+    moved,
+    repaired,
+    used_by,
+    volume_of,
+)
 from tests.helpers.shapes import Surface
 
 COARSE = 1e9
-
-
-def prepared(surface: Surface, level: Repair = "safe") -> ObjectMesh:
-    return load_mesh(surface, max_edge=COARSE, repair=level)
-
-
-def rotated(surface: Surface, seed: int) -> Surface:
-    return surface[0] @ shapes.rotation(seed).T, surface[1]
-
-
-def grid_box(extents: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Surface:
-    """A box with vertices within its faces."""
-    return shapes.arrays(trimesh.creation.box(extents).subdivide().subdivide())
-
-
-def area_of(surface: RepairedSurface) -> float:
-    return float(face_areas(surface.vertices, surface.faces).sum())
-
-
-def assert_whole(surface: RepairedSurface) -> None:
-    """Check the properties of every united surface, and that Manifold accepts it as a solid."""
-    assert surface.closed
-    assert is_closed(surface.faces)
-    assert np.array_equal(surface.canonical[surface.faces], surface.faces)
-    assert np.array_equal(surface.canonical[surface.canonical], surface.canonical)
-    size = np.ptp(surface.vertices, axis=0).max()
-    solid = manifold3d.Manifold(
-        manifold3d.Mesh64(surface.vertices / size, surface.faces.astype(np.uint64))
-    )
-    assert solid.status() == manifold3d.Error.NoError
-    assert solid.volume() == pytest.approx(volume_of(surface) / size**3, rel=1e-9)
-
-
-# Overlaps
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize(
-    "shift", [(0.3, 0.4, 0.2), (0.3, 0.4, 0.0), (0.5, 0.0, 0.0), (0.25, 0.1, 0.0)]
-)
-def test_overlapping_boxes_have_the_volume_of_their_union(
-    seed: int, shift: tuple[float, float, float]
-) -> None:
-    """Some of their faces are coplanar, and vertices of the one lie in those of the other."""
-    box = grid_box()
-    surface = rotated(joined(box, moved(box, shift)), seed)
-    mesh = prepared(surface)
-    both = float(np.prod(1.0 - np.abs(shift)))
-    volume = 2.0 - both
-    assert mesh.volume == pytest.approx(volume, rel=1e-8)
-    assert counts(mesh)["united"] == 2
-    middle = shapes.rotation(seed) @ (np.array(shift) * (1.0 - both / 2.0) / volume)
-    assert mesh.center_mass == pytest.approx(middle, abs=1e-8)
-    plain = np.concatenate([box[0], box[0] + shift])
-    within = (np.abs(plain) < 0.5 - 1e-9).all(axis=1)
-    within |= (np.abs(plain - shift) < 0.5 - 1e-9).all(axis=1)
-    assert not mesh.on_surface[: len(plain)][within].any()
-    assert mesh.on_surface[: len(plain)][~within].all()
-    assert np.array_equal(mesh.vertices[: len(plain)], surface[0])
-    x, y, z = 1.0 - np.abs(shift)  # of the boxes' intersection
-    area = 12.0 - 2.0 * (x * y + y * z + z * x)
-    assert mesh.vertex_areas.sum() == pytest.approx(area, rel=1e-8)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize("shift", [(1.0, 0.0, 0.0), (1.0, 0.3, 0.1), (1.0, 0.5, 0.0)])
-def test_boxes_that_touch_lose_the_faces_between_them(
-    seed: int, shift: tuple[float, float, float]
-) -> None:
-    box = grid_box()
-    surface = repaired(rotated(joined(box, moved(box, shift)), seed))
-    wall = (1.0 - abs(shift[1])) * (1.0 - abs(shift[2]))
-    assert_whole(surface)
-    assert area_of(surface) == pytest.approx(12.0 - 2.0 * wall, rel=1e-8)
-    assert volume_of(surface) == pytest.approx(2.0, rel=1e-8)
-    assert surface.bodies == 1
-    assert counts(surface)["united"] == 2
-    assert used_by(surface).sum() == len(surface.vertices) - enclosed_by_touch(shift)
-
-
-def enclosed_by_touch(shift: tuple[float, float, float]) -> int:
-    """Vertices of two grid boxes that lie within the wall between them."""
-    wall = grid_box()[0]
-    wall = wall[wall[:, 0] == 0.5][:, 1:]
-    inside = [
-        (np.abs(wall - np.array(shift[1:]) * sign) < 0.5 - 1e-9).all(axis=1) for sign in (1, -1)
-    ]
-    inside = [one & (np.abs(wall) < 0.5 - 1e-9).all(axis=1) for one in inside]
-    return int(sum(one.sum() for one in inside))
-
-
-@pytest.mark.parametrize("box", [shapes.box(), grid_box()])
-@pytest.mark.parametrize("turn", [1, -1])
-def test_boxes_that_share_the_vertices_of_a_wall_lose_it(box: Surface, turn: int) -> None:
-    """Its two sides may be divided by other diagonals."""
-    other = box[0] * [turn, 1.0, 1.0], box[1][:, ::turn]
-    surface = repaired(over_positions(joined(box, moved(other, (1.0, 0.0, 0.0)))))
-    wall = (box[0][box[1]][:, :, 0] == 0.5).all(axis=1).sum()
-    assert counts(surface)["walls"] == 2 * wall
-    assert_whole(surface)
-    assert area_of(surface) == pytest.approx(10.0)
-
-
-def over_positions(surface: Surface) -> Surface:
-    """The surface over its positions, as in a file without indices."""
-    return surface[0], first_at_position(surface[0])[surface[1]]
-
-
-def test_a_fin_with_two_sides_is_kept() -> None:
-    vertices, faces = shapes.box()
-    edge = faces[0][:2]
-    tip = 2.0 * vertices[edge].sum(axis=0)
-    fin = np.array([[edge[0], edge[1], 8], [edge[1], edge[0], 8]])
-    surface = repaired((np.vstack([vertices, tip]), np.vstack([faces, fin])))
-    assert len(surface.faces) == 14
-    assert surface.steps == ()
-
-
-def test_boxes_with_one_edge_in_common_are_not_united() -> None:
-    box = shapes.box()
-    other = moved(box, (1.0, 1.0, 0.0))
-    surface = repaired(joined(box, other))
-    assert "united" not in counts(surface)
-    assert surface.closed
-    assert len(surface.faces) == 2 * len(box[1])
-    assert volume_of(surface) == pytest.approx(2.0)
-    turned = joined(box, inward(other))
-    for each in (turned, over_positions(turned)):
-        assert counts(repaired(each))["inverted"] == 12
-        assert volume_of(repaired(each)) == pytest.approx(2.0)
-
-
-def test_linked_rings_are_not_united() -> None:
-    ring = shapes.arrays(trimesh.creation.torus(1.0, 0.2, major_sections=24, minor_sections=12))
-    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    both = joined(ring, (ring[0] @ turn.T + [1.0, 0.0, 0.0], ring[1]))
-    surface = repaired(both)
-    assert surface.steps == surface.warnings == ()
-    assert np.array_equal(surface.faces, both[1])
-
-
-@pytest.mark.slow
-def test_three_overlapping_balls_have_the_volume_of_their_union() -> None:
-    """Compared with random points counted in the hulls, which swallow vertices of the others."""
-    centers = [(0.0, 0.0, 0.0), (0.9, 0.1, 0.2), (0.3, 0.8, -0.3)]
-    balls = [moved(rotated(shapes.sphere(2), k), center) for k, center in enumerate(centers)]
-    vertices, faces = joined(*balls)
-    surface = repaired((vertices, faces))
-    assert_whole(surface)
-    assert counts(surface) == {"united": 3}
-    points = np.random.default_rng(0).uniform(-1.5, 2.5, (50_000, 3))
-    inside, swallowed = (np.zeros(len(x), dtype=bool) for x in (points, vertices))
-    for ball, _ in balls:
-        planes = ConvexHull(ball).equations
-        inside |= (points @ planes[:, :3].T + planes[:, 3] < 0.0).all(axis=1)
-        swallowed |= (vertices @ planes[:, :3].T + planes[:, 3] < -1e-9).all(axis=1)
-    assert volume_of(surface) == pytest.approx(64.0 * inside.mean(), rel=0.02)
-    assert np.array_equal(used_by(surface)[: len(vertices)], ~swallowed)
-    assert swallowed.any()
-
-
-def test_a_chain_of_boxes_is_one_bar_with_its_labels() -> None:
-    boxes = [moved(shapes.box((1.2, 1.0, 1.0)), (float(k), 0.0, 0.0)) for k in range(5)]
-    surface = joined(*boxes)
-    mesh = load_mesh(surface)
-    assert mesh.report.bodies == 1
-    assert counts(mesh) == {"united": 5}
-    assert mesh.volume == pytest.approx(5.2)
-    assert mesh.center_mass == pytest.approx([2.0, 0.0, 0.0], abs=1e-8)
-    labels = label_surface(mesh, sampling=Sampling(rays=16))
-    bar = load_mesh(moved(shapes.box((5.2, 1.0, 1.0)), (2.0, 0.0, 0.0)))
-    expected = label_surface(bar, sampling=Sampling(rays=16)).fractions()
-    assert labels.fractions() == pytest.approx(expected, abs=0.05)
-
-
-def test_an_enclosed_vertex_belongs_to_no_face() -> None:
-    mesh = load_mesh(joined(shapes.box(), moved(shapes.box(), (0.4, 0.3, 0.2))))
-    labels = label_surface(mesh, sampling=Sampling(rays=16))
-    swallowed = labels.reason[:16] == Reason.OFF_SURFACE
-    assert swallowed.sum() == 2
-    assert (labels.label[:16][swallowed] == 0).all()
-    assert len(mesh.vertices) > mesh.file_vertices == 16
-
-
-def test_a_box_within_a_box_is_taken_as_part_of_it() -> None:
-    surface = repaired(joined(shapes.box(), moved(shapes.box(), (0.1, 0.0, 0.0), 0.5)))
-    assert volume_of(surface) == pytest.approx(1.0)
-    assert used_by(surface).tolist() == [True] * 8 + [False] * 8
-    assert "1 body within others" in surface.warnings[0]
-
-
-def test_a_cavity_is_kept_and_filled_by_full_repair() -> None:
-    ball = shapes.sphere(2)
-    full = volume_of(repaired(ball))
-    hollow = joined(ball, inward(moved(ball, (0.0, 0.0, 0.0), 0.5)))
-    kept = repaired(hollow)
-    assert volume_of(kept) == pytest.approx(full * 7.0 / 8.0)
-    assert kept.steps == ()
-    filled = repaired(hollow, "full")
-    assert volume_of(filled) == pytest.approx(full)
-    assert [str(step) for step in filled.steps] == ["1 sealed cavity filled"]
-
-
-def test_a_body_that_reaches_into_a_cavity_fills_part_of_it() -> None:
-    """A bar through the wall of a hollow box, and a ball that lies loose in the cavity."""
-    hollow = joined(shapes.box(), inward(shapes.box((0.6, 0.6, 0.6))))
-    bar = moved(shapes.box((0.5, 0.1, 0.1)), (0.5, 0.0, 0.0))  # from 0.25 to 0.75
-    ball = moved(shapes.sphere(1), (-0.1, 0.0, 0.0), 0.1)
-    surface = repaired(joined(hollow, bar, ball))
-    assert_whole(surface)
-    expected = 1.0 - 0.6**3 + 0.01 * (0.05 + 0.25) + volume_of(repaired(ball))
-    assert volume_of(surface) == pytest.approx(expected)
-    assert counts(surface) == {"united": 2}
-    assert surface.warnings == ()
-
-
-def test_a_union_that_is_not_sound_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(repair, "union_of", lambda _: None)
-    surface = repaired(joined(shapes.box(), moved(shapes.box(), (0.4, 0.3, 0.2))))
-    assert len(surface.faces) == 24
-    assert "2 bodies seem to overlap but could not be united" in surface.warnings[0]
-
-
-# Copies
-
-
-@pytest.mark.parametrize("turn", [1, -1])
-def test_of_a_body_and_its_copy_one_remains(turn: int) -> None:
-    box = shapes.box()
-    other = box[0] + np.spacing(1.0), box[1][::-1, ::turn]
-    surface = repaired(joined(box, moved(box, (3.0, 0.0, 0.0)), other))
-    inverted = {"inverted": 12} if turn < 0 else {}
-    assert counts(surface) == {**inverted, "united": 2}
-    assert len(surface.faces) == 24
-    assert volume_of(surface) == pytest.approx(2.0)
-    assert surface.canonical[16:].tolist() == list(range(8))
-
-
-def test_a_sheet_keeps_its_two_sides_and_a_body_does_not() -> None:
-    _, faces = shapes.sphere(2)
-    both = np.vstack([faces, faces[:, ::-1]])
-    assert without_mirrored(both).sum() == len(faces)
-    half = faces[: len(faces) // 2]
-    assert without_mirrored(np.vstack([half, half[:, ::-1]])).all()
 
 
 # Welding
@@ -292,15 +58,6 @@ def test_a_sliver_between_two_rounded_vertices_vanishes_when_they_are_joined() -
     assert_whole(surface)
     assert volume_of(surface) == pytest.approx(1.0)
     assert used_by(surface).all()
-
-
-def test_a_gap_wider_than_rounding_is_kept() -> None:
-    vertices, faces = shapes.sphere(2)
-    corners = vertices[faces]
-    apart = (corners * (1.0 + 1e-4 * np.arange(len(faces))[:, None, None] % 3)).reshape(-1, 3)
-    surface = repaired((apart, np.arange(len(apart)).reshape(-1, 3)))
-    assert not surface.closed
-    assert "joined" not in counts(surface)
 
 
 # Winding
@@ -402,8 +159,9 @@ def test_a_hole_is_closed_by_faces_in_its_winding(count: int) -> None:
     assert is_closed(np.vstack([added, fan]))
 
 
-def test_no_triangulation_of_a_hole_has_less_area() -> None:
-    points = np.random.default_rng(4).normal(size=(6, 3))
+@pytest.mark.parametrize("seed", range(4))
+def test_no_triangulation_of_a_hole_has_less_area(seed: int) -> None:
+    points = np.random.default_rng(seed).normal(size=(6, 3))
 
     def least(first: int, last: int) -> float:
         if last - first < 2:
@@ -432,15 +190,6 @@ def test_full_repair_closes_every_hole_and_reports_it(sections: int) -> None:
     assert "2 holes closed by a guess that adds 2" in surface.warnings[0]
 
 
-def test_open_shells_that_penetrate_are_closed_and_united() -> None:
-    box = shapes.box()
-    tray = box[0], box[1][~(box[0][box[1]][:, :, 2] == 0.5).all(axis=1)]
-    surface = repaired(joined(tray, moved(tray, (0.5, 0.2, 0.1))), "full")
-    assert_whole(surface)
-    assert volume_of(surface) == pytest.approx(2.0 - 0.5 * 0.8 * 0.9)
-    assert counts(surface) == {"closed": 2, "united": 2}
-
-
 # Levels
 
 
@@ -453,16 +202,6 @@ def test_without_repair_the_surface_is_unchanged() -> None:
     surface = repaired(broken, "none")
     assert np.array_equal(surface.faces, broken[1])
     assert surface.steps == surface.warnings == ()
-
-
-def test_without_repair_positions_are_joined_and_faces_without_area_left_out() -> None:
-    vertices, faces = shapes.box()
-    split = vertices[faces].reshape(-1, 3), np.arange(36).reshape(-1, 3)
-    with_point = split[0], np.vstack([split[1], [[0, 0, 1]]])
-    surface = repaired(with_point, "none")
-    assert surface.closed
-    assert counts(surface) == {"welded": 28, "collapsed": 1}
-    assert surface.warnings == ()
 
 
 # Seams
@@ -495,16 +234,6 @@ def test_the_longest_edge_of_a_sliver_is_flipped() -> None:
     assert edge_counts(cleaned) == (0, 0)
 
 
-def test_edges_are_counted_by_their_faces_and_directions() -> None:
-    _, faces = shapes.box()
-    assert is_closed(faces)
-    assert not is_closed(faces[1:])
-    assert not is_closed(np.vstack([faces[1:], faces[:1, ::-1]]))
-    assert edge_counts(faces) == (0, 0)
-    assert edge_counts(faces[1:]) == (3, 0)
-    assert edge_counts(np.vstack([faces, [[*faces[0][:2], 8]]])) == (2, 1)
-
-
 def test_a_lone_face_is_not_closed_by_its_reverse() -> None:
     vertices, faces = shapes.box()
     stray = np.array([[9.0, 9.0, 9.0], [9.1, 9.0, 9.0], [9.0, 9.1, 9.0]])
@@ -512,3 +241,65 @@ def test_a_lone_face_is_not_closed_by_its_reverse() -> None:
     assert not found.closed
     assert found.steps == ()
     assert len(found.faces) == len(faces) + 1
+
+
+# Limits
+
+
+def book(pages: int) -> Surface:
+    """Triangles that share one edge."""
+    turn = np.linspace(0.0, 2.0 * np.pi, pages, endpoint=False)
+    tips = np.stack([np.cos(turn), np.sin(turn), np.full(pages, 0.5)], axis=1)
+    spine = np.broadcast_to([0, 1], (pages, 2))
+    return (
+        np.vstack([[[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]], tips]),
+        np.column_stack([spine, 2 + np.arange(pages)]),
+    )
+
+
+def boxes(sides: Floats) -> Surface:
+    """Boxes around the origin."""
+    return joined(*(shapes.box((side, side, side)) for side in sides.tolist()))
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """Processor time of this thread."""
+    started = time.thread_time()
+    work()
+    return time.thread_time() - started
+
+
+@pytest.mark.slow
+def test_a_book_of_many_pages_takes_linear_time() -> None:
+    load_mesh(book(10), max_edge=COARSE)  # compiles
+    for pages in (5_000, 20_000):
+        assert seconds(lambda pages=pages: load_mesh(book(pages), max_edge=COARSE)) < pages / 2_500
+
+
+@pytest.mark.slow
+def test_many_bodies_within_each_other_become_one() -> None:
+    surface = repaired(boxes(np.linspace(1.0, 2.0, 1000)))
+    assert volume_of(surface) == pytest.approx(8.0)
+    assert len(surface.faces) == 12
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of memory are Linux's")
+@pytest.mark.parametrize(
+    ("limit", "value", "message"),
+    [("MEMORY", 1e6, "more than 0.001 GB"), ("SECONDS", 0.01, "more than 0.01 s")],
+)
+def test_repair_beyond_a_limit_is_an_error_in_a_command_and_not_in_python(
+    limit: str, value: float, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.setattr(preparing, limit, value)
+    surface = boxes(np.full(1000, 1.0))  # 4 million pairs of vertices at one position
+    path = export(tmp_path / "a.ply", surface)
+    monkeypatch.chdir(tmp_path)
+    assert main(["label", str(path), "--unit", "m", "--max-edge", "1m"]) == 2
+    printed = capsys.readouterr().err
+    assert f"{path}: repairing it " in printed
+    assert message in printed
+    assert "mend it in a CAD program, or give --repair none" in printed
+    assert load_mesh(path, max_edge=COARSE).volume == pytest.approx(1.0)

@@ -5,11 +5,9 @@ from hypothesis import strategies as st
 
 from grasp3d import load_mesh
 from grasp3d.mesh.measures import Triangles
-from grasp3d.mesh.mesh_files import read_mesh
-from grasp3d.mesh.repair import repair_surface
 from grasp3d.mesh.surface_points import crossing_faces
 from tests.helpers import shapes
-from tests.helpers.repairs import joined
+from tests.helpers.repairs import joined, moved
 from tests.helpers.shapes import Surface
 
 ROUNDED = 1e-6
@@ -91,61 +89,26 @@ def test_crossings_of_random_triangles_are_true_and_no_sure_one_is_missed(
 
 def two_spheres() -> Surface:
     vertices, faces = shapes.sphere(3)
-    moved = vertices @ shapes.rotation(1).T + (0.9, 0.3, 0.2)
-    return normalised(joined((vertices, faces), (moved, faces)))
+    other = vertices @ shapes.rotation(1).T + (0.9, 0.3, 0.2)
+    return normalised(joined((vertices, faces), (other, faces)))
 
 
-def folded_sheet() -> Surface:
-    """An open sheet bent so far that its end passes through its beginning."""
-    u, v = np.meshgrid(np.linspace(0.0, 1.0, 40), np.linspace(-0.5, 0.5, 21), indexing="ij")
-    angle = 1.7 * np.pi * u
-    radius = 0.5 - 0.25 * u
-    points = np.stack([radius * np.cos(angle), radius * np.sin(angle), v], axis=-1)
-    points += 0.5 * (u**6)[..., None] * np.array([1.0, 0.7, 0.1])
-    i, j = np.meshgrid(np.arange(39), np.arange(20), indexing="ij")
-    a = i * 21 + j
-    faces = np.concatenate(
-        [np.stack([a, a + 21, a + 1], -1), np.stack([a + 21, a + 22, a + 1], -1)]
-    )
-    return normalised((points.reshape(-1, 3), faces.reshape(-1, 3)))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("shape", [two_spheres(), folded_sheet()])
-def test_crossings_of_known_shapes_are_found_nearly_all(shape: Surface) -> None:
-    found = crossings(*shape)
-    known = [depth for depth in check(found, shape).values() if depth > ROUNDED]
+def test_crossings_of_known_shapes_are_found_nearly_all() -> None:
+    found = crossings(*two_spheres())
+    known = [depth for depth in check(found, two_spheres()).values() if depth > ROUNDED]
     assert len(known) > 50
     assert len(found) >= 0.99 * len(known)
 
 
-def test_the_faces_found_are_those_that_meshlab_selects() -> None:
-    pymeshlab = shapes.reader("pymeshlab")
-    points, faces = two_spheres()
-    meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh(points, faces.astype(np.int32)))
-    meshes.compute_selection_by_self_intersections_per_face()
-    selected = np.asarray(meshes.current_mesh().face_selection_array()).astype(bool)
-    found = np.isin(np.arange(len(faces)), crossings(points, faces))
-    assert not (found & ~selected).any()
-    assert found.sum() >= 0.99 * selected.sum()
-
-
 CLEAN = {
-    "sphere": shapes.sphere(3),
-    "torus": shapes.torus(),
-    "box": shapes.box(),
     "thin plate": shapes.box((1.0, 1.0, 2e-5)),
     "tube": shapes.tube(),
-    "cone": shapes.cone(0.1),
-    "touching boxes": joined(shapes.box(), (shapes.box()[0] + (1.0, 0.3, 0.2), shapes.box()[1])),
-    "boxes on an edge": joined(shapes.box(), (shapes.box()[0] + (1.0, 1.0, 0.0), shapes.box()[1])),
-    "ball inside": joined(shapes.sphere(3), (0.999 * shapes.sphere(3)[0], shapes.sphere(3)[1])),
-    "one triangle": (np.eye(3), np.array([[0, 1, 2]])),
+    "touching boxes": joined(shapes.box(), moved(shapes.box(), (1.0, 0.3, 0.2))),
+    "boxes on an edge": joined(shapes.box(), moved(shapes.box(), (1.0, 1.0, 0.0))),
+    "ball inside": joined(shapes.sphere(3), moved(shapes.sphere(3), (0.0, 0.0, 0.0), 0.999)),
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", CLEAN)
 def test_clean_surfaces_cross_nowhere_refined_or_rounded(name: str) -> None:
     points, faces = normalised(CLEAN[name])
@@ -154,15 +117,6 @@ def test_clean_surfaces_cross_nowhere_refined_or_rounded(name: str) -> None:
     rounded = (turned + 0.3).astype(np.float32).astype(np.float64) - 0.3
     for shape in ((points, faces), (mesh.normalized, mesh.faces), (rounded, faces)):
         assert len(crossings(*shape)) == 0
-
-
-@pytest.mark.slow
-def test_shipped_meshes_cross_nowhere() -> None:
-    for path in sorted(shapes.LIBRARY.glob("*.*"))[::3]:
-        if path.suffix not in {".md", ".png"}:
-            raw = read_mesh(path)
-            surface = repair_surface(raw.vertices, raw.faces, "safe", path.name)
-            assert len(crossings(*normalised((surface.vertices, surface.faces)))) == 0
 
 
 def test_vertices_are_identified_by_position() -> None:
@@ -188,33 +142,3 @@ def test_faces_with_a_common_vertex_do_not_count() -> None:
 def test_faces_too_small_for_32_bits_are_ignored() -> None:
     points = np.concatenate([1e-8 * np.eye(3), 1e-8 * (1.0 - np.eye(3))])
     assert len(crossings(points, np.array([[0, 1, 2], [3, 4, 5]]))) == 0
-
-
-def test_an_edge_of_three_faces_crosses_with_all_three() -> None:
-    points = np.array(
-        [
-            [-0.3, -0.3, 0.0], [0.3, -0.3, 0.0], [0.0, 0.4, 0.0],
-            [0.0, 0.0, -0.2], [0.0, 0.0, 0.2], [0.5, 0.1, 0.1], [-0.5, 0.1, 0.1], [0.1, -0.5, 0.1],
-        ]
-    )  # fmt: skip
-    faces = np.array([[0, 1, 2], [3, 4, 5], [3, 4, 6], [4, 3, 7]])
-    assert crossings(points, faces) == [0, 1, 2, 3]
-    assert crossings(points, faces[1:]) == []
-
-
-def test_an_edge_through_many_leaves_crosses_each_of_them() -> None:
-    heights = np.linspace(-0.2, 0.2, 50)
-    leaves = np.array([[[-0.3, -0.3, z], [0.3, -0.3, z], [0.0, 0.4, z]] for z in heights])
-    needle = np.array([[[0.01, 0.0, -0.4], [0.0, 0.01, 0.4], [0.5, 0.5, 0.45]]])
-    points = np.concatenate([leaves, needle]).reshape(-1, 3)
-    assert crossings(points, np.arange(len(points)).reshape(-1, 3)) == list(range(51))
-
-
-@pytest.mark.slow
-def test_the_shells_of_a_real_mesh_cross_where_they_meet() -> None:
-    raw = read_mesh(shapes.shared("meshes", "classic_teapot.obj"))
-    surface = repair_surface(raw.vertices, raw.faces, "safe", "teapot")
-    shape = normalised((surface.vertices, surface.faces))
-    found = crossings(*shape)
-    check(found, shape)
-    assert len(found) > 150

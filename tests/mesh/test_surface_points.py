@@ -1,3 +1,5 @@
+"""Nearest points of a surface, whether points are inside, and what rays meet first."""
+
 import math
 
 import numpy as np
@@ -6,10 +8,11 @@ from numpy.typing import NDArray
 
 from grasp3d import load_mesh
 from grasp3d.mesh import ObjectMesh, surface_points
-from grasp3d.mesh.surface_points import contains, nearest_surface_points
+from grasp3d.mesh.surface_points import FaceRays, contains, nearest_surface_points
 from grasp3d.system.context import running
-from tests.helpers import shapes
+from tests.helpers import oracles, shapes
 from tests.helpers.oracles import distance_to_triangles
+from tests.helpers.shapes import Surface
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +43,6 @@ def sample_points(mesh: ObjectMesh, count: int, rng: np.random.Generator) -> Flo
     return np.concatenate([on, near, corners[:, 0], corners[:, :2].mean(axis=1), near[:9] * 100.0])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", MESHES)
 def test_the_nearest_of_all_faces_is_found(name: str) -> None:
     mesh = MESHES[name]()
@@ -72,24 +74,6 @@ def test_points_on_borders_have_exact_coordinates() -> None:
         assert np.sort(found.weights, axis=1)[:, 1] == pytest.approx(fraction, abs=1e-6)
 
 
-@pytest.mark.parametrize("name", ["box", "lopsided"])
-def test_of_faces_that_are_equally_near_the_first_is_found(name: str) -> None:
-    """Outside a corner, or above an edge, all faces there are equally near but for rounding."""
-    mesh, rng = MESHES[name](), np.random.default_rng(8)
-    corners = mesh.vertices[mesh.faces[rng.integers(len(mesh.faces), size=150)]]
-    on = np.concatenate([corners[:, 0], 0.5 * corners[:, 0] + 0.5 * corners[:, 1]])
-    points = on + (on - mesh.center) * rng.uniform(1e-3, 2.0, (len(on), 1))
-    found, _, _ = nearest_surface_points(mesh, points)
-    triangles, shared = mesh.vertices[mesh.faces], 0
-    for point, face in zip(points, found.faces, strict=True):
-        gaps = distance_to_triangles(point, triangles) / mesh.size
-        equal, unclear = (gaps <= gaps.min() + error for error in (1e-13, 1e-11))
-        if np.array_equal(equal, unclear):  # the others may be taken for equally near, or not
-            shared += equal.sum() > 1
-            assert face == np.flatnonzero(equal)[0]
-    assert shared > 150
-
-
 def test_points_beyond_the_limit_have_no_surface_point() -> None:
     mesh = load_mesh(shapes.sphere(3), max_edge=9.0)
     away = np.array([1.0, 1.009, 1.011, 1.1, 50.0, 0.9, 0.0])
@@ -101,7 +85,6 @@ def test_points_beyond_the_limit_have_no_surface_point() -> None:
     assert distances == pytest.approx([0.0, 0.009, *[math.inf] * 5])
 
 
-@pytest.mark.slow
 def test_single_points_all_points_and_parts_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = MESHES["lopsided"]()
     points = sample_points(mesh, 40, np.random.default_rng(5))
@@ -115,12 +98,6 @@ def test_single_points_all_points_and_parts_give_the_same(monkeypatch: pytest.Mo
     again, _, _ = running(threads=2)(nearest_surface_points)(mesh, points)
     assert np.array_equal(again.faces, found.faces)
     assert np.array_equal(again.weights, found.weights)
-
-
-def test_no_points_have_no_surface_points() -> None:
-    found, positions, distances = nearest_surface_points(MESHES["box"](), np.empty((0, 3)))
-    assert found.faces.shape == distances.shape == (0,)
-    assert found.weights.shape == positions.shape == (0, 3)
 
 
 @pytest.mark.parametrize("name", ["lopsided", "box"])
@@ -138,3 +115,40 @@ def test_points_are_inside_as_the_winding_says(name: str) -> None:
     inside = np.abs(solid_angle) > 2.0 * math.pi
     assert 10 < inside.sum() < 190
     np.testing.assert_array_equal(contains(mesh, points), inside)
+
+
+# Rays
+
+
+def rays_from(mesh: ObjectMesh, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rays from just beside the surface, in any direction."""
+    rng = np.random.default_rng(0)
+    faces, weights = rng.integers(len(mesh.faces), size=count), rng.dirichlet([1, 1, 1], size=count)
+    points = (mesh.normalized[mesh.faces[faces]] * weights[..., None]).sum(axis=1)
+    directions = rng.standard_normal((count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    origins = points + 1e-4 * directions
+    return origins.astype(np.float32), directions.astype(np.float32)
+
+
+@pytest.mark.parametrize("embree", [True, False])
+@pytest.mark.parametrize("shape", [shapes.lopsided(), shapes.tube(), shapes.box(), shapes.torus()])
+def test_a_ray_meets_the_first_face_of_all(
+    shape: Surface, embree: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(surface_points, "EMBREE", embree)
+    mesh, rounding = load_mesh(shape, max_edge=0.3), 1e-5 if embree else 1e-6
+    origins, directions = rays_from(mesh, 300)
+    rays = FaceRays(mesh.normalized, mesh.faces)
+    faces, far = rays.hits(origins, directions)
+    ends = np.full(len(far), 0.5, dtype=np.float32) * far
+    assert (rays.hits(origins, directions, ends)[0] == -1).all()
+    for origin, direction, face, distance in zip(origins, directions, faces, far, strict=True):
+        met = oracles.crossings(
+            origin.astype(float), direction.astype(float), mesh.normalized, mesh.faces
+        )
+        ahead = [(t, f) for f, t in met if t > 1e-9]
+        assert (face >= 0) == bool(ahead)
+        if ahead:
+            assert distance == pytest.approx(min(ahead)[0], abs=rounding)
+            assert any(f == face and t - min(ahead)[0] < rounding for t, f in ahead)

@@ -10,12 +10,11 @@ from hypothesis import strategies as st
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from grasp3d import GraspModel, Label, label_surface, load_mesh
+from grasp3d import load_mesh
 from grasp3d._kernels.surface.surface_contacts import ContactNormals
 from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.turns import located_surface, normal_turns, turns_beside
-from grasp3d.surface.contacts import grasps_at
 from tests.helpers import shapes
 
 BEYOND = 1.2e-3
@@ -47,7 +46,7 @@ def test_near_an_edge_of_a_box_normals_turn_by_90_degrees() -> None:
     assert near.sum() > 100
 
 
-@pytest.mark.parametrize("part", [0.03, 0.1, 0.4])
+@pytest.mark.parametrize("part", [0.03, 0.2])
 def test_a_ball_turns_by_the_chord(part: float) -> None:
     mesh = load_mesh(shapes.sphere(4), unit="m", crease_angle=math.radians(60.0))
     turns = at_vertices(mesh, part)
@@ -113,6 +112,7 @@ SURFACES = {
 }
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.sampled_from(list(SURFACES)), st.integers(0, 1000), st.floats(0.04, 0.3))
 def test_no_place_nearby_turns_more(shape: str, seed: int, error: float) -> None:
@@ -124,16 +124,6 @@ def test_no_place_nearby_turns_more(shape: str, seed: int, error: float) -> None
         found = tried(mesh, int(vertex), error)
         assert turns[vertex] >= found - 1e-9
         assert found <= turns[vertex] <= wider[vertex] + BEYOND
-
-
-def test_larger_errors_turn_more() -> None:
-    mesh = load_mesh(shapes.lopsided(2), max_edge=9.0)
-    before = np.zeros(len(mesh.vertices))
-    for error in (1e-6, 0.01, 0.05, 0.2, 5.0):
-        turns = at_vertices(mesh, error)
-        assert (turns >= before - BEYOND).all()
-        before = turns
-    assert at_vertices(mesh, 1e-9).max() < 1e-5
 
 
 def test_searches_know_the_turns_of_places() -> None:
@@ -159,33 +149,3 @@ def test_contacts_beside_the_surface_are_those_of_the_nearest_place() -> None:
     points = np.array([[0.0, 0.0, 0.016], [0.0395, 0.0, 0.0155]])
     turns = turns_beside(mesh, points, np.array([[0.0, 0.0, -1.0]] * 2), 0.002)
     assert turns == pytest.approx([0.0, math.pi / 2.0])
-
-
-@pytest.mark.slow
-def test_no_grasp_is_surely_stable_that_some_place_and_tilt_opens() -> None:
-    """Random places within the error, connected as the surface is, with the worst tilts there."""
-    mesh = load_mesh(shapes.lopsided(4))
-    error = 0.02
-    labels = label_surface(mesh, GraspModel(location_error=error, friction=0.8))
-    vertices = np.flatnonzero((labels.label == Label.S) & (mesh.contact_normals.counts == 1))
-    assert len(vertices) > 300
-    rng, samples = np.random.default_rng(0), 60_000
-    faces = rng.choice(len(mesh.faces), samples)
-    weights = rng.dirichlet([1.0, 1.0, 1.0], samples)
-    places = (weights[:, None] @ mesh.vertices[mesh.faces[faces]])[:, 0]
-    corners = mesh.corner_normals
-    normals = unit_rows((weights[:, None] @ corners.normals[corners.corners[faces]])[:, 0])
-    contacts = grasps_at(mesh, labels.partner_points, vertices[::3])
-    limit, checked = math.atan(0.8) - labels.model.tilt, 0
-    for (one, other), (n1, n2) in zip(contacts.points, contacts.normals, strict=True):
-        near = [
-            np.flatnonzero((np.linalg.norm(places - p, axis=1) <= error) & (normals @ n > -0.5))
-            for p, n in ((one, n1), (other, n2))
-        ]
-        a, b = np.meshgrid(*near, indexing="ij")
-        line = unit_rows((places[b] - places[a]).reshape(-1, 3))
-        for side, rows in ((1.0, a), (-1.0, b)):
-            cosines = side * (line * normals[rows.ravel()]).sum(axis=1)
-            assert (np.arccos(np.clip(cosines, -1.0, 1.0)) < limit).all()
-            checked += len(cosines)
-    assert checked > 1000

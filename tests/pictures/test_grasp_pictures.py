@@ -1,4 +1,4 @@
-"""Pictures of grasps: up is up, and the approach and the table are seen."""
+"""Pictures and figures of grasps: up is up, approach and table are seen, texts fit."""
 
 import math
 from dataclasses import replace
@@ -10,12 +10,12 @@ import trimesh
 from grasp3d import GraspModel, Label, Sampling, label_surface, load_mesh
 from grasp3d.grasps.best import best_grasps
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
 from grasp3d.hand.triangles import ARC_COLOR
 from grasp3d.mesh import ObjectMesh
 from grasp3d.pictures import pane
-from grasp3d.pictures.stills import PIXELS, draw_grasps, grasp_figure
+from grasp3d.pictures.stills import MOST_PICTURES, PIXELS, draw_grasps, grasp_figure
+from tests.helpers import shapes
 from tests.helpers.figures import check_texts, drawn_texts
 from tests.helpers.held_grasps import held_box
 from tests.pictures.test_opengl import needs_opengl
@@ -42,9 +42,6 @@ def test_the_table_is_below_the_object_and_the_approach_is_drawn(
         table=Table.below(mesh, "-z"),
     )  # fmt: skip
     grasps = best_grasps(labels, COUNT)
-    scene = grasps.scene
-    assert scene is not None
-    assert scene.table is not None
     look = replace(pane.LOOKS["table"], color=MAGENTA, opacity=1.0)
     monkeypatch.setitem(pane.LOOKS, "table", look)
     for image in draw_grasps(grasps, labels):
@@ -81,10 +78,19 @@ def test_the_gripper_is_drawn_at_each_grasp() -> None:
         assert f"approach ±{math.degrees(grasps.approach_margin[row]):.0f}°" in texts
 
 
-def test_without_a_table_up_is_the_stated_axis() -> None:
-    labels = held_box()
-    scene = labels.scene
-    assert scene is not None
-    up = np.array([0.0, 1.0, 0.0])
-    free = Scene(scene.hand, approach=replace(scene.approach, direction=-up))
-    assert np.array_equal(free.up, up)
+def test_text_fits_and_grasps_are_numbered() -> None:
+    mesh = load_mesh(shapes.box((1.0, 0.7, 0.5)), unit="m", max_edge=0.2)
+    grasps = best_grasps(label_surface(mesh, sampling=Sampling(rays=16)), MOST_PICTURES)
+    figure = grasp_figure(grasps, [np.full((8, 8, 3), 255, dtype=np.uint8)] * 7)
+    check_texts(figure)
+    texts = [text for text, _ in drawn_texts(figure)]
+    heads = [text for text in texts if r"\bf" in text]
+    lines = [text for text in texts if "varepsilon" in text]
+    assert len(heads) == len(lines) == 7
+    for row, (head, line) in enumerate(zip(heads, lines, strict=True)):
+        assert rf"\bf{{{row + 1}}}" in head
+        assert f"{grasps.score[row]:.3f}" in head
+        assert f"{math.degrees(grasps.critical_angle[row]):.1f}°" in line
+        assert f"{grasps.epsilon[row]:.3f}" in line
+    for words in ("2 fingers", "surely unstable"):
+        assert any(words in text for text in texts)

@@ -1,20 +1,15 @@
-"""Whether pictures can be rendered here, and the directions of cameras."""
+"""Whether pictures can be rendered here."""
 
-import math
 import os
 import subprocess
 import sys
 from ctypes.util import find_library
 from pathlib import Path
 
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from grasp3d.errors import OutputError
 from grasp3d.pictures import opengl
-from grasp3d.pictures.camera import View
 from grasp3d.pictures.opengl import can_render
 
 NO_LIBRARY = {opengl.WINDOW: "vtkOSOpenGLRenderWindow"}
@@ -32,13 +27,6 @@ def without_cache() -> object:
         cached.cache_clear()
 
 
-def fake_python(folder: Path, script: str) -> str:
-    path = folder / "python"
-    path.write_text(f"#!/bin/sh\n{script}\n")
-    path.chmod(0o755)
-    return str(path)
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a shell script")
 @pytest.mark.parametrize("script", ["kill -SEGV $$", "exit 1", "exec sleep 60"])
@@ -47,7 +35,10 @@ def test_a_process_that_dies_or_hangs_means_no_rendering(
     script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(opengl, "TIMEOUT", 0.5)
-    monkeypatch.setattr(sys, "executable", fake_python(tmp_path, script))
+    python = tmp_path / "python"
+    python.write_text(f"#!/bin/sh\n{script}\n")
+    python.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(python))
     assert not can_render()
     with pytest.raises(OutputError, match="need OpenGL"):
         opengl.check_rendering()
@@ -75,12 +66,3 @@ def test_a_missing_library_is_detected_in_a_separate_process() -> None:
         [sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=120
     )
     assert (run.stdout, run.stderr) == ("False False\n", "")
-
-
-@given(st.floats(-10.0, 10.0), st.floats(-1.6, 1.6))
-def test_a_view_has_right_handed_axes_with_up_above(azimuth: float, elevation: float) -> None:
-    axes = View(azimuth, elevation).axes
-    assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-12)
-    assert np.cross(axes[0], axes[1]) == pytest.approx(axes[2], abs=1e-12)
-    assert axes[2, 2] == pytest.approx(math.sin(elevation))
-    assert axes[0, 2] == 0.0

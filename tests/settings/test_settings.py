@@ -5,28 +5,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grasp3d import GraspModel, MeshOptions, Sampling
-from grasp3d.errors import SettingError
+from grasp3d import GraspModel, MeshOptions, Sampling, label_surface, load_mesh
+from grasp3d.errors import MeshError, SettingError
 from grasp3d.settings import check_search_settings, search_cone
 from grasp3d.settings.checks import check_range
+from grasp3d.settings.grasp_model import epsilon_min_text
+from grasp3d.settings.sampling import check_cost, labelling_cost
+from tests.helpers import shapes
 
 
 @pytest.mark.parametrize(
     ("kind", "options", "message"),
     [
         *(
-            (GraspModel, {"friction": value}, "friction must be a finite number above 0")
-            for value in (0.0, -1.0, math.nan, math.inf)
+            (GraspModel, {"friction": bad}, "a finite number above 0")
+            for bad in (0.0, -1.0, math.inf)
         ),
-        *(
-            (GraspModel, {"sensor_resolution": math.radians(value)}, "below 180 degrees")
-            for value in (-1.0, 180.0, 400.0, math.nan)
-        ),
-        (
-            GraspModel,
-            {"torsion_radius": -1.0},
-            "torsion radius must be a finite length of at least 0; got -1",
-        ),
+        *((GraspModel, {"sensor_resolution": bad}, "below 180 degrees") for bad in (-1.0, math.pi)),
+        (GraspModel, {"torsion_radius": -1.0}, "a finite length of at least 0; got -1"),
         (GraspModel, {"method": "guess"}, "no method is called 'guess'; known: exact, extremes"),
         (Sampling, {"rays": 3}, "rays must be from 8 to 65536"),
         (Sampling, {"grip": "pinch"}, "known: squeeze, expand, both"),
@@ -46,19 +42,23 @@ def test_errors_of_settings_name_valid_values(
 
 
 @pytest.mark.parametrize(
-    ("options", "tilts", "rank"),
+    ("options", "tilts", "rank", "meaning"),
     [
-        ({}, "exact", 5),
-        ({"torsion_radius": 0.01}, "bound", 6),
-        ({"method": "extremes"}, "sampled_tilts", 5),
-        ({"method": "extremes", "torsion_radius": 0.01}, "sampled_tilts", 6),
+        ({}, "exact", 5, "smallest over all tilts"),
+        ({"torsion_radius": 0.01}, "bound", 6, "lower bound over all tilts"),
+        ({"method": "extremes"}, "sampled_tilts", 5, "smallest over sampled tilts"),
+        (
+            {"method": "extremes", "torsion_radius": 0.01},
+            "sampled_tilts", 6, "smallest over sampled tilts",
+        ),
     ],
-)
+)  # fmt: skip
 def test_the_model_states_how_epsilon_is_computed(
-    options: dict[str, float], tilts: str, rank: int
+    options: dict[str, Any], tilts: str, rank: int, meaning: str
 ) -> None:
-    model = GraspModel(**options)  # type: ignore[arg-type]
+    model = GraspModel(**options)
     assert (model.tilts, model.epsilon_rank) == (tilts, rank)
+    assert epsilon_min_text(model) == f"ε_min: {meaning}"
 
 
 def test_the_search_cone_is_the_angle_that_friction_and_resolution_need() -> None:
@@ -110,3 +110,42 @@ def test_whole_limits_are_of_whole_numbers_and_angles_are_shown_in_degrees() -> 
         check_range("it", math.pi, 0.0, math.pi / 2.0, degrees=True)
     with pytest.raises(SettingError, match=r"at least 0\.5 GB; got 0\.25 GB"):
         check_range("it", 0.25, 0.5, unit="GB")
+
+
+# Costs
+
+
+def test_costs_grow_with_vertices_fingers_and_rays() -> None:
+    base, double = (labelling_cost(n, GraspModel(), Sampling()) for n in (10_000, 20_000))
+    fingers = [labelling_cost(10_000, GraspModel(fingers=n), Sampling()) for n in (2, 3, 4, 5)]
+    expand, more_rays, squeeze = (
+        labelling_cost(10_000, GraspModel(), Sampling(grip=grip, rays=rays)).seconds
+        for grip, rays in (("expand", 64), ("expand", 640), ("squeeze", 640))
+    )
+    assert double.seconds == pytest.approx(2.0 * base.seconds)
+    assert base.memory < double.memory < 2.0 * base.memory
+    assert sorted(fingers, key=lambda cost: cost.seconds) == fingers
+    assert sorted(fingers, key=lambda cost: cost.memory) == fingers
+    assert more_rays == pytest.approx(10.0 * expand)
+    assert squeeze == base.seconds  # branch and bound
+    half = labelling_cost(10_000, GraspModel(), Sampling(), threads=2)
+    assert half.seconds == pytest.approx(base.seconds / 2.0)
+    models = GraspModel(), GraspModel(method="extremes"), GraspModel(torsion_radius=0.01)
+    more = [labelling_cost(10_000, model, Sampling()).more for model in models]
+    assert more == [False, True, True]
+
+
+def test_a_mesh_that_would_exceed_the_memory_limit_is_refused_with_a_remedy() -> None:
+    check_cost(100_000, 2.0, "part.stl", "simplify the mesh")
+    with pytest.raises(MeshError, match=r"part.stl: 2,000,000 vertices would take about 3.\d* GB"):
+        check_cost(2_000_000, 2.0, "part.stl", "simplify the mesh")
+
+
+@pytest.mark.slow
+def test_refinement_and_more_fingers_may_not_exceed_the_memory_limit() -> None:
+    with pytest.raises(MeshError, match=r"longer max_edge .*, or raise max_memory"):
+        load_mesh(shapes.box(), max_edge=1e-3, max_memory=0.5)
+    mesh = load_mesh(shapes.box(), max_edge=0.005, max_memory=0.8)
+    assert len(mesh.vertices) > 200_000
+    with pytest.raises(MeshError, match="use a coarser mesh"):
+        label_surface(mesh, GraspModel(fingers=5))

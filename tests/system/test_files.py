@@ -1,10 +1,77 @@
+"""Files of results: written as a whole, and names that every system has."""
+
 import errno
+import os
+import unicodedata
 from pathlib import Path
 
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from grasp3d.errors import OutputError
 from grasp3d.system.files import TEMPORARY_PREFIX, atomic_write
+from grasp3d.system.names import LONGEST, name_key, safe_stem, short_hash
+
+ANY = st.text(st.characters(codec=None, exclude_categories=[]), max_size=80)  # surrogates as well
+WINDOWS = {"con", "prn", "aux", "nul", "conin$", "conout$"} | {
+    f"{port}{number}" for port in ("com", "lpt") for number in "0123456789¹²³"
+}
+
+
+@given(
+    st.one_of(ANY, st.text('.- <>:"/\\|?*\n\t\x7f\u0301eé', max_size=12), ANY.map(lambda t: t * 9))
+)
+@example("Com¹ .x")
+@example("x" * 151)
+@example("x" * 140 + ". . é.")
+@example("<\u0338")
+@example("a\u202etxt.b")
+def test_any_name_becomes_safe_and_safe_names_do_not_change(name: str) -> None:
+    safe = safe_stem(name)
+    assert safe
+    assert len(safe.encode("utf-8")) <= LONGEST  # and is Unicode
+    assert safe == safe.strip(". ")
+    assert not set(safe) & set('<>:"/\\|?*')
+    assert all(unicodedata.category(c) not in {"Cc", "Cs", "Zl", "Zp"} for c in safe)
+    assert len(safe.splitlines()) == 1
+    assert safe.split(".")[0].rstrip(" ").casefold() not in WINDOWS
+    assert unicodedata.is_normalized("NFC", safe)
+    assert safe_stem(safe) == safe
+    assert safe == name or safe.endswith(f"-{short_hash(name)}")
+
+
+@given(ANY, ANY)
+def test_different_names_stay_different(one: str, two: str) -> None:
+    if safe_stem(one) == safe_stem(two):
+        # The only exception: one name is the result of the other.
+        assert one == two or one == safe_stem(two) or two == safe_stem(one)
+
+
+@pytest.mark.parametrize(
+    "name", ["mug", "a b", "ünï 物体 #1", "-rf", "[red]", "$x$ {a} %d", "CON_1"]
+)
+def test_safe_names_are_kept(name: str) -> None:
+    assert safe_stem(name) == name
+
+
+@pytest.mark.parametrize(
+    ("name", "start"),
+    [
+        ("CON", "_CON-"), ("aux.v2", "_aux.v2-"), ("a/b\\c", "a_b_c-"), ("a\nb", "a_b-"),
+        (".", "unnamed-"), (".hidden ", "hidden-"), (os.fsdecode(b"mug\xff"), "mug_-"),
+        ("cafe\u0301", "café-"), ("x" * 300, "x" * 141 + "-"), ("物" * 60, "物" * 47 + "-"),
+    ],
+)  # fmt: skip
+def test_unsafe_names_are_changed_as_little_as_possible(name: str, start: str) -> None:
+    assert safe_stem(name) == start + short_hash(name)
+
+
+def test_names_that_are_equal_on_some_file_systems_have_equal_keys() -> None:
+    assert name_key("MUG") == name_key("mug")
+    assert name_key("Cafe\u0301") == name_key("café")
+    assert name_key("straße") == name_key("STRASSE")
+    assert name_key("mug") != name_key("mug2")
 
 
 def _fill_the_disk(path: Path) -> None:

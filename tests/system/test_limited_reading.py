@@ -63,14 +63,6 @@ def crash(_: Path) -> None:
     ctypes.string_at(0)
 
 
-def abort(_: Path) -> None:
-    os.abort()
-
-
-def leave(_: Path) -> None:
-    os._exit(3)
-
-
 def fill(_: Path) -> float:
     return float(np.ones(50_000_000).sum())
 
@@ -122,7 +114,11 @@ def test_a_thread_reads_as_the_main_thread_does() -> None:
 
 @pytest.mark.parametrize(
     ("read", "what"),
-    [(crash, "Segmentation fault"), (abort, "Aborted"), (leave, "exit code 3")],
+    [
+        (crash, "Segmentation fault"),
+        (lambda _: os.abort(), "Aborted"),
+        (lambda _: os._exit(3), "exit code 3"),
+    ],
 )
 def test_a_crash_is_one_sentence(read: Callable[[Path], object], what: str) -> None:
     with pytest.raises(FileUnreadError, match=rf"mug\.stl: reading it ended its process \({what}"):

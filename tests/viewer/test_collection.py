@@ -3,7 +3,6 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +32,6 @@ from grasp3d.mesh.sources import Source
 from grasp3d.pictures.colors import labels_at
 from grasp3d.pictures.subject import Subject, subject_of
 from grasp3d.surface import Reason
-from grasp3d.surface.antipodal import OPENING_SLACK
 from grasp3d.system.context import running
 from grasp3d.viewer.collection import (
     Collection,
@@ -43,8 +41,7 @@ from grasp3d.viewer.collection import (
 )
 from grasp3d.viewer.session import Cancelled
 from tests.helpers import shapes, viewing
-from tests.helpers.mesh_files import FACES, VERTICES
-from tests.helpers.viewing import read_subject
+from tests.helpers.mesh_files import VERTICES, ply_text, written
 
 
 @pytest.fixture
@@ -52,18 +49,6 @@ def file(tmp_path: Path) -> Path:
     """A labelled PLY."""
     write_ply(tmp_path / "cone_labeled.ply", viewing.labels())
     return tmp_path / "cone_labeled.ply"
-
-
-@pytest.mark.parametrize("suffix", ["ply", "npz"])
-def test_a_unit_that_a_file_does_not_state_is_that_of_its_labels(
-    tmp_path: Path, suffix: str
-) -> None:
-    path = tmp_path / f"box.{suffix}"
-    writer_for(path)(path, viewing.box())
-    opened = open_collection(path, options=MeshOptions(unit="mm")).items[0].open()
-    assert opened.labels.mesh.file_unit == opened.mesh.file_unit == "mm"
-    assert np.array_equal(opened.mesh.normals, read_subject(path).mesh.normals)
-    assert opened.mesh.torque_scale == pytest.approx(1e-3 * viewing.box().mesh.torque_scale)
 
 
 def test_a_mesh_is_labelled_when_it_is_opened(tmp_path: Path) -> None:
@@ -95,13 +80,6 @@ def test_a_collection_of_labels_is_ready_at_once() -> None:
 
 
 # A labelled PLY
-
-
-def _big_endian(path: Path) -> None:
-    plyfile = shapes.reader("plyfile")
-    data = plyfile.PlyData.read(path, mmap=False)
-    data.byte_order = ">"
-    data.write(path)
 
 
 def test_a_labelled_file_has_its_own_settings_unless_others_are_given(file: Path) -> None:
@@ -158,85 +136,47 @@ def test_a_labelled_file_is_read_once_and_shown_without_a_search(
     monkeypatch.setitem(READERS, suffix, counted)
     for name in ("label_surface", "scan_surface"):
         monkeypatch.setattr(f"grasp3d.viewer.collection.{name}", refuse)
-    session, known = viewing.ready_session(open_collection(path)), viewing.ready_session(labels)
+    sessions = [viewing.ready_session(one) for one in (open_collection(path), labels)]
     assert reads == [suffix[1:]]
-    for one in (session, known):
-        assert one.subject is not None
-        for paint in ("label", "epsilon", "grip_force"):
-            if one.offers(paint):
-                one.change(paint=paint)
-                viewing.wait_until_idle(one)
-    shown, expected = session.subject, known.subject
-    assert shown is not None
-    assert expected is not None
-    assert np.array_equal(labels_at(shown), labels.label)
-    found = np.flatnonzero(expected.labels.reason == Reason.FOUND)
-    for vertex in {0, 30, *found[:3].tolist()}:
-        for one in (session, known):
+    assert np.array_equal(labels_at(viewing.shown(sessions[0])), labels.label)
+    for one in sessions:
+        for paint in filter(one.offers, ("label", "epsilon", "grip_force")):
+            one.change(paint=paint)
+            viewing.wait_until_idle(one)
+    for vertex in {0, 30, *np.flatnonzero(labels.reason == Reason.FOUND)[:3].tolist()}:
+        for one in sessions:
             one.click(vertex, inspect=True)
             viewing.wait_until_idle(one)
-        seen, same = session.inspection, known.inspection
-        assert seen is not None
-        assert same is not None
+        seen, same = map(viewing.inspected, sessions)
         assert np.array_equal(seen.points, same.points)
         assert (seen.numbers, seen.reason) == (same.numbers, same.reason)
-        assert (seen.held is None) == (same.held is None)
-        if seen.held is not None and same.held is not None:
-            assert np.array_equal(seen.held.pose, same.held.pose)
-
-
-def test_an_open_surface_has_a_note(tmp_path: Path) -> None:
-    vertices, faces = shapes.box()
-    from grasp3d import load_mesh
-
-    mesh = load_mesh((vertices, faces[2:]), max_edge=0.8, repair="none")
-    write_ply(tmp_path / "open.ply", label_surface(mesh))
-    subject = read_subject(tmp_path / "open.ply")
-    assert not subject.mesh.report.closed
-    assert any("open" in note for note in subject.notes)
+        poses = [None if one.held is None else one.held.pose.tolist() for one in (seen, same)]
+        assert poses[0] == poses[1]
 
 
 # Files that are not labelled PLY files
 
 
-def _ply(properties: str, row: str, comments: str = "") -> bytes:
-    """A tetrahedron as text, with additional vertex properties."""
-    header = f"ply\nformat ascii 1.0\n{comments}element vertex {len(VERTICES)}\n"
-    header += "".join(f"property float {axis}\n" for axis in "xyz") + properties
-    header += f"element face {len(FACES)}\nproperty list uchar int vertex_indices\nend_header\n"
-    rows = [f"{x} {y} {z} {row}\n" for x, y, z in VERTICES]
-    return (header + "".join(rows) + "".join(f"3 {a} {b} {c}\n" for a, b, c in FACES)).encode()
-
-
-@pytest.mark.parametrize(
-    ("properties", "row"),
-    [
-        ("", ""),
-        ("property uchar red\nproperty uchar green\nproperty uchar blue\n", "1 2 3"),
-        ("property float confidence\nproperty float quality\n", "0.5 0.5"),
-        ("property float s\nproperty float t\n", "0.5 0.5"),
-        ("property float nx\nproperty float ny\nproperty float nz\n", "0 0 1"),
-    ],
-)
-def test_a_ply_of_another_program_is_a_mesh(tmp_path: Path, properties: str, row: str) -> None:
-    path = tmp_path / "mesh.ply"
-    path.write_bytes(_ply(properties, row, "comment made by hand\n"))
+@pytest.mark.parametrize("names", ["", "red green blue", "s t"])
+def test_a_ply_of_another_program_is_a_mesh(tmp_path: Path, names: str) -> None:
+    """A tetrahedron with additional properties of its vertices."""
+    added = names.split()
+    more = "".join(f"property float {name}\n" for name in added)
+    text = ply_text().replace("element face", f"{more}comment made by hand\nelement face")
+    for row in ("0.0 0.0 0.0", "1.0 0.0 0.0", "0.0 1.0 0.0", "0.0 0.0 1.0"):
+        text = text.replace(f"{row}\n", f"{row} {'1 ' * len(added)}\n", 1)
+    path = written(tmp_path, "mesh.ply", text)
     collection = open_collection(path, options=MeshOptions(max_edge=9.0))
-    subject = collection.items[0].open()
-    assert len(subject.mesh.vertices) == len(VERTICES)
-
-
-def test_missing_settings_have_their_defaults(file: Path) -> None:
-    viewing.rewritten(file, (b"comment grasp3d rays 64\n", b""))
-    assert read_subject(file).labels.sampling == viewing.labels().sampling
+    assert len(collection.items[0].open().mesh.vertices) == len(VERTICES)
 
 
 # The results of a batch
 
 
-@cache
-def _stored(folder: Path) -> Path:
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results of a batch of two meshes and a file that is not a mesh."""
+    folder = tmp_path_factory.mktemp("batch")
     meshes = folder / "meshes"
     (meshes / "deep").mkdir(parents=True)
     trimesh.Trimesh(*shapes.cone(0.35, sections=24)).export(meshes / "deep" / "cone.ply")
@@ -246,19 +186,11 @@ def _stored(folder: Path) -> Path:
         model=GraspModel(friction=0.3), sampling=Sampling(max_opening=0.51),
         mesh=MeshOptions(max_edge=0.3),
     )  # fmt: skip
-    done = label_library(
-        [meshes], folder / "out", settings, cluster=ClusterSettings(workers=0), report=False
-    )
-    assert len(done.meshes) == 3
+    here = ClusterSettings(workers=0)
+    label_library([meshes], folder / "out", settings, cluster=here, report=False)
     return folder / "out"
 
 
-@pytest.fixture(scope="module")
-def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return _stored(tmp_path_factory.mktemp("batch"))
-
-
-@pytest.mark.slow
 def test_a_batch_contains_its_labelled_meshes_in_order(stored: Path) -> None:
     collection = open_collection(stored)
     assert [one.name for one in collection.items] == ["box.stl", "deep/cone.ply"]
@@ -267,36 +199,23 @@ def test_a_batch_contains_its_labelled_meshes_in_order(stored: Path) -> None:
     )
     assert (collection.model.friction, collection.sampling.max_opening) == (0.3, 0.51)
     assert collection.items[1].open().name == "deep/cone.ply"
-    subject = collection.items[0].open()
-    assert subject.labels.partners is not None
-    held = subject.labels.reason == Reason.FOUND
-    assert np.array_equal(np.isfinite(subject.labels.partners).all(axis=(1, 2)), held)
-    assert {Reason.FOUND, Reason.OPENING} <= set(subject.labels.reason)
-    spans = np.linalg.norm(subject.labels.partners[:, 0] - subject.mesh.vertices, axis=1)
-    assert subject.labels.opening[held] == pytest.approx(spans[held], rel=1e-6)
-    size = np.linalg.norm(np.ptp(subject.mesh.vertices, axis=0))
-    assert np.nanmax(subject.labels.opening) <= np.float32(
-        0.51 + OPENING_SLACK * size
-    )  # as in the file
+    found = collection.items[0].open()
+    labels, held = found.labels, found.labels.reason == Reason.FOUND
+    assert {Reason.FOUND, Reason.OPENING} <= set(labels.reason)
+    assert np.array_equal(np.isfinite(labels.partners).all(axis=(1, 2)), held)
+    spans = np.linalg.norm(labels.partners[:, 0] - found.mesh.vertices, axis=1)
+    assert labels.opening[held] == pytest.approx(spans[held], rel=1e-6)
 
 
-@pytest.fixture
-def copied(stored: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(stored, tmp_path / "out"))
-
-
-def test_a_missing_file_of_one_object_does_not_affect_the_others(copied: Path) -> None:
+def test_what_is_missing_or_damaged_of_a_batch_is_said(stored: Path, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="was not written by grasp3d batch"):
+        open_collection(tmp_path)
+    copied = Path(shutil.copytree(stored, tmp_path / "out"))
     (copied / "surfaces" / "box.stl.ply").unlink()
     collection = open_collection(copied)
     with pytest.raises(MeshError, match="there is no such file"):
         collection.items[0].open()
-    assert collection.model.friction == 0.3
     assert collection.items[1].open().name == "deep/cone.ply"
-
-
-def test_folders_without_results_are_refused(tmp_path: Path, copied: Path) -> None:
-    with pytest.raises(OutputError, match="was not written by grasp3d batch"):
-        open_collection(tmp_path)
     (copied / "labels" / "all-00099.parquet").write_bytes(b"no table")
     with pytest.raises(OutputError, match=r"all-00099.parquet: is damaged"):
         open_collection(copied)
@@ -309,36 +228,22 @@ def _subject(name: str) -> Subject:
     return replace(subject_of(viewing.box()), name=name)
 
 
-def test_the_object_that_was_opened_last_is_kept() -> None:
-    last, opened = LastOpened(), list[str]()
-
-    def reader(name: str) -> Callable[[], Subject]:
-        def read() -> Subject:
-            opened.append(name)
-            return _subject(name)
-
-        return last.kept(read)
-
-    a, b = reader("a"), reader("b")
-    for one in (a, a, b, b, a):
-        one()
-    assert "".join(opened) == "aba"
-
-
-def test_cancelled_and_failed_openings_are_not_kept() -> None:
-    outcomes: list[BaseException | None] = [Cancelled(), MeshError("no"), None]
+def test_the_object_that_was_opened_last_is_kept_but_no_failure() -> None:
+    last, outcomes = LastOpened(), [Cancelled(), MeshError("no"), "a", "again"]
 
     def read() -> Subject:
         outcome = outcomes.pop(0)
-        if outcome is not None:
+        if isinstance(outcome, BaseException):
             raise outcome
-        return _subject("a")
+        return _subject(outcome)
 
-    kept = LastOpened().kept(read)
+    kept, other = last.kept(read), last.kept(lambda: _subject("b"))
     for kind in (Cancelled, GraspError):
         with pytest.raises(kind):
             kept()
     assert kept() is kept()
+    assert other().name == "b"
+    assert kept().name == "again"
 
 
 def test_two_threads_share_one_opening_of_an_object() -> None:
@@ -358,11 +263,3 @@ def test_two_threads_share_one_opening_of_an_object() -> None:
         go_on.set()
         assert first.result() is second.result()
     assert len(count) == 1
-
-
-def test_labels_of_extreme_normals_have_a_note(tmp_path: Path) -> None:
-    model = GraspModel(method="extremes", friction=0.3)
-    labels = label_surface(viewing.box().mesh, model)
-    write_ply(tmp_path / "a.ply", labels)
-    subject = read_subject(tmp_path / "a.ply")
-    assert "thresholds" in subject.notes[-1]

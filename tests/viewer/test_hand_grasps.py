@@ -13,16 +13,14 @@ from grasp3d import GraspModel, Label, Load
 from grasp3d.formats import GraspPoses
 from grasp3d.grasps import LinkGrasps
 from grasp3d.hand.triangles import COLORS, Part
-from grasp3d.pictures.camera import grasp_view, view_axes
-from grasp3d.pictures.figures import save_as
 from grasp3d.pictures.marks import MarkedContacts
 from grasp3d.pictures.stills import draw_grasps, grasp_figure
 from grasp3d.stability.label import COLORS as LABEL_COLORS
 from grasp3d.viewer.collection import collection_of_grasps
 from tests.helpers import shapes, slider_hand
-from tests.helpers.figures import check_texts, drawn_texts
+from tests.helpers.figures import drawn_texts
 from tests.helpers.slider_hand import BOX, TOUCHING
-from tests.helpers.viewing import ready_session, wait_until_idle
+from tests.helpers.viewing import inspected, ready_session, wait_until_idle
 from tests.pictures.test_opengl import needs_opengl
 
 Bytes = NDArray[np.uint8]
@@ -68,74 +66,36 @@ def test_links_that_touch_have_the_colour_of_the_letter(tmp_path: Path) -> None:
     assert pixels_of(away, COLORS[Part.TIP]) > 100
 
 
-def test_view_shows_the_contacts_and_not_the_palm(tmp_path: Path) -> None:
-    found = grasps(tmp_path, TOUCHING)
-    pose, up = MarkedContacts.of_pose(found, 0).held, found.scene.up
-    toward = view_axes(grasp_view(found.contacts_of(0)[0], up, pose), up)[2]
-    assert toward @ pose.approach > -0.2  # the palm is below, and would hide all
-    assert pose.triangles(found.hand).links.max() == len(found.hand.link_names) - 1
-
-
 def test_what_the_motors_hold_is_drawn_and_listed(tmp_path: Path) -> None:
     found = grasps(tmp_path, TOUCHING, load=Load(mass=1.5, torque_limits=10.0))
-    assert found.motors is not None
     picture = np.zeros((40, 40, 3), dtype=np.uint8)
     texts = " ".join(text for text, _ in drawn_texts(grasp_figure(found, [picture])))
-    sure = f"{found.motors.payload[0]:.3g}"
-    assert f"holds {sure} kg" in texts
+    payload = found.motors.payload[0]
+    assert f"holds {payload:.3g} kg" in texts
     session = ready_session(collection_of_grasps(found))
-    assert session.inspection is not None
-    numbers = dict(session.inspection.numbers)
-    assert numbers["payload"] == f"{sure} kg"
+    numbers = dict(inspected(session).numbers)
+    assert numbers["payload"] == f"{payload:.3g} kg"
     assert numbers["limit"].startswith("slide_")
-    assert numbers["load"] == f"{1.5 / found.motors.payload[0]:.3f}"
-    assert session.inspection.reason == f"Surely holds {sure} kg only."
+    assert numbers["load"] == f"{1.5 / payload:.3f}"
+    assert inspected(session).reason == f"Surely holds {payload:.3g} kg only."
     session.close()
 
 
-@pytest.mark.slow
-@needs_opengl
-def test_figure(tmp_path: Path) -> None:
-    found = grasps(tmp_path, TOUCHING, 0.0)
-    figure = grasp_figure(found, draw_grasps(found))
-    save_as(figure, tmp_path / "sheet.png")
-    check_texts(figure)
-    texts = " ".join(text for text, _ in drawn_texts(figure))
-    for part in ("sliders", "{1}", "  S ", "{2}"):
-        assert part in texts
-    assert "no link within 5 mm" in texts.replace("\n", " ")
-
-
-def test_session_steps_through_poses(tmp_path: Path) -> None:
-    found = grasps(tmp_path, TOUCHING, 0.0)
-    session = ready_session(collection_of_grasps(found))
-    shown = session.inspection
-    assert shown is not None
+def test_a_session_steps_through_poses_and_evaluates_them_at_another_resolution(
+    tmp_path: Path,
+) -> None:
+    session = ready_session(collection_of_grasps(grasps(tmp_path, TOUCHING, 0.0)))
+    shown = inspected(session)
     numbers = dict(shown.numbers)
-    assert (shown.code, shown.vertex) == (Label.S, None)
+    assert (shown.code, shown.vertex, len(shown.held.colors)) == (Label.S, None, 4)
     assert shown.reason.startswith("Surely stable")
     assert numbers["links"] == "finger_0 finger_1 finger_2 finger_3"
     assert numbers["β*"].startswith("0.")
-    assert shown.held is not None
-    assert len(shown.held.colors) == 4
+    session.change(sensor_resolution=math.radians(70.0))
+    assert (inspected(session).code, session.working, session.stale) == (Label.M, None, False)
     session.step_best(1)
     wait_until_idle(session)
-    other = session.inspection
-    assert other is not None
-    assert other.code == Label.U
-    assert other.reason == "No link within 5 mm of the object."
-    assert (len(other.points), other.held and dict(other.held.colors)) == (0, {})
-    session.close()
-
-
-def test_session_evaluates_at_another_resolution(tmp_path: Path) -> None:
-    session = ready_session(collection_of_grasps(grasps(tmp_path, TOUCHING)))
-    before = session.inspection
-    session.change(sensor_resolution=math.radians(70.0))
-    after = session.inspection
-    assert before is not None
-    assert after is not None
-    assert (before.code, after.code) == (Label.S, Label.M)
-    assert session.working is None
-    assert not session.stale
+    other = inspected(session)
+    assert (other.code, other.reason) == (Label.U, "No link within 5 mm of the object.")
+    assert (len(other.points), dict(other.held.colors)) == (0, {})
     session.close()

@@ -13,11 +13,10 @@ import pytest
 from nbclient import NotebookClient
 from PIL import Image
 
-from grasp3d import SurfaceLabels, label_surface
 from grasp3d.pictures.opengl import can_render
 from grasp3d.viewer import show
+from tests.helpers import viewing
 from tests.helpers.browsers import BROWSER, CI, OPTIONS
-from tests.helpers.solids import box_mesh
 from tests.viewer.test_page import coloured
 
 LABELS = """
@@ -28,17 +27,6 @@ labels = grasp3d.label_surface(box_mesh((0.1, 0.2, 0.3), max_edge=0.1))
 SHOW = "labels.show(height=500)"
 
 
-@pytest.fixture(scope="module")
-def labels() -> SurfaceLabels:
-    return label_surface(box_mesh((0.1, 0.2, 0.3), max_edge=0.1))
-
-
-def cell_html(client: NotebookClient, number: int) -> str:
-    """HTML output of a cell."""
-    cell = client.execute_cell(client.nb.cells[number], number)
-    return str(cell.outputs[-1]["data"]["text/html"])
-
-
 @pytest.mark.slow
 def test_a_notebook_shows_a_page() -> None:
     if not (BROWSER and can_render()):
@@ -47,8 +35,9 @@ def test_a_notebook_shows_a_page() -> None:
     cells = [nbformat.v4.new_code_cell(code) for code in (LABELS, SHOW)]
     client = NotebookClient(nbformat.v4.new_notebook(cells=cells), timeout=240)
     with client.setup_kernel(cwd=str(Path(__file__).parents[2])):
-        client.execute_cell(client.nb.cells[0], 0)
-        frame = cell_html(client, 1)
+        for number, cell in enumerate(client.nb.cells):
+            executed = client.execute_cell(cell, number)
+        frame = str(executed.outputs[-1]["data"]["text/html"])
         assert re.search(r'src="http://127\.0\.0\.1:\d+/[0-9a-f]{32}/"', frame)
         assert 'height="500"' in frame
         with playwright.sync_playwright() as started:
@@ -58,27 +47,26 @@ def test_a_notebook_shows_a_page() -> None:
             inside = page.frame_locator("iframe")
             inside.locator("#fractions li").first.wait_for(timeout=60_000)
             assert "vertices" in inside.locator("#facts").inner_text()
-            while coloured(picture(page.screenshot())).mean() < 0.02:
+
+            def picture() -> Any:
+                image = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+                return np.asarray(image, dtype=float)
+
+            while coloured(picture()).mean() < 0.02:
                 page.wait_for_timeout(50)
             browser.close()
 
 
-def picture(data: bytes) -> Any:
-    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
-
-
-def test_outside_notebooks_a_window_opens(
-    labels: SurfaceLabels, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    opened: list[Any] = []
+def test_outside_notebooks_a_window_opens(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened = list[Any]()
     window = SimpleNamespace(show_window=opened.append)
     monkeypatch.setitem(sys.modules, "grasp3d.viewer.window", window)
-    assert labels.show() is None
-    assert opened[0].name == labels.mesh.report.source
+    assert viewing.box().show() is None
+    assert opened[0].name == viewing.box().mesh.report.source
     opened[0].close()
 
 
-def test_addresses_behind_a_proxy(labels: SurfaceLabels, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_addresses_behind_a_proxy(monkeypatch: pytest.MonkeyPatch) -> None:
     proxies: list[bool] = []
 
     def serve(_: object, *, proxied: bool) -> str:
@@ -91,7 +79,7 @@ def test_addresses_behind_a_proxy(labels: SurfaceLabels, monkeypatch: pytest.Mon
     monkeypatch.delenv(show.HUB, raising=False)
 
     def source(**options: str) -> str:
-        found = re.search('src="([^"]*)"', labels.show(**options)._repr_html_())
+        found = re.search('src="([^"]*)"', viewing.box().show(**options)._repr_html_())
         assert found is not None
         return found[1]
 

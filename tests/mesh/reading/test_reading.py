@@ -7,9 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
 
 from grasp3d.errors import MeshError
-from grasp3d.mesh.mesh_files import read_mesh
+from grasp3d.mesh.measures import Triangles
+from grasp3d.mesh.mesh_files import as_triangles, read_mesh
+from grasp3d.mesh.sources import Source
 from tests.helpers import mesh_files, shapes
 from tests.helpers.mesh_files import FACES, SIX, VERTICES, written
 
@@ -62,14 +66,6 @@ def test_a_textured_obj_keeps_its_vertices(tmp_path: Path) -> None:
     assert sorted(map(sorted, raw.faces.tolist())) == [[1, 2, 3], [1, 2, 4], [1, 3, 4], [2, 3, 4]]
 
 
-def test_relative_indices_count_from_their_line(tmp_path: Path) -> None:
-    (tmp_path / "r.obj").write_text(
-        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 0 0 1\nv 1 0 1\nv 0 1 1\nf -3 -2 -1\n",
-        encoding="utf-8",
-    )
-    assert read_mesh(tmp_path / "r.obj").faces.tolist() == [[0, 1, 2], [3, 4, 5]]
-
-
 def face_corners(path: Path) -> np.ndarray:
     """Sorted corner positions of each face, each face starting with its smallest corner."""
     raw = read_mesh(path)
@@ -90,55 +86,37 @@ OFF = mesh_files.off_text()
 OBJ = mesh_files.obj_text()
 PLY = mesh_files.ply_text()
 HALF = STL.index("  facet", 20)
+EDGE = "element edge 1\nproperty int vertex1\nproperty int vertex2\nend_header"
+LAST = "v 0.0 0.0 1.0"
 GOOD: dict[str, str | bytes] = {
-    "plain.stl": STL,
     "capitals.stl": STL.upper(),
-    "windows.stl": mesh_files.stl_text(end="\r\n"),
     "old_mac.stl": mesh_files.stl_text(end="\r"),
-    "cut_newline.stl": STL.rstrip(),
-    "solid.stl": mesh_files.stl_text("my solid part"),
-    "endsolid.stl": mesh_files.stl_text("endsolid"),
     "vertex.stl": mesh_files.stl_text("vertex 1 2 3 facet normal outer loop"),
     "latin.stl": STL.encode().replace(b"part", "Müller".encode("latin-1")),
     "two_solids.stl": STL[:HALF] + "endsolid part\nsolid Other\n" + STL[HALF:],
     "nameless.stl": STL.replace(" part", ""),
-    "binary.stl": mesh_files.stl_binary(),
     "binary_solid.stl": mesh_files.stl_binary(b"solid exported facet normal"),
     "coloured.stl": mesh_files.stl_binary(b"COLOR=\x80\x80\x80\xff", attribute=0x83FF),
     "trailing.stl": mesh_files.stl_binary(b"solid", tail=b"\0"),
-    "plain.off": OFF,
-    "comments.off": "# top\n"
-    + OFF.replace("OFF", "OFF # kind\n# counts:").replace("\n3", " # x\n3"),
-    "late_comment.off": OFF.replace("\n3", "\n# faces\n3", 1),
+    "comments.off": OFF.replace("OFF", "OFF # kind\n# counts:").replace("\n3", " # x\n3"),
     "ends.off": OFF.replace("\n", " # a 1 2\n").replace("4 4 6", "4 # vertices\n4 # faces\n6"),
     "between.off": OFF.replace("\n", "\n# 7 8 9\n\n"),
     "counts.off": OFF.replace("OFF\n4 4 6", "off 4\n4"),
-    "long_comment.off": "# " + 70_000 * "x" + "\n" + OFF,
     "marked.off": "\ufeff" + OFF,
     "normals.off": OFF.replace("OFF", "NOFF").replace(".0\n", ".0 0 0 1 # up\n"),
-    "colours.off": OFF.replace("OFF", "COFF # rgba").replace(".0\n", ".0 1 0 0 1\n"),
     "coloured.off": OFF.replace("\n", " 255 0 0\n").replace("OFF 255 0 0", "OFF", 1),
     "first_line.off": OFF.replace("OFF\n", "COFF  "),
-    "blank_lines.off": OFF.replace("\n", "\n\n"),
     "windows.off": OFF.replace("\n", "\r\n").rstrip(),
-    "plain.obj": OBJ,
     "windows.obj": OBJ.replace("\n", "\r\n").rstrip(),
     "continued.obj": OBJ.replace("f 1 3 2", "f 1 \\\n3 \\\n2"),
-    "negative.obj": OBJ.replace("f 1 3 2", "f -4 -2 -3"),
+    "negative.obj": OBJ.replace("f 1 3 2\n", "").replace(LAST, "f -3 -1 -2\n" + LAST),
     "others.obj": "o a\ng b\ns off\nvp 1 2\n" + OBJ.replace("v 0.0", "v\t0.0") + "l 1 2\np 1\n",
     "weights.obj": OBJ.replace("v 1.0 0.0 0.0", "v 1.0 0.0 0.0 1.0 0.5 0.5"),
-    "plain.ply": PLY,
     "windows.ply": PLY.replace("\n", "\r\n"),
     "comment.ply": PLY.replace("element face", "comment the end_header comes\nelement face"),
     "latin.ply": PLY.encode().replace(b"element", "comment für\nelement".encode("latin-1"), 1),
     "blank_lines.ply": PLY.replace("\n3", "\n\n3"),
-    "texture.ply": PLY.replace("ply\n", "ply\n", 1).replace(
-        "end", "comment TextureFile a.png\nend"
-    ),
-    "edges.ply": PLY.replace(
-        "end_header", "element edge 1\nproperty int vertex1\nproperty int vertex2\nend_header"
-    )
-    + "0 1\n",
+    "edges.ply": PLY.replace("end_header", EDGE) + "0 1\n",
 }
 
 
@@ -156,9 +134,8 @@ def fans(polygons: list[list[int]]) -> np.ndarray:
     return sorted_faces(SIX[np.array(rows)])
 
 
-@pytest.mark.parametrize("order", ["<", ">"])
-@pytest.mark.parametrize("number", ["float", "double"])
-@pytest.mark.parametrize("polygons", [POLYGONS, POLYGONS[:2], POLYGONS[1:2], POLYGONS[2:]])
+@pytest.mark.parametrize(("order", "number"), [("<", "float"), (">", "double")])
+@pytest.mark.parametrize("polygons", [POLYGONS, POLYGONS[1:2], POLYGONS[2:]])
 def test_a_binary_ply_of_any_polygons(
     tmp_path: Path, order: str, number: str, polygons: list[list[int]]
 ) -> None:
@@ -167,29 +144,6 @@ def test_a_binary_ply_of_any_polygons(
     plyfile = shapes.reader("plyfile")
     found = plyfile.PlyData.read(tmp_path / "a.ply")
     assert [row.tolist() for row in found["face"]["vertex_indices"]] == polygons
-
-
-@pytest.mark.parametrize("name", ["a.off", "a.obj", "a.ply"])
-def test_polygons_of_a_text_file_become_fans(tmp_path: Path, name: str) -> None:
-    rows = [" ".join(map(str, row)) for row in SIX.tolist()]
-    faces = [f"{len(p)} " + " ".join(map(str, p)) for p in POLYGONS]
-    if name == "a.off":
-        lines = ["OFF 6 3 0", *rows, *faces]
-    elif name == "a.obj":
-        lines = [f"v {row}" for row in rows]
-        lines += ["f " + " ".join(str(i + 1) for i in p) for p in POLYGONS]
-    else:
-        head = PLY.replace("vertex 4", "vertex 6").replace("face 4", "face 3")
-        lines = [head[: head.index("end_header") + 10], *rows, *faces]
-    path = written(tmp_path, name, "\n".join(lines))
-    found, expected = face_corners(path), fans(POLYGONS)
-    assert len(found) == 6
-    assert area_vector(found) == pytest.approx(area_vector(expected))
-
-
-def area_vector(faces: np.ndarray) -> np.ndarray:
-    normals: np.ndarray = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
-    return normals.sum(axis=0)
 
 
 @pytest.mark.parametrize("suffix", ["stl", "ply", "obj", "off"])
@@ -204,14 +158,13 @@ def test_another_reader_reads_the_same(tmp_path: Path, suffix: str) -> None:
     assert face_corners(path) == pytest.approx(sorted_faces(corners), abs=1e-7)
 
 
+FIRST = "\n3 0 2 1"
+"""The first face of a text."""
+HEAD = PLY.index("element face")
 BAD: dict[str, tuple[str | bytes, str]] = {
     "empty.stl": (b"", "the file is empty"),
-    "prose.stl": (
-        "This is not a mesh.\n" * 40,
-        "cannot be read as STL: its triangles",
-    ),
+    "prose.stl": ("This is not a mesh.\n" * 40, "cannot be read as STL: its triangles"),
     "cut.stl": (STL[:300], "cannot be read as STL: its triangles"),
-    "corner.stl": (STL.replace("vertex", "vortex", 1), "cannot be read as STL"),
     "digits.stl": (STL.replace("1.0", "1,0", 1), "cannot be read as STL"),
     "cut_binary.stl": (mesh_files.stl_binary()[:-51], "complete neither in binary nor as text"),
     "many.stl": (bytes(80) + b"\xff" * 54, "complete neither in binary nor as text"),
@@ -222,51 +175,29 @@ BAD: dict[str, tuple[str | bytes, str]] = {
     "flat.obj": ("v 0 0\n" + OBJ, "cannot be read as OBJ .*expected 3, got 2"),
     "long.obj": (OBJ + "f " + "1 2 3 " * 400, "face 4 has 1,200 corners; 3 to 1,000 are allowed"),
     "prose.off": ("OFF of the record", "cannot be read as OFF"),
-    "corners.off": (
-        OFF.replace("\n3 0 2 1", "\n4 0 2 1"),
-        "a face has fewer corners than",
-    ),
-    "letters.off": (OFF.replace("\n3 0 2 1", "\nx 0 2 1"), "cannot be read as OFF .*: b'x'"),
-    "beyond.off": (OFF.replace("\n3 0 2 1", "\n3 0 2 9"), "face 0 uses vertex 9, but there are 4"),
+    "corners.off": (OFF.replace(FIRST, "\n4 0 2 1"), "a face has fewer corners than"),
+    "letters.off": (OFF.replace(FIRST, "\nx 0 2 1"), "cannot be read as OFF .*: b'x'"),
     "cut.off": (OFF[:-9], "4 vertices and 4 faces on 7 lines"),
-    "bomb.off": (
-        OFF.replace("4 4 6", "4 99999999999 6"),
-        "99,999,999,999 faces on 8",
-    ),
+    "bomb.off": (OFF.replace("4 4 6", "4 99999999999 6"), "99,999,999,999 faces on 8"),
     "prose.ply": (b"plyx", "cannot be read as PLY"),
-    "points.ply": (
-        PLY[: PLY.index("element face")] + "end_header\n" + "0 0 0\n" * 4,
-        "holds no triangles",
-    ),
+    "points.ply": (PLY[:HEAD] + "end_header\n" + "0 0 0\n" * 4, "holds no triangles"),
     "unknown.ply": (PLY.replace("double", "number", 1), "is not valid"),
     "length.ply": (PLY.replace("list uchar", "list float"), "is not valid"),
-    "nothing.ply": (PLY.replace("element vertex 4", "comment"), "more numbers than its header"),
     "twice.ply": (PLY.replace("double y", "double x"), "is not valid"),
-    "real.ply": (PLY.replace("\n3 0 2 1", "\n3 0 2 1.5"), "corners that are no whole numbers"),
-    "shift.ply": (PLY.replace("\n3 0 2 1", "\n4 0 2 1"), "more numbers than its header"),
-    "word.ply": (
-        PLY.replace("\n3 0 2 1", "\nthree 0 2 1"),
-        "string to float: b'three'",
-    ),
-    "wide.ply": (PLY + "7\n", "more numbers than its header declares"),
-    "beyond.ply": (PLY.replace("\n3 0 2 1", "\n3 0 2 9"), "face 0 uses vertex 9, but there are 4"),
-    "before.ply": (PLY.replace("\n3 0 2 1", "\n3 0 2 -1"), "face 0 uses vertex -1"),
-    "bomb.ply": (
-        PLY.replace("vertex 4", "vertex 999999999999"),
-        "no data for 999,999,999,999 records",
-    ),
     "less.ply": (PLY.replace("face 4", "face -4"), "is not valid"),
-    "cut_faces.ply": (
-        mesh_files.ply_binary(POLYGONS)[:-30],
-        "cannot be read as PLY .buffer is smaller",
-    ),
+    "nothing.ply": (PLY.replace("element vertex 4", "comment"), "more numbers than its header"),
+    "shift.ply": (PLY.replace(FIRST, "\n4 0 2 1"), "more numbers than its header"),
+    "real.ply": (PLY.replace(FIRST, "\n3 0 2 1.5"), "corners that are no whole numbers"),
+    "word.ply": (PLY.replace(FIRST, "\nthree 0 2 1"), "string to float: b'three'"),
+    "before.ply": (PLY.replace(FIRST, "\n3 0 2 -1"), "face 0 uses vertex -1"),
+    "bomb.ply": (PLY.replace("vertex 4", "vertex 999999999999"), "no data for 999,999,999,999 rec"),
+    "cut_faces.ply": (mesh_files.ply_binary(POLYGONS)[:-30], "read as PLY .buffer is smaller"),
     "line.ply": (mesh_files.ply_binary([[0, 1, 2], [0, 1]]), "face 1 has 2 corners"),
-    "cut.glb": (b"glTF\x02\x00\x00\x00", "cannot be read as GLB"),
     "drawing.dxf": (b"0", r"unsupported format \.dxf"),
     "noname": (b"0", "has no suffix"),
     "other.obj": (mesh_files.stl_binary(), "holds no triangles"),
     "other.off": (PLY, "is its suffix right"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -301,21 +232,26 @@ def test_other_lists_of_differing_lengths_are_read(tmp_path: Path) -> None:
         read_mesh(written(tmp_path, "c.ply", head.encode() + data[:-1]))
 
 
-def test_a_missing_file_and_a_folder_have_different_errors(tmp_path: Path) -> None:
-    with pytest.raises(MeshError, match="there is no such file"):
-        read_mesh(tmp_path / "mug.stl")
-    with pytest.raises(MeshError, match="cannot be opened"):
-        read_mesh(tmp_path / "m\0g.stl")
+def test_what_cannot_be_opened_has_an_error_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "folder.stl").mkdir()
-    with pytest.raises(MeshError, match="is a folder"):
-        read_mesh(tmp_path / "folder.stl")
-
-
-@pytest.mark.skipif(os.name != "posix", reason="named pipes exist on POSIX only")
-def test_a_named_pipe_is_rejected_without_waiting(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe.stl")
-    with pytest.raises(MeshError, match="is a pipe or a device, not a file"):
-        read_mesh(tmp_path / "pipe.stl")
+    names = {
+        "mug.stl": "there is no such file",
+        "m\0g.stl": "cannot be opened",
+        "folder.stl": "is a folder",
+        "x" * 300 + ".ply": r"cannot be opened \(File name too long\)",
+    }
+    if os.name == "posix":
+        os.mkfifo(tmp_path / "pipe.stl")  # is not waited for
+        names["pipe.stl"] = "is a pipe or a device, not a file"
+    for name, message in names.items():
+        with pytest.raises(MeshError, match=message):
+            read_mesh(tmp_path / name)
+    exported(tmp_path / "locked.ply")
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(MeshError, match=r"cannot be opened \(Permission denied\)"):
+        read_mesh(tmp_path / "locked.ply")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="file names are bytes on POSIX only")
@@ -327,12 +263,84 @@ def test_a_message_is_one_line_for_any_file_name(tmp_path: Path) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_an_unreadable_file_and_an_invalid_name_are_reported(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with pytest.raises(MeshError, match=r"cannot be opened \(File name too long\)"):
-        read_mesh(tmp_path / ("x" * 300 + ".ply"))
-    exported(tmp_path / "locked.ply")
-    monkeypatch.setattr(os, "access", lambda *_: False)
-    with pytest.raises(MeshError, match=r"cannot be opened \(Permission denied\)"):
-        read_mesh(tmp_path / "locked.ply")
+# Division of polygons into triangles: they cover the polygon, and nothing else
+
+
+SOURCE = Source(Path("a.obj"), "obj", "a.obj")
+
+
+def divided(points: np.ndarray) -> np.ndarray:
+    """Triangles (k, 3) of one polygon."""
+    count = len(points)
+    return as_triangles(SOURCE, points, np.arange(count), np.array([count]))
+
+
+def area_vectors(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    one, two, three = np.moveaxis(points[faces], 1, 0)
+    return 0.5 * np.cross(two - one, three - one)
+
+
+def area_of(points: np.ndarray) -> np.ndarray:
+    """Area vector of a polygon, by the sum over its edges."""
+    return 0.5 * np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
+
+
+def skyline(heights: list[int]) -> np.ndarray:
+    """A polygon of columns of these heights, with corners on its straight edges, (n, 3)."""
+    corners = [(k, 0) for k in range(len(heights) + 1)]
+    for k in reversed(range(len(heights))):
+        corners += [(k + 1, heights[k]), (k, heights[k])]
+    points = np.array([one for k, one in enumerate(corners) if one != corners[k - 1]], dtype=float)
+    return np.column_stack([points, np.zeros(len(points))])
+
+
+@given(
+    st.lists(st.integers(1, 5), min_size=1, max_size=7),
+    st.integers(0, 30),
+    st.integers(0, 10_000),
+)
+def test_triangles_cover_a_concave_polygon_once(heights: list[int], first: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = np.roll(skyline(heights), first, axis=0) @ shapes.rotation(seed).T + rng.normal(size=3)
+    faces, normal = divided(points), area_of(points - points[0])
+    assert len(faces) == len(points) - 2
+    assert set(faces.ravel().tolist()) == set(range(len(points)))
+    areas = area_vectors(points, faces) @ normal / np.linalg.norm(normal)
+    assert areas.min() > -1e-9
+    assert areas.sum() == pytest.approx(sum(heights))
+
+
+def test_a_fan_stays_where_it_covers_the_polygon() -> None:
+    turns = 2.0 * np.pi * np.arange(7) / 7.0
+    convex = np.column_stack([np.cos(turns), np.sin(turns), 0.1 * np.cos(2.0 * turns)])
+    dart = np.array([[0.4, 0.4, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+    for points in (convex, dart):  # the first corner of the dart is the one that points inward
+        assert divided(points).tolist() == [[0, k, k + 1] for k in range(1, len(points) - 1)]
+
+
+def test_a_concave_quad_is_divided_along_its_inner_diagonal() -> None:
+    for height in (0.0, 0.3):  # also one that is not flat
+        dart = np.array([[0, 2, 0], [0, 0, height], [2, 0, 0], [0.4, 0.4, 0]], dtype=float)
+        assert sorted(map(sorted, divided(dart).tolist())) == [[0, 1, 3], [1, 2, 3]]
+
+
+def test_a_polygon_that_crosses_itself_stays_a_fan() -> None:
+    bow = np.array([[0, 0, 0], [3, 0, 0], [0, 2, 0], [2, 2, 0]], dtype=float)
+    assert divided(bow).tolist() == [[0, 1, 2], [0, 2, 3]]
+
+
+@pytest.mark.parametrize(
+    ("case", "name", "volume"),
+    [
+        *(("01_concave_polygon", f"bracket.{suffix}", 30000.0) for suffix in ("obj", "off", "ply")),
+        ("04_obj_comment_after_face", "box.obj", 24000.0),
+        ("06_ply_tristrips", "strips.ply", 24000.0),
+        ("15_gltf_normalized_positions", "quant_norm.glb", 1.92e-4),
+    ],
+)
+def test_legal_files_that_few_programs_write_are_read(case: str, name: str, volume: float) -> None:
+    raw = read_mesh(shapes.shared("cases", case, name))
+    surface = Triangles(raw.vertices, raw.faces)
+    assert surface.volumes.sum() == pytest.approx(volume, rel=1e-4)
+    if name.startswith("bracket"):
+        assert surface.areas.sum() == pytest.approx(8200.0)  # its slot is empty
