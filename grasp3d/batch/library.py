@@ -16,13 +16,7 @@ from typing import Any
 from upath import UPath
 
 from grasp3d.batch.batch_settings import BatchSettings, Surfaces
-from grasp3d.batch.chunks import (
-    ChunkWriter,
-    DamagedError,
-    Library,
-    current,
-    open_library,
-)
+from grasp3d.batch.chunks import ChunkWriter, DamagedError, Library, current, open_library
 from grasp3d.batch.inputs import MeshFile, find_meshes, local_copy
 from grasp3d.batch.labelling import (
     METHOD,

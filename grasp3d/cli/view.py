@@ -8,11 +8,7 @@ from grasp3d.grasps.evaluation import evaluate_poses, poses_on
 from grasp3d.hand.scene import Scene
 from grasp3d.pictures.opengl import check_rendering
 from grasp3d.system.context import refuse_warnings
-from grasp3d.viewer.collection import (
-    Collection,
-    collection_of_grasps,
-    open_collection,
-)
+from grasp3d.viewer.collection import Collection, collection_of_grasps, open_collection
 from grasp3d.viewer.screenshots import check_picture, save_picture
 from grasp3d.viewer.session import Session
 from grasp3d.viewer.window import display_problem, show_window

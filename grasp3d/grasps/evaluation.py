@@ -31,13 +31,7 @@ from grasp3d.mesh.region import allowed_contacts
 from grasp3d.mesh.repair import RepairStep
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
 from grasp3d.quality.loads import GivenLoad, Load
-from grasp3d.settings import (
-    MAX_FINGERS,
-    GivenModel,
-    GraspModel,
-    MeshOptions,
-    with_fingers,
-)
+from grasp3d.settings import MAX_FINGERS, GivenModel, GraspModel, MeshOptions, with_fingers
 from grasp3d.settings.pose_error import PoseError
 from grasp3d.settings.units import METRES, GivenLength, Unit, with_lengths_scaled
 from grasp3d.surface.contacts import SurfaceContacts, critical_angles

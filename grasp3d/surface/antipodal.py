@@ -54,10 +54,7 @@ from grasp3d.mesh.turns import located_surface
 from grasp3d.settings import Sampling
 from grasp3d.settings.sampling import Grip
 from grasp3d.surface.candidate_points import contact_tree, neighbours, places_in_tree, tangents
-from grasp3d.surface.reachable import (
-    NOT_REACHED,
-    ReachSearch,
-)
+from grasp3d.surface.reachable import NOT_REACHED, ReachSearch
 from grasp3d.system.context import report_progress, thread_count, within
 
 BESIDE = 1e-5

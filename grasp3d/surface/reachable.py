@@ -13,12 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from grasp3d._kernels.jaws.gripper_parts import (
-    REACHED,
-    ReachResults,
-    make_workspace,
-    no_results,
-)
+from grasp3d._kernels.jaws.gripper_parts import REACHED, ReachResults, make_workspace, no_results
 from grasp3d._kernels.search.antipodal_candidates import FOUND, BestPairs, no_pairs
 from grasp3d._kernels.search.face_contacts import PairDomain
 from grasp3d._kernels.search.reachable_partners import (

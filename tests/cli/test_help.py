@@ -10,15 +10,7 @@ import pytest
 
 from grasp3d.cli import KINDS
 from grasp3d.cli.options import options_of
-from grasp3d.cli.usage import (
-    GROUPS,
-    MAIN,
-    MOST_OPTIONS,
-    examples_of,
-    groups_of,
-    invocation,
-    parse,
-)
+from grasp3d.cli.usage import GROUPS, MAIN, MOST_OPTIONS, examples_of, groups_of, invocation, parse
 from tests.helpers.commands import printed
 
 MESHES = Path(__file__).parents[2] / "meshes"

@@ -13,13 +13,7 @@ import pytest
 
 from grasp3d import GraspModel, Sampling, label_surface, load_mesh
 from grasp3d.batch.inputs import MeshFile
-from grasp3d.cli.sweep import (
-    SweepSettings,
-    angles_in,
-    find_targets,
-    frictions_in,
-    sweep_mesh,
-)
+from grasp3d.cli.sweep import SweepSettings, angles_in, find_targets, frictions_in, sweep_mesh
 from grasp3d.errors import MeshError, SettingError
 from tests.helpers import shapes
 from tests.helpers.commands import export, printed

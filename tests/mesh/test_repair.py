@@ -20,15 +20,7 @@ from grasp3d.mesh.measures import Triangles, edge_counts, face_areas, is_closed
 from grasp3d.mesh.union import put_on_surface, without_slivers
 from tests.helpers import shapes
 from tests.helpers.commands import export
-from tests.helpers.repairs import (
-    assert_whole,
-    counts,
-    joined,
-    moved,
-    repaired,
-    used_by,
-    volume_of,
-)
+from tests.helpers.repairs import assert_whole, counts, joined, moved, repaired, used_by, volume_of
 from tests.helpers.shapes import Surface
 
 COARSE = 1e9

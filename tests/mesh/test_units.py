@@ -13,13 +13,7 @@ from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.diagnosis import Trust
 from grasp3d.mesh.plausible_lengths import length_warnings, object_warnings, refuse_lengths
-from grasp3d.mesh.plausible_units import (
-    PLAUSIBLE,
-    USUAL,
-    guess_unit,
-    length_text,
-    unit_warning,
-)
+from grasp3d.mesh.plausible_units import PLAUSIBLE, USUAL, guess_unit, length_text, unit_warning
 from grasp3d.settings.units import METRES, Unit, parse_length
 from tests.helpers import shapes
 

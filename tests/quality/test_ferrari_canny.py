@@ -10,13 +10,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.spatial import QhullError
 
-from grasp3d import (
-    Contacts,
-    Epsilon,
-    epsilon,
-    epsilon_of_wrenches,
-    force_closure,
-)
+from grasp3d import Contacts, Epsilon, epsilon, epsilon_of_wrenches, force_closure
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality import Status, wrench_problem
 from grasp3d.quality.wrenches import span, wrenches

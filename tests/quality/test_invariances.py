@@ -9,13 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import Contacts, critical_friction_angle, epsilon, force_closure, grip_force
-from grasp3d.quality import (
-    EpsilonOptions,
-    Weight,
-    epsilon_range,
-    metric_names,
-    metrics,
-)
+from grasp3d.quality import EpsilonOptions, Weight, epsilon_range, metric_names, metrics
 from tests.helpers import grasps, shapes
 from tests.helpers.random_grasps import Shape, random_contacts
 

@@ -11,13 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from grasp3d import (
-    GraspModel,
-    ObjectMesh,
-    SurfaceLabels,
-    label_surface,
-    load_mesh,
-)
+from grasp3d import GraspModel, ObjectMesh, SurfaceLabels, label_surface, load_mesh
 from tests.helpers import shapes
 from tests.helpers.shapes import Surface
 

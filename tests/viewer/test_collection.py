@@ -33,12 +33,7 @@ from grasp3d.pictures.colors import labels_at
 from grasp3d.pictures.subject import Subject, subject_of
 from grasp3d.surface import Reason
 from grasp3d.system.context import running
-from grasp3d.viewer.collection import (
-    Collection,
-    LastOpened,
-    collection_of,
-    open_collection,
-)
+from grasp3d.viewer.collection import Collection, LastOpened, collection_of, open_collection
 from grasp3d.viewer.session import Cancelled
 from tests.helpers import shapes, viewing
 from tests.helpers.mesh_files import VERTICES, ply_text, written

@@ -23,13 +23,7 @@ from grasp3d.viewer.controls import offered_paints
 from grasp3d.viewer.panel_text import panel_text
 from grasp3d.viewer.session import Session
 from tests.helpers import viewing
-from tests.helpers.viewing import (
-    inspected,
-    read_subject,
-    ready_session,
-    shown,
-    wait_until_idle,
-)
+from tests.helpers.viewing import inspected, read_subject, ready_session, shown, wait_until_idle
 
 SOFT = GraspModel(friction=0.5, torsion_radius=0.3)
 LOAD = Load(mass=0.5, grip_force=20.0)

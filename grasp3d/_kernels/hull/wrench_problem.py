@@ -25,13 +25,7 @@ from grasp3d._kernels.compiling import (
     part,
     scratch_kernel,
 )
-from grasp3d._kernels.hull.growing_hull import (
-    AROUND_ORIGIN,
-    CONVERGED,
-    EXHAUSTED,
-    UNDECIDED,
-    grow,
-)
+from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, CONVERGED, EXHAUSTED, UNDECIDED, grow
 from grasp3d._kernels.hull.polytope import TOLERANCE
 from grasp3d._kernels.hull.support_functions import PER_FINGER, ROWS, WrenchSpace
 from grasp3d._kernels.hull.wrench_resistance import equilibrium
