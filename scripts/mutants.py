@@ -74,7 +74,7 @@ MUTANTS = (
         "a ring of points that is too small",
         "(self.torsion_radius / friction)[..., None, None]",
         "(0.9 * self.torsion_radius / friction)[..., None, None]",
-        "test_force_ranges.py",
+        "test_contacts.py",
     ),
     Mutant(
         "location error of half a turn",
@@ -148,7 +148,7 @@ MUTANTS = (
         "facets combined beyond the horizon",
         "s, t = heights[v], -min(heights[other], 0.0)",
         "s, t = heights[v], min(heights[other], 0.0)",
-        "test_growing_hull.py test_polytope.py",
+        "test_growing_hull.py",
     ),
     # Forces.
     Mutant(

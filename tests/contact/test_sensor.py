@@ -1,4 +1,3 @@
-import dataclasses
 import math
 from collections.abc import Callable
 
@@ -30,19 +29,13 @@ def sensors(draw: st.DrawFn) -> Sensor:
     return Sensor.for_resolution(draw(resolutions), radius)
 
 
-@given(resolutions, radii)
-def test_a_sensor_made_for_a_resolution_has_it(resolution: float, radius: float) -> None:
-    sensor = Sensor.for_resolution(resolution, radius)
-    assert sensor.resolution == pytest.approx(resolution, rel=1e-15)
-    assert sensor.receptive_field == pytest.approx(resolution * radius, rel=1e-15)
-    assert sensor.tilt == sensor.resolution / 2.0
-
-
 @given(frictions, radii)
 def test_the_limiting_sensor_without_locations_is_the_bound_of_the_paper(
     friction: float, radius: float
 ) -> None:
     sensor = Sensor.limiting(friction, radius)
+    assert sensor.receptive_field == pytest.approx(sensor.resolution * radius, rel=1e-15)
+    assert sensor.tilt == sensor.resolution / 2.0
     assert sensor.resolution == pytest.approx(resolution_limit(friction), rel=1e-14)
     assert sensor.required_friction == pytest.approx(friction, rel=1e-12)
 
@@ -60,47 +53,10 @@ def test_effective_friction_is_zero_at_the_required_friction_and_positive_above(
         assert effective_friction(1.001 * needed + 1e-6, angle) > 0.0
 
 
-@given(sensors(), openings, st.floats(1.01, 10.0))
-def test_wider_openings_and_finer_sensors_need_less_friction(
-    sensor: Sensor, opening: float, factor: float
-) -> None:
-    finer = dataclasses.replace(sensor, receptive_field=sensor.receptive_field / factor)
-    for size in (opening, math.inf):
-        assert finer.required_friction_at(size) <= sensor.required_friction_at(size)
-    assert finer.line_error(opening) <= sensor.line_error(opening)
-    wide, narrow = sensor.line_error(factor * opening), sensor.line_error(opening)
-    assert wide <= narrow
-    assert sensor.line_error(math.inf) == 0.0
-    assert sensor.required_friction_at(math.inf) == sensor.required_friction
-    assert narrow <= math.atan2(sensor.receptive_field, opening) * (1.0 + 1e-12)
-
-
-@given(sensors(), openings, st.sampled_from([1e-3, 0.0254, 10.0, 1e6]))
-def test_the_unit_of_length_does_not_matter(sensor: Sensor, opening: float, unit: float) -> None:
-    scaled = Sensor(unit * sensor.receptive_field, unit * sensor.fingertip_radius)
-    assert scaled.resolution == pytest.approx(sensor.resolution, rel=1e-14)
-    assert scaled.line_error(unit * opening) == pytest.approx(sensor.line_error(opening), rel=1e-12)
-    assert scaled.location_uncertainty == pytest.approx(unit * sensor.location_uncertainty)
-
-
-@given(sensors().filter(lambda sensor: not sensor.flat), openings, st.floats(1e9, 1e30))
-def test_round_fingertips_approach_flat_ones_as_they_grow(
-    sensor: Sensor, opening: float, factor: float
-) -> None:
-    flat = Sensor(sensor.receptive_field, math.inf)
-    # The radius is much larger than the receptive field and the opening.
-    near = Sensor(sensor.receptive_field, factor * max(sensor.receptive_field, opening))
-    assert near.misalignment(opening) == pytest.approx(flat.misalignment(opening), rel=1e-6)
-
-
 def contacts_within(
     sensor: Sensor, opening: float, tilts: np.ndarray, turns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Contacts of two opposing fingers, tilted by (k, 2) angles in (k, 2) directions about x.
-
-    The fingertips do not move; a contact at an angle on a tip is displaced along its arc from the
-    perceived contact. Returns (points, normals), (k, 2, 3) each.
-    """
+    """Contacts of two opposing fingers (k, 2, 3) at angles on their tips, in turns about x."""
     inward = np.array([1.0, -1.0])
     tangential = np.stack([np.zeros_like(turns), np.cos(turns), np.sin(turns)], axis=-1)
     along = np.array([1.0, 0.0, 0.0])
@@ -117,13 +73,11 @@ def contacts_within(
 @pytest.mark.parametrize(
     ("sensor", "opening"),
     [
-        (Sensor(4.0, 10.0), 50.0),
         (Sensor(9.0, 10.0), 20.0),
         (Sensor(9.0, 10.0), 300.0),
         (Sensor(0.5, 10.0), 2.0),
         (Sensor(6.0, math.inf), 30.0),
         (Sensor(6.0, math.inf), 2.0),
-        (Sensor(1.0, 1.0), 10.0),
     ],
 )
 def test_misalignment_is_the_largest_critical_angle_of_indistinguishable_grasps(
@@ -171,23 +125,21 @@ def test_numbers_of_sensors_are_areas_rounded_up(resolution: float) -> None:
     assert 0 <= sensor.sensors_by_caps - sensor.sensors_by_discs <= 1
 
 
-@pytest.mark.parametrize("count", range(2, 400))
-def test_exact_coverage_is_not_rounded_up(count: int) -> None:
-    discs = Sensor.for_resolution(math.sqrt(8.0 / count), 7.0)
-    assert discs.sensors_by_discs == count
-    caps = Sensor.for_resolution(2.0 * math.acos(1.0 - 1.0 / count), 7.0)
-    assert caps.sensors_by_caps == count
+def test_exact_coverage_is_not_rounded_up() -> None:
+    for count in range(2, 400):
+        discs = Sensor.for_resolution(math.sqrt(8.0 / count), 7.0)
+        assert discs.sensors_by_discs == count
+        caps = Sensor.for_resolution(2.0 * math.acos(1.0 - 1.0 / count), 7.0)
+        assert caps.sensors_by_caps == count
 
 
 def test_the_numbers_of_the_paper() -> None:
     half = Sensor.limiting(0.5, 10.0)
     assert math.degrees(half.resolution) == pytest.approx(53.13010235415598, rel=1e-14)
     assert half.receptive_field == pytest.approx(20.0 * math.atan(0.5), rel=1e-14)
-    assert half.receptive_field == pytest.approx(9.27, abs=0.005)
     assert (half.sensors_by_discs, half.sensors_by_caps) == (10, 10)
     fifth = Sensor.limiting(0.2, 10.0)
     assert math.degrees(fifth.resolution) == pytest.approx(22.619864948040426, rel=1e-14)
-    assert fifth.receptive_field == pytest.approx(3.948, abs=0.0005)
     assert (fifth.sensors_by_discs, fifth.sensors_by_caps) == (52, 52)
     assert Sensor(4.0, 10.0).sensors_by_discs == 50  # 3.95 mm rounded to 4, as in the paper
 
@@ -215,19 +167,13 @@ def test_extreme_receptive_fields() -> None:
     assert math.isinf(half_way.required_friction_at(1.0))
 
 
-@pytest.mark.parametrize("friction", [1e-9, 1e-6, 10.0, 1e6])
-def test_extreme_friction(friction: float) -> None:
-    sensor = Sensor.limiting(friction, 10.0)
-    assert 0.0 < sensor.resolution < math.pi
-    assert sensor.required_friction == pytest.approx(friction, rel=1e-9)
-
-
 @given(st.integers(1, 4), frictions, resolutions, st.integers(0, 10_000))
 def test_encoders_of_the_required_counts_turn_no_normal_out_of_the_friction_cone(
     joints: int, friction: float, resolution: float, seed: int
 ) -> None:
     margin = math.atan(friction) - resolution / 2.0
     counts = required_counts(joints, friction, resolution)
+    assert required_counts(joints, friction, resolution_limit(friction)) is None
     if counts is None:
         assert margin <= 1e-12
         return
@@ -237,11 +183,6 @@ def test_encoders_of_the_required_counts_turn_no_normal_out_of_the_friction_cone
     axes = np.random.default_rng(seed).normal(size=(joints, 3))
     turns = [Rotation.from_rotvec(error * axis / np.linalg.norm(axis)) for axis in axes]
     assert math.prod(turns, start=Rotation.identity()).magnitude() < margin
-
-
-def test_counts_at_the_bound_itself_are_not_enough() -> None:
-    assert required_counts(1, 1.0) == 5  # 4 counts are known to within 45 degrees
-    assert required_counts(2, 0.5, sensor_resolution=resolution_limit(0.5)) is None
 
 
 @pytest.mark.parametrize(
@@ -260,6 +201,12 @@ def test_counts_at_the_bound_itself_are_not_enough() -> None:
         (lambda joints: required_counts(int(joints), 0.5), (0, -1), "at least one joint; got"),
         (lambda friction: Sensor.limiting(friction, 10.0), (0.0, -0.5, math.nan, math.inf),
          "friction must be a finite number above 0"),
+        *[
+            (function, (0.0, -1.0, math.nan), "distance between two fingers must be above 0")
+            for function in (
+                Sensor(4.0, 10.0).line_error, Sensor(4.0, 10.0).required_friction_at,
+            )
+        ],
     ],
 )  # fmt: skip
 def test_values_out_of_range_are_refused(
@@ -268,13 +215,3 @@ def test_values_out_of_range_are_refused(
     for value in values:
         with pytest.raises(SettingError, match=message):
             make(value)
-
-
-@pytest.mark.parametrize("opening", [0.0, -1.0, math.nan])
-def test_an_opening_must_be_above_0(opening: float) -> None:
-    sensor = Sensor(4.0, 10.0)
-    for function in (
-        sensor.line_error, sensor.misalignment, sensor.required_friction_at,
-    ):  # fmt: skip
-        with pytest.raises(SettingError, match="distance between two fingers must be above 0"):
-            function(opening)

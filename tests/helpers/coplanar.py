@@ -59,11 +59,7 @@ class PlanarGrasps:
         return closed
 
     def critical_angles(self, high: Floats, tolerance: float) -> Floats:
-        """Bracket the angles from which on the grasps are force-closed, below `high` (b,).
-
-        Returns:
-            Upper ends [rad], shape (b,); inf where none below `high`, nan where collinear.
-        """
+        """Angles (b,) from which on they are force-closed, below `high` (b,); inf, nan: none."""
         found = np.where(self.force_closed(high), high, math.inf)
         low, upper = np.zeros(len(high)), high.copy()
         while (upper - low).max(initial=0.0) > tolerance:
@@ -88,13 +84,7 @@ def _spans(points: Floats, edges: Floats) -> Bools:
 
 
 def planar_grasps(points: Floats, normals: Floats, radii: Floats) -> PlanarGrasps:
-    """Project grasps to their planes.
-
-    Args:
-        points: Contacts, shape (b, 3, 3).
-        normals: Unit normals, shape (b, 3, 3).
-        radii: Radii of the caps about them [rad], shape (b, 3).
-    """
+    """Grasps (b, 3, 3), with radii of caps about the normals (b, 3), projected to their planes."""
     middle = points - points.mean(axis=1, keepdims=True)
     middle = middle / np.linalg.norm(middle, axis=2).max(axis=1)[:, None, None]
     first = middle[:, 1] - middle[:, 0]
@@ -109,18 +99,6 @@ def planar_grasps(points: Floats, normals: Floats, radii: Floats) -> PlanarGrasp
     azimuth = np.arctan2(local[..., 1], local[..., 0])
     flat = (middle @ frames.transpose(0, 2, 1))[..., :2]
     return PlanarGrasps(flat, azimuth, cosine, radii, collinear)
-
-
-def critical_angles(
-    points: Floats, normals: Floats, *, tolerance: float = 1e-6, limit: float = RIGHT - 1e-6
-) -> Floats:
-    """Critical friction angles of three contacts each, points and unit normals (b, 3, 3) [rad].
-
-    Returns:
-        Shape (b,), at most `tolerance` too large; inf above the limit, nan for collinear contacts.
-    """
-    grasps = planar_grasps(points, normals, np.zeros(normals.shape[:2]))
-    return grasps.critical_angles(np.full(len(points), limit), tolerance)
 
 
 @dataclass(eq=False)
@@ -148,7 +126,6 @@ class Exhaustive:
         self.normals = unit_rows(self.mesh.normal_centres[self.vertices])
         self.radii = self.mesh.normal_radii[self.vertices]
         self.best = np.full(len(self.vertices), self.limit)
-        self.tested = 0
 
     def run(self) -> Floats:
         """Critical angles over the worst normals, as `vertices`; inf above the limit."""
@@ -173,7 +150,6 @@ class Exhaustive:
         """
         which = which[self._below_threshold(which)]
         which = which[self.grasps(which).force_closed(self._thresholds(which))]
-        self.tested += len(which)
         found = self.grasps(which).critical_angles(self._thresholds(which), 0.25 * self.tolerance)
         np.minimum.at(self.best, which, found[:, None])
 

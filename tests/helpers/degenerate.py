@@ -7,8 +7,7 @@ neither. So the motions are divided by the contacts that they leave at rest: non
 (rotations about that point), or all on one line (the rotation about it). Within such a family the
 critical friction angle is the largest, over u, of the smallest angle between a moving contact's
 velocity and its normal, less 90 degrees. That is a quasi-concave problem of at most six variables,
-which the ellipsoid method solves with a proof, without hulls; the oracle by linear programs knows
-nothing of motions.
+which the ellipsoid method solves with a proof, without hulls.
 """
 
 import itertools
@@ -17,11 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from grasp3d import Contacts
 from grasp3d.quality import ForceClosure
-from tests.helpers.oracles import angles_between, cone_edges
+from tests.helpers.oracles import angles_between
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -32,9 +30,6 @@ ACCURACY = 1e-6
 
 STEPS = 6000
 """Most cuts of an ellipsoid."""
-
-
-# --- motions -------------------------------------------------------------------------------------
 
 
 def cross_matrix(v: Floats) -> Floats:
@@ -111,9 +106,6 @@ def rotation_about_line(points: Floats, a: int, b: int, *, on_line: bool) -> Flo
     return np.zeros_like(moved) if on_line else np.where(resting[:, None], 0.0, moved)
 
 
-# --- critical angles -----------------------------------------------------------------------------
-
-
 def angles_to(velocities: Floats, normals: Floats) -> Floats:
     """Angles (...), pi where a contact is at rest."""
     resting = (velocities == 0.0).all(axis=-1)
@@ -121,16 +113,10 @@ def angles_to(velocities: Floats, normals: Floats) -> Floats:
 
 
 def largest_separation(maps: Floats, normals: Floats) -> tuple[Floats, Bools]:
-    """Largest angle by which motions separate grasps, by the ellipsoid method.
+    """Largest angle by which motions (r, n, 3, d), d > 1, separate grasps (r, n, 3), by ellipsoids.
 
-    Args:
-        maps: Shape (r, n, 3, d), d at least 2.
-        normals: Shape (r, n, 3).
-
-    Returns:
-        (angle, proven): the largest, over u, of the smallest angle between velocity and normal less
-        90 degrees, or 0 where that is smaller, shape (r,); and whether nothing more than `ACCURACY`
-        above it exists.
+    (angle, proven): the largest, over u, of the smallest angle between velocity and normal less 90
+    degrees, or 0 where that is smaller (r,); and whether none is more than `ACCURACY` above it.
     """
     count, _, _, dim = maps.shape
     best = np.zeros(count)
@@ -203,16 +189,10 @@ def at_one_point(normals: Floats) -> float:
 
 
 def critical_angles(points: Floats, normals: Floats, on_line: Bools) -> tuple[Floats, Bools]:
-    """Critical friction angles of grasps of 3 to 5 contacts, at most 90 degrees.
+    """Critical friction angles of grasps (b, n, 3) of 3 to 5 contacts, at most 90 degrees, proven.
 
-    Args:
-        points: Shape (b, n, 3), taken as they are: contacts that differ by the last bit do differ.
-        normals: Shape (b, n, 3).
-        on_line: Whether the contacts count as being on a line although rounding moved them off it
-            (b,).
-
-    Returns:
-        (angles, proven), see `largest_separation`.
+    Points are taken as they are, unless the contacts count as being on a line although rounding
+    moved them off it.
     """
     angles, proven = np.zeros(len(points)), np.ones(len(points), dtype=np.bool_)
     families: dict[int, tuple[list[int], list[Floats]]] = {}
@@ -245,77 +225,10 @@ def critical_angles(points: Floats, normals: Floats, on_line: Bools) -> tuple[Fl
     return np.minimum(angles, RIGHT), proven
 
 
-# --- linear programs -----------------------------------------------------------------------------
-
-
-def force_closed_by_programs(
-    points: Floats, normals: Floats, beta: float, *, on_line: bool = False, edges: int = 64
-) -> bool | None:
-    """Force closure of one grasp by linear programs; None where they leave it open.
-
-    Closed if polygons inside the cones have weights that balance and are all positive; open if
-    polygons around the cones have none.
-    """
-    around = math.atan(math.tan(beta) / math.cos(math.pi / edges))
-    if _positive_weights(points, normals, beta, edges, on_line=on_line):
-        return True
-    if not _positive_weights(points, normals, around, edges, on_line=on_line):
-        return False
-    return None
-
-
-def _positive_weights(
-    points: Floats, normals: Floats, beta: float, edges: int, *, on_line: bool
-) -> bool:
-    """Whether some weights of all edges, each positive, balance."""
-    maps = general_maps(points, on_line=on_line)
-    forces = np.array([cone_edges(n, beta, edges) for n in normals])  # (n, m, 3)
-    columns = np.einsum("nkd,nmk->dnm", maps, forces).reshape(maps.shape[-1], -1)
-    count = columns.shape[1]
-    # Weights of at least t: t is the last variable, and the largest one is sought.
-    equal = np.vstack(
-        [np.hstack([columns, columns.sum(axis=1, keepdims=True)]), [*[1.0] * count, float(count)]]
-    )
-    target = np.zeros(len(equal))
-    target[-1] = 1.0
-    cost = np.zeros(count + 1)
-    cost[-1] = -1.0
-    result = linprog(
-        cost,
-        A_eq=equal,
-        b_eq=target,
-        bounds=[(0.0, None)] * (count + 1),
-        options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
-    )
-    return bool(result.status == 0 and result.x[-1] > 1e-8)
-
-
-def critical_angle_by_programs(
-    points: Floats, normals: Floats, *, on_line: bool = False, edges: int = 64
-) -> tuple[float, float]:
-    """Interval of the critical angle by bisection with polygons inside and around the cones."""
-    ends = []
-    for around in (True, False):
-        low, high = 0.0, RIGHT - 1e-3
-        while high - low > 1e-4:
-            middle = 0.5 * (low + high)
-            polygon = math.atan(math.tan(middle) / math.cos(math.pi / edges)) if around else middle
-            if _positive_weights(points, normals, polygon, edges, on_line=on_line):
-                high = middle
-            else:
-                low = middle
-        ends.append(low if around else high)
-    return ends[0], ends[1]
-
-
-# --- grasps --------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class Grasps:
     """Degenerate grasps with the same number of contacts."""
 
-    kind: str
     points: Floats
     """Shape (b, n, 3)."""
     normals: Floats
@@ -396,19 +309,14 @@ def random_grasps(kind: str, contacts: int, count: int, rng: np.random.Generator
         normals[:, i] = np.where(
             choice < 0.4, normals[:, i], np.where(choice < 0.75, leaning[:, i], opposed)
         )
-    return Grasps(kind, points, unit(normals), on_line)
-
-
-# --- certificates --------------------------------------------------------------------------------
+    return Grasps(points, unit(normals), on_line)
 
 
 def unproven_certificates(contacts: Contacts, closure: ForceClosure, on_line: Bools) -> list[int]:
     """Grasps (b,) whose certificate does not prove what it is for.
 
-    Forces must be strictly inside their cones, and what is missing to balance them must be small
-    beside the distance of every one of them from the border of its cone, with sums in extended
-    precision and the wrenches about the first contact. A direction must leave no contact a positive
-    component, up to rounding.
+    Forces must be strictly inside their cones, and balance but for less than their distance from
+    the border of it; a direction must leave no contact a positive component, up to rounding.
     """
     failed = []
     for g, points in enumerate(contacts.points):

@@ -40,12 +40,7 @@ def check_proof(
 ) -> None:
     """Check that contact forces balance the wrench within the bound, and that none less does.
 
-    Args:
-        contacts: The contacts, circular cones.
-        found: Their grip force.
-        task: The task; None: one wrench.
-        bound: What is limited.
-        rtol: What the forces of the hardest wrench may exceed the bound by.
+    The forces of the hardest wrench of a task may exceed the bound by `rtol`.
     """
     finite = np.isfinite(found.upper)
     proof, upper = found.certificate, np.where(finite, found.upper, 1.0)

@@ -46,6 +46,11 @@ def of_case(case: dict[str, Any]) -> Contacts:
     return Contacts(case["points"], case["inward_normals"], case["mu"], case["torsion_radius"])
 
 
+def of_force_case(case: dict[str, Any]) -> Contacts:
+    torsion = case["torsion_per_normal_force"]
+    return Contacts(case["points"], case["inward_normals"], case["friction"], torsion)
+
+
 def regular_on_ball(name: str, friction: float = 0.5, torsion_radius: float = 0.0) -> Contacts:
     """A regular grasp of the unit ball."""
     points = REGULAR_SHAPES[name]

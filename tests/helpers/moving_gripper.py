@@ -36,13 +36,7 @@ class MovingGripper:
         return float(getattr(self._gripper, name))
 
     def parts(self, opening: float, contact: float, grip: int) -> Iterator[Part]:
-        """The gripper at an opening.
-
-        Args:
-            opening: Distance between pads or tips.
-            contact: The same when the object is held: pads yield up to the compliance beyond it.
-            grip: +1 external, -1 internal.
-        """
+        """The gripper at an opening; beyond that of the held object pads yield."""
         tip, thick = self._length("tip_radius"), self._length("finger_thickness")
         soft, end = self._length("compliance"), self._length("end")
         half, back = self._length("finger_width") / 2, end - self._length("finger_length")

@@ -160,24 +160,6 @@ def epsilon_of_hull(rows: Floats) -> float:
     return float(-ConvexHull(rows @ basis[:rank].T).equations[:, -1].max())
 
 
-def minkowski_sum(bodies: Floats) -> Floats:
-    """Every sum of one row or zero from each of the bodies (n, m, 6)."""
-    sums = np.zeros((1, bodies.shape[-1]))
-    for rows in bodies:
-        terms = np.vstack([np.zeros((1, rows.shape[-1])), rows])
-        sums = (sums[:, None] + terms).reshape(-1, rows.shape[-1])
-    return sums
-
-
-def hull_contains_origin(rows: Floats) -> bool:
-    """Whether the origin is inside the hull, by a linear program: weights of all rows are >= 1."""
-    count = len(rows)
-    result = linprog(
-        np.zeros(count), A_eq=rows.T, b_eq=np.zeros(rows.shape[1]), bounds=[(1.0, None)] * count
-    )
-    return bool(result.status == 0)
-
-
 def smallest_angles_to_normals(points: Floats, normals: Floats, directions: Floats) -> Floats:
     """For each direction the smallest angle between a contact's velocity and its normal."""
     velocity = directions[:, None, :3] + np.cross(directions[:, None, 3:], points)  # (k, n, 3)

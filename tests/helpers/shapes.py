@@ -28,13 +28,6 @@ def box(extents: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Surface:
     return arrays(trimesh.creation.box(extents))
 
 
-def frustum() -> Surface:
-    """A box that is wider above than below, so that opposite sides are not parallel."""
-    vertices, faces = box((1.0, 0.8, 0.6))
-    vertices[:, :2] *= 1.0 + 0.5 * vertices[:, 2:]
-    return vertices, faces
-
-
 def cone(half_angle: float, height: float = 1.0, sections: int = 128) -> Surface:
     return arrays(trimesh.creation.cone(height * math.tan(half_angle), height, sections=sections))
 

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,9 +14,6 @@ from grasp3d.contact.contacts import turned
 from tests.helpers.random_grasps import random_grasps
 
 Floats = NDArray[np.float64]
-
-STARTS = 12
-"""Random directions from which the adversarial search starts."""
 
 
 def angles(a: Floats, b: Floats) -> Floats:
@@ -59,9 +56,14 @@ def with_normals(contacts: Contacts, normals: Floats) -> Contacts:
 def worst_normals(contacts: Contacts, tilt: Floats) -> Floats:
     """Normals (b, n, 3) turned away from the motion that is hardest to resist."""
     offset = -np.minimum(tilt, contacts.friction_angle)
-    u = epsilon(contacts, cone_offset=offset).certificate.direction[:, None]
+    return turned_away(contacts, epsilon(contacts, cone_offset=offset).certificate.direction, tilt)
+
+
+def turned_away(contacts: Contacts, motion: Floats, tilt: Any) -> Floats:
+    """Normals (b, n, 3) turned away from the velocities of contacts in motions (b, 6)."""
+    u = motion[:, None]
     velocity = u[..., :3] + np.cross(u[..., 3:], contacts.points)
-    return turned(contacts.normals, -velocity, tilt)
+    return turned(contacts.normals, -velocity, np.broadcast_to(tilt, velocity.shape[:-1]))
 
 
 def best_normals(contacts: Contacts, tilt: Floats) -> Floats:
@@ -97,50 +99,3 @@ def angle_to_set(normals: Floats, direction: Floats) -> float:
         return float(angles(normals, direction).min())
     weights, _ = nnls(normals.T, direction)
     return float(angles(weights @ normals, direction))
-
-
-def adversarial_epsilons(
-    contacts: Contacts, tilt: Floats, actuation: Any, rng: np.random.Generator, rtol: float = 1e-3
-) -> Iterator[tuple[Floats, Floats]]:
-    """Bounds on epsilon (b,) at ever worse tilts of a flat batch, by an adversarial search.
-
-    It does not use narrower cones: from many starts it turns each normal away from the velocity of
-    its contact in the hardest direction at the current tilts, repeats that, and finally searches
-    around the worst tilts found.
-    """
-
-    def evaluate(normals: Floats) -> tuple[Floats, Floats, Floats]:
-        result = epsilon(with_normals(contacts, normals), actuation=actuation, rtol=rtol)
-        u = result.certificate.direction[..., None, :]
-        return result.lower, result.upper, u[..., :3] + np.cross(u[..., 3:], contacts.points)
-
-    worst = contacts.normals.copy()
-    smallest = np.full(len(worst), math.inf)
-    starts = [contacts.normals, *(random_tilts(contacts.normals, tilt, rng) for _ in range(3))]
-    for _ in range(STARTS):
-        u = rng.normal(size=(len(worst), 1, 6))
-        velocity = u[..., :3] + np.cross(u[..., 3:], contacts.points)
-        starts.append(_away(contacts.normals, velocity, tilt))
-    for size in (None,) * len(starts) + (0.5, 0.3, 0.2, 0.1, 0.05, 0.02) * 3:
-        if size is None:
-            normals = starts.pop()
-        else:
-            normals = random_tilts(worst, size * tilt, rng)
-            gap = angles(contacts.normals, normals)
-            back = _away(contacts.normals, -normals, np.minimum(gap, tilt))
-            normals = np.where((gap > tilt)[..., None], back, normals)
-        for _ in range(4):
-            lower, upper, velocity = evaluate(normals)
-            yield lower, upper
-            worse = upper < smallest
-            worst[worse], smallest[worse] = normals[worse], upper[worse]
-            normals = _away(contacts.normals, velocity, tilt)
-
-
-def _away(normals: Floats, goals: Floats, tilt: Floats) -> Floats:
-    """Unit normals turned by `tilt` away from other vectors."""
-    away = (goals * normals).sum(axis=-1, keepdims=True) * normals - goals
-    lengths = np.linalg.norm(away, axis=-1, keepdims=True)
-    away = np.divide(away, lengths, out=np.zeros_like(away), where=lengths > 1e-12)
-    rows = np.cos(tilt)[..., None] * normals + np.sin(tilt)[..., None] * away
-    return np.asarray(rows / np.linalg.norm(rows, axis=-1, keepdims=True))

@@ -3,7 +3,6 @@
 from typing import Any
 
 from grasp3d import SurfaceLabels
-from grasp3d.arrays import Floats
 
 
 def with_arrays(labels: SurfaceLabels, **changed: Any) -> SurfaceLabels:
@@ -35,9 +34,3 @@ def with_known(labels: SurfaceLabels, **known: Any) -> SurfaceLabels:
     """The same labels with values that are known, as those of a file."""
     vars(labels).update(known)
     return labels
-
-
-def with_critical_angles(labels: SurfaceLabels, angles: Floats) -> SurfaceLabels:
-    """The same surface with other critical angles, shape (V,), and the same epsilon."""
-    changed = with_arrays(labels, angles=(angles, angles))
-    return with_known(changed, epsilon_range=labels.epsilon_range)

@@ -64,13 +64,3 @@ def test_the_bound_is_mostly_attained() -> None:
         size = np.abs(matrix).max() + np.abs(slope).max()
         attained += bound - value_at(arrow, tuple(slope), found) < 1e-6 * size
     assert attained > 240
-
-
-def test_without_a_slope_the_maximum_is_the_largest_eigenvalue() -> None:
-    arrow = Arrow(2.0, 0.5, -0.3, 1.0, 0.7)
-    matrix = np.array([[2.0, 0.5, -0.3], [0.5, 1.0, 0.0], [-0.3, 0.0, 0.7]])
-    values, vectors = np.linalg.eigh(matrix)
-    normal = tuple(vectors[:, 2].tolist())
-    bound, _, found = largest_on_cap(arrow, (0.0, 0.0, 0.0), normal, 0.9, 0.0, -math.inf)
-    assert abs(bound - values[2]) < 1e-8
-    assert abs(abs(np.array(found) @ vectors[:, 2]) - 1.0) < 1e-8

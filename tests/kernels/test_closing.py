@@ -1,14 +1,33 @@
-"""Jaws against surfaces cut into pieces: first touch and touched patch."""
+"""Jaws against surfaces cut into pieces, and the distances and arcs that reaching needs."""
 
 import itertools
+import math
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
 
 from grasp3d import ObjectMesh, load_mesh
+from grasp3d._kernels.jaws.gripper_parts import (
+    all_angles,
+    bit,
+    make_workspace,
+    margin_of,
+    widest_arc,
+)
+from grasp3d._kernels.jaws.reaching import winding_number
 from grasp3d._kernels.surface import polygons
+from grasp3d._kernels.surface.box_tree import (
+    ball_is_free,
+    box_tree,
+    capsule_is_free,
+    segment_distance,
+    triangle_distance,
+)
 from grasp3d.arrays import Floats
 from grasp3d.hand.closing import ClosedJaws, Closing, close_jaws
 from tests.helpers import shapes
@@ -112,16 +131,95 @@ def test_parts_of_a_disc_add_up() -> None:
     np.testing.assert_allclose(disc_moments(triangle.tolist(), 1.0), expected, atol=1e-15)
 
 
-@pytest.mark.parametrize("limit", [-1.0, 0.0, 0.25, 1.0, 2.0])
-def test_a_cut_triangle_has_the_area_below_the_cut(limit: float) -> None:
-    """A right triangle with legs of 1 in the y-z plane, cut at a height z."""
-    corners = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    polygon, cut, mean = np.zeros((12, 6)), np.zeros((12, 6)), np.zeros(6)
-    count = polygons.write_triangle(corners, 1.0, polygon)
-    count = polygons.clip(polygon, count, (0.0, 0.0, 1.0, limit), cut)
-    area = polygons.projected_moments(cut, count, mean)
-    height = min(max(limit, 0.0), 1.0)
-    assert area == pytest.approx(0.5 * (1.0 - (1.0 - height) ** 2), abs=1e-15)
-    if area > 0.0:
-        np.testing.assert_allclose(mean[3:] @ corners, mean[:3], atol=1e-15)
-        assert mean[3:].sum() == pytest.approx(1.0)
+def nearest_in_triangle(triangle: np.ndarray, start: np.ndarray, end: np.ndarray) -> float:
+    """Smallest distance of points of a triangle from a segment, by a general minimiser."""
+    corners = triangle.reshape(3, 3)
+
+    def distance(x: np.ndarray) -> float:
+        point = corners[0] + x[0] * (corners[1] - corners[0]) + x[1] * (corners[2] - corners[0])
+        return float(((point - start - x[2] * (end - start)) ** 2).sum())
+
+    inside = {"type": "ineq", "fun": lambda x: 1.0 - x[0] - x[1]}
+    bounds = [(0.0, 1.0)] * 3
+    found = [
+        minimize(distance, start_at, bounds=bounds, constraints=inside, tol=1e-14).fun
+        for start_at in ((0.2, 0.2, 0.5), (0.8, 0.1, 0.0), (0.1, 0.8, 1.0))
+    ]
+    return math.sqrt(max(min(found), 0.0))
+
+
+@pytest.mark.slow
+def test_distances_of_points_from_triangles() -> None:
+    rng = np.random.default_rng(0)
+    triangles = rng.normal(size=(300, 3, 3))
+    triangles[::10, 2] = triangles[::10, 0]  # no area
+    points = 2.0 * rng.normal(size=(300, 3))
+    right = np.linalg.norm(trimesh.triangles.closest_point(triangles, points) - points, axis=1)
+    for i in range(300):
+        found = math.sqrt(triangle_distance(points[i], triangles[i].ravel()))
+        assert found == pytest.approx(right[i], abs=1e-9)
+
+
+@pytest.mark.slow
+def test_distances_of_segments_from_triangles() -> None:
+    rng = np.random.default_rng(0)
+    crossing = 0
+    for _ in range(60):
+        triangle, ends = rng.normal(size=9), 1.5 * rng.normal(size=(2, 3))
+        found = math.sqrt(segment_distance(ends[0], ends[1], triangle))
+        assert found == pytest.approx(nearest_in_triangle(triangle, *ends), abs=2e-4)
+        crossing += found == 0.0
+    assert 2 < crossing < 30
+
+
+@pytest.mark.slow
+def test_balls_and_capsules_are_free_up_to_the_nearest_face() -> None:
+    rng = np.random.default_rng(0)
+    points, faces = shapes.lopsided()
+    tree = box_tree(points, faces)
+    nodes = make_workspace(8).nodes
+    for _ in range(20):
+        start = 2.0 * rng.normal(size=3)
+        end = start + 0.2 * rng.normal(size=3)
+        least = min(
+            math.sqrt(segment_distance(start, end, triangle)) for triangle in tree.triangles
+        )
+        assert capsule_is_free(start, end, least - 1e-9, tree, nodes)
+        assert not capsule_is_free(start, end, least + 1e-9, tree, nodes) or least == 0.0
+        point = min(math.sqrt(triangle_distance(start, triangle)) for triangle in tree.triangles)
+        assert ball_is_free(*start, point - 1e-9, tree, nodes)
+        assert not ball_is_free(*start, point + 1e-9, tree, nodes)
+    assert ball_is_free(*points[0], 0.0, tree, nodes)
+
+
+def test_the_winding_number_is_one_inside() -> None:
+    points, faces = shapes.torus()
+    triangles = points[faces].reshape(-1, 9)
+    assert winding_number(1.0, 0.0, 0.1, triangles) == pytest.approx(1.0)
+    assert winding_number(0.0, 0.0, 0.0, triangles) == pytest.approx(0.0, abs=1e-9)
+    assert winding_number(3.0, 1.0, 0.0, triangles) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.slow
+@given(count=st.integers(8, 64), data=st.data())
+@settings(max_examples=200, deadline=None)
+def test_the_widest_arc(count: int, data: st.DataObject) -> None:
+    """Its middle is free, and no other angle has free ones farther to both sides."""
+    free = data.draw(st.lists(st.booleans(), min_size=count, max_size=count).filter(any))
+    mask = np.uint64(sum(int(bit(k)) for k in range(count) if free[k]))
+    assert int(all_angles(count)) == 2**count - 1
+    middle, length = widest_arc(mask, count)
+    if all(free):
+        assert (middle, length) == (0, count)
+        assert margin_of(length, count) == math.pi
+        return
+    sides = [
+        min(
+            next(j for j in range(count + 1) if not free[(k + sign * j) % count])
+            for sign in (1, -1)
+        )
+        for k in range(count)
+    ]
+    assert sides[middle] == max(sides)
+    margin = margin_of(length, count)
+    assert margin == pytest.approx((sides[middle] - 1) * 2.0 * math.pi / count)

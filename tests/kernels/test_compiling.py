@@ -1,19 +1,26 @@
+import ast
+import importlib
+import inspect
 import json
 import os
 import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numba
 import pytest
+from numba.core.dispatcher import Dispatcher
 
-from grasp3d import Contacts, critical_friction_angle
-from grasp3d._kernels import compiling
+import grasp3d
+from grasp3d._kernels import ahead, compiling
+from grasp3d._kernels.ahead import kernels, warmup
+from grasp3d._kernels.compiling import code_folders, name_of
+from grasp3d.errors import OutputError
 
 CALLEE = """
 from small.compiling import kernel, merged, part
@@ -70,21 +77,16 @@ class Package:
     def run(self, **variables: str) -> dict[str, Any]:
         """Call the kernels in a fresh interpreter whose home folder is the package's."""
         inherited = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA_", "XDG_"))}
-        env = {
-            **inherited,
+        own = {
             "PYTHONPATH": str(self.home),
             # Python's own byte code would miss a change within the same second.
             "PYTHONDONTWRITEBYTECODE": "1",
             "XDG_CACHE_HOME": str(self.home / "cache"),
-            **variables,
         }
         process = subprocess.run(
-            [sys.executable, "-W", "error", "-c", REPORT],
-            capture_output=True,
-            text=True,
-            env=env,
-            check=False,
-        )
+            [sys.executable, "-W", "error", "-c", REPORT], env=inherited | own | variables,
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
         assert process.returncode == 0, process.stderr
         return {**json.loads(process.stdout), "said": process.stderr}
 
@@ -138,18 +140,11 @@ def test_machine_code_is_compiled_once_for_each_version_of_the_sources(
     assert not old.exists()
 
 
-DAMAGES: tuple[Callable[[bytes], bytes], ...] = (
-    lambda _: b"",
-    lambda data: data[: len(data) // 2],
-    lambda data: data[9:],
-)
-"""As after a full disk, a crash, and an error of the disk."""
-
-
-@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("kept", [slice(0), slice(100), slice(9, None)])
 def test_damaged_machine_code_is_missing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: Callable[[bytes], bytes]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kept: slice
 ) -> None:
+    """As after a full disk, a crash, and an error of the disk."""
     monkeypatch.setattr(compiling, "code_folders", lambda: (tmp_path,))
 
     def tripled(x: float) -> float:
@@ -158,34 +153,13 @@ def test_damaged_machine_code_is_missing(
     assert compiling.kernel()(tripled)(1.5) == 4.5
     (path,) = files(tmp_path)
     sound = path.read_bytes()
-    path.write_bytes(damage(sound))
+    path.write_bytes(sound[kept])
     again = compiling.kernel()(tripled)
     assert again(1.5) == 4.5
     assert (sum(again.stats.cache_hits.values()), list(files(tmp_path))) == (0, [path])
     later = compiling.kernel()(tripled)
     assert later(1.5) == 4.5
     assert sum(later.stats.cache_hits.values()) == 1
-
-
-@pytest.mark.slow
-def test_each_processor_has_its_machine_code(package: Package) -> None:
-    for hits in (0, 1):
-        for processor in ("", "generic"):
-            report = package.run(NUMBA_CPU_NAME=processor)
-            assert (report["value"], report["hits"]) == (111, hits)
-
-
-def test_a_part_is_a_kernel_where_python_calls_it() -> None:
-    @compiling.merged
-    def square_of_sum(a: float, b: float) -> float:
-        return (a + b) * (a + b)
-
-    @compiling.kernel()
-    def one_more(a: float, b: float) -> float:
-        return 1.0 + square_of_sum(a, b)
-
-    assert (square_of_sum(1.0, 2.0), one_more(1.0, 2.0)) == (9.0, 10.0)
-    assert square_of_sum.kernel.signatures == square_of_sum.signatures
 
 
 @pytest.mark.slow
@@ -211,49 +185,102 @@ def test_kernels_run_where_no_machine_code_can_be_written(package: Package) -> N
     report = package.run(XDG_CACHE_HOME=str(package.folder / "caller.py" / "below"))
     assert report["value"] == 111
     assert "for this process only: no folder can be written" in report["said"]
-    assert "NUMBA_CACHE_DIR" in report["said"]
     assert not files(package.home)
 
 
+PACKAGE = Path(grasp3d.__file__).parent
+KERNELS = "grasp3d._kernels"
+
+jitted = pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
+
+
+def names_of_kernels(source: Path) -> Iterator[tuple[str, str]]:
+    """(module, name) of everything that a file takes from modules of kernels."""
+    tree = ast.parse(source.read_text(encoding="utf-8"))
+    modules = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(KERNELS):
+            for name in node.names:
+                yield str(node.module), name.name
+                modules[name.asname or name.name] = f"{node.module}.{name.name}"
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            yield modules.get(node.value.id, ""), node.attr
+
+
+def called_kernels() -> Iterator[Any]:
+    for source in PACKAGE.rglob("*.py"):
+        if "_kernels" in source.parts:
+            continue
+        for module, name in names_of_kernels(source):
+            try:
+                found = getattr(importlib.import_module(module), name, None)
+            except (ImportError, ValueError):  # a name that is no module
+                continue
+            if isinstance(found, Dispatcher):
+                yield found
+
+
 @pytest.mark.slow
-def test_a_user_without_a_home_folder(package: Package) -> None:
-    assert package.run(XDG_CACHE_HOME="", HOME="~")["value"] == 111  # "~": no home folder
+@jitted
+def test_every_kernel_that_python_calls_is_compiled_ahead() -> None:
+    called = {name_of(kernel) for kernel in called_kernels()}
+    assert "wrench_problem.epsilons" in called
+    assert called == kernels().keys()
+    for kernel, ways in kernels().values():
+        count = len(inspect.signature(kernel.py_func).parameters)
+        assert {len(way) for way in ways} == {count}, kernel
 
 
-def test_machine_code_that_can_only_be_read_is_read_and_completed_elsewhere(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """An administrator may write everywhere, so writing is refused here."""
-    folders = brought, written = tmp_path / "brought", tmp_path / "written"
-    monkeypatch.setattr(compiling, "code_folders", lambda: folders)
-
-    def doubled(x: float) -> float:
-        return 2.0 * x
-
-    assert compiling.kernel()(doubled)(1.5) == 3.0
-    before = files(tmp_path)
-    assert {path.parent for path in before} == {brought}
-
-    def refuse(folder: Path) -> None:
-        if folder == brought:
-            raise PermissionError
-        folder.mkdir()
-
-    monkeypatch.setattr(compiling, "make_folder", refuse)
-    again = compiling.kernel()(doubled)
-    assert again(1.5) == 3.0
-    assert sum(again.stats.cache_hits.values()) == 1
-    assert files(tmp_path) == before
-    assert again(3) == 6  # for integers it is compiled
-    assert {path.parent for path in files(tmp_path)} == {brought, written}
+@jitted
+def test_what_is_compiled_is_not_compiled_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    warmup()
+    monkeypatch.setattr(subprocess, "Popen", None)
+    warmup()
 
 
-def test_functions_without_a_module_are_compiled_beside_kernels() -> None:
-    namespace: dict[str, Any] = {}
-    exec("def twice(x):\n    return 2 * x", {"__name__": None}, namespace)  # noqa: S102
-    twice = namespace["twice"]
-    assert twice.__module__ is None
-    critical_friction_angle(
-        Contacts([[1, 0, 0], [-1, 0, 0]], [[-1, 0, 0], [1, 0, 0]], friction=0.5)
-    )
-    assert numba.njit(twice)(21) == 42
+@pytest.fixture
+def copied(tmp_path: Path) -> Path:
+    """A copy of what compiles the kernels, with machine code for all but one of them."""
+    warmup()
+    for part in ("_kernels", "system"):
+        shutil.copytree(PACKAGE / part, tmp_path / "grasp3d" / part)
+    for source in PACKAGE.glob("*.py*"):
+        shutil.copy2(source, tmp_path / "grasp3d")
+    folder = tmp_path / code_folders()[0].relative_to(PACKAGE.parent)
+    for file in folder.glob("pair_angles.scan-*"):
+        file.unlink()
+    return tmp_path
+
+
+def build(folder: Path) -> subprocess.CompletedProcess[str]:
+    """Compile as a build does, with an empty folder for the user."""
+    own = {"PYTHONPATH": str(folder), "XDG_CACHE_HOME": str(folder / "user")}
+    return subprocess.run(
+        [sys.executable, "-m", ahead.__name__], cwd=folder, env=os.environ | own,
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+@jitted
+@pytest.mark.slow
+def test_what_is_missing_is_compiled_beside_the_rest(copied: Path) -> None:
+    done = build(copied)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("compiling") == 1
+    folder = Path(done.stdout.strip())
+    assert folder.is_relative_to(copied)
+    names = Counter(path.name.partition("-")[0] for path in folder.iterdir())
+    for name, (_, ways) in kernels().items():  # some are called by others too
+        assert names[name] >= len(ways)
+    assert not (copied / "user").exists()
+    again = build(copied)
+    assert (again.stdout, again.stderr) == (done.stdout, "")
+
+
+@jitted
+def test_a_process_that_ends_early_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ahead, "is_compiled", lambda *_: False)
+    monkeypatch.setattr(sys, "executable", shutil.which("false"))
+    with pytest.raises(OutputError, match=r"kernels were not compiled: see the lines above"):
+        warmup()

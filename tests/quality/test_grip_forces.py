@@ -1,18 +1,14 @@
-import itertools
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from scipy.spatial import ConvexHull
 
 from grasp3d import Contacts, epsilon, force_closure, grip_force
 from grasp3d.errors import ContactError
 from grasp3d.quality import Acceleration, Resistance, Weight, Wrenches
-from grasp3d.quality.wrenches import wrenches
 from grasp3d.system.context import running
 from tests.helpers import grasps
 from tests.helpers.cone_programs import ConeProgram
@@ -43,18 +39,10 @@ def wrenches_in_span(contacts: Contacts, seed: int) -> np.ndarray:
     return wrench_of(contacts, forces)
 
 
-def of_case(case: dict[str, Any]) -> Contacts:
-    torsion = case["torsion_per_normal_force"]
-    return Contacts(case["points"], case["inward_normals"], case["friction"], torsion)
-
-
-# References
-
-
 @pytest.mark.parametrize("bound", BOUNDS)
 def test_reference_wrenches(bound: Any) -> None:
     for case in grasps.reference("grip_force.json"):
-        contacts, known = of_case(case), case["force"][bound]
+        contacts, known = grasps.of_force_case(case), case["force"][bound]
         found = grip_force(contacts, case["wrench"], bound=bound, rtol=SHARP)
         if known is None:
             assert found.upper == math.inf
@@ -69,7 +57,7 @@ def test_reference_wrenches(bound: Any) -> None:
 def test_reference_directions_of_gravity(bound: Any) -> None:
     compared = 0
     for case in grasps.reference("grip_force.json"):
-        contacts, known = of_case(case), case["worst_gravity"][bound]
+        contacts, known = grasps.of_force_case(case), case["worst_gravity"][bound]
         found = grip_force(contacts, NEWTON, bound=bound, rtol=1e-10)
         if known["force"] is None if known else True:
             assert found.upper == math.inf
@@ -80,15 +68,12 @@ def test_reference_directions_of_gravity(bound: Any) -> None:
     assert compared > 30
 
 
-# Cone programs
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("bound", BOUNDS)
 @pytest.mark.parametrize("soft", [False, True])
-@pytest.mark.parametrize("count", [2, 3, 4, 5])
+@pytest.mark.parametrize("count", [2, 3, 5])
 def test_cone_programs_agree(count: int, soft: bool, bound: Any) -> None:
-    contacts = random_contacts(Shape(count, 8, soft=soft), 85, 7)
+    contacts = random_contacts(Shape(count, 8, soft=soft), 60, 7)
     wrenches = wrenches_in_span(contacts, 8)
     found = grip_force(contacts, wrenches, bound=bound, rtol=SHARP)
     check_proof(contacts, found, bound=bound)
@@ -101,24 +86,7 @@ def test_cone_programs_agree(count: int, soft: bool, bound: Any) -> None:
         assert np.isfinite(known) == np.isfinite(found.upper[g])
         if np.isfinite(known):
             assert found.upper[g] == pytest.approx(known, rel=2e-6)
-    assert solved > 60
-
-
-def test_no_direction_of_gravity_needs_more_than_the_worst() -> None:
-    contacts = closed_grasps(3, 12, 3, soft=True)
-    found = grip_force(contacts, NEWTON, rtol=1e-4)
-    rng = np.random.default_rng(0)
-    directions = rng.normal(size=(400, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    for g in range(len(contacts.points)):
-        one = grasps.one(contacts, g)
-        program = ConeProgram(one, "normal")
-        forces = [program.force(np.array([*d, 0.0, 0.0, 0.0])) for d in directions[:60]]
-        assert max(forces) <= found.upper[g] * (1.0 + 1e-6)
-        assert program.force(found.certificate.wrench[g]) >= found.lower[g] * (1.0 - 1e-6)
-
-
-# Two opposed fingers
+    assert solved > 45
 
 
 @given(st.floats(0.1, 2.0), st.floats(1e-3, 0.02), st.floats(0.0, 0.05), st.floats(0.0, 6.0))
@@ -136,21 +104,15 @@ def test_opposed_fingers_with_the_weight_beside_their_line(
     check_proof(contacts, found, rtol=RTOL)
 
 
-def test_the_makers_formula() -> None:
-    mass, friction = 0.5, 0.4
-    contacts = opposed(friction=friction)
-    weight = Weight(mass, direction=(0.0, 0.0, -1.0))
-    per_finger = grip_force(contacts, weight)
-    both = grip_force(contacts, weight, bound="total")
-    assert per_finger.value == pytest.approx(mass * GRAVITY / (2.0 * friction), rel=RTOL)
-    assert both.value == pytest.approx(mass * GRAVITY / friction, rel=RTOL)
-
-
 def test_opposed_fingers_in_any_direction() -> None:
-    # Along the line one finger bears the weight, besides the friction force of both.
-    friction = 0.5
-    found = grip_force(opposed(friction=friction), NEWTON, rtol=1e-5)
-    assert found.upper == pytest.approx(math.hypot(1.0, 1.0 / (2.0 * friction)), rel=1e-5)
+    """Along the line one finger bears the weight, besides the friction force of both."""
+    for width, torsion, offset in ((0.04, 0.004, 0.0), (1e-7, 1e-8, 0.0), (0.04, 0.0, 0.0)):
+        contacts = moved(opposed(width, friction=0.5, torsion=torsion), [offset, 0.0, 0.0])
+        found = grip_force(contacts, NEWTON, rtol=1e-5)
+        assert found.upper == pytest.approx(math.sqrt(2.0), rel=1e-5)
+    none = grip_force(opposed(), np.zeros(6))
+    assert none.lower == none.upper == 0.0
+    assert (none.certificate.forces == 0.0).all()
 
 
 def test_hard_fingers_resist_no_torque_about_their_line() -> None:
@@ -159,10 +121,10 @@ def test_hard_fingers_resist_no_torque_about_their_line() -> None:
     assert found.upper == found.lower == math.inf
     assert found.resistance == Resistance.NO_SUCH_WRENCH
     assert grip_force(contacts, NEWTON).resistance == Resistance.NO_SUCH_WRENCH
-    assert grip_force(opposed(torsion=0.0), NEWTON).upper == pytest.approx(math.sqrt(2.0), rel=2e-3)
-
-
-# Laws
+    # Without friction they only push.
+    smooth = opposed(friction=0.0, torsion=0.0)
+    assert grip_force(smooth, [0.0, 0.0, -1.0, 0.0, 0.0, 0.0]).upper == math.inf
+    assert grip_force(smooth, [3.0, 0.0, 0.0, 0.0, 0.0, 0.0]).upper == pytest.approx(3.0)
 
 
 @given(fingers, seeds, st.booleans(), bounds, st.floats(0.01, 100.0))
@@ -203,21 +165,22 @@ def test_more_friction_torsion_and_fingers_never_need_more(
         assert grip_force(better, wrench, bound=bound).lower <= enough
 
 
-@pytest.mark.parametrize(("bound", "actuation", "bounded"), [
-    ("normal", "per_finger", "normal"), ("norm", "per_finger", "force"),
-    ("total", "total", "normal"),
+@pytest.mark.parametrize(("bound", "actuation", "bounded", "points"), [
+    ("normal", "per_finger", "normal", 1), ("norm", "per_finger", "force", 1),
+    ("norm", "per_finger", "force", 4), ("total", "total", "normal", 1),
 ])  # fmt: skip
 def test_the_hardest_unit_wrench_needs_one_over_epsilon(
-    bound: Any, actuation: Any, bounded: Any
+    bound: Any, actuation: Any, bounded: Any, points: int
 ) -> None:
+    """Also where fingers touch at several points."""
     contacts = closed_grasps(4, 20, 1, soft=False)
+    if points > 1:
+        contacts = pads(3, 6)
+        contacts = contacts.take(np.flatnonzero(force_closure(contacts).closed)[:8])
     quality = epsilon(contacts, actuation=actuation, bounded=bounded)
     found = grip_force(contacts, -quality.certificate.direction, bound=bound)
-    assert (found.lower <= 1.0 / quality.lower).all()
-    assert (found.upper >= 1.0 / quality.upper).all()
-
-
-# Fingers that touch at several points
+    assert (found.lower <= 1.0 / quality.lower * (1.0 + 1e-9)).all()
+    assert (found.upper >= 1.0 / quality.upper * (1.0 - 1e-9)).all()
 
 
 def pads(count: int, seed: int) -> Contacts:
@@ -249,42 +212,6 @@ def test_points_of_a_finger_share_its_bound(count: int, bound: Any) -> None:
         assert found.upper[g] == pytest.approx(known, rel=2e-6)
 
 
-def test_epsilon_of_fingers_with_several_points() -> None:
-    """That of the Minkowski sum of the fingers' hulls, which a grip force measures too."""
-    contacts = pads(3, 6)
-    contacts = contacts.take(np.flatnonzero(force_closure(contacts).closed)[:8])
-    found = epsilon(contacts, actuation="per_finger")
-    force = grip_force(contacts, -found.certificate.direction, bound="norm")
-    assert (force.lower <= 1.0 / found.lower * (1.0 + 1e-9)).all()
-    assert (force.upper >= 1.0 / found.upper * (1.0 - 1e-9)).all()
-    alone = epsilon(replace(contacts, groups=None), actuation="per_finger")
-    assert (found.upper < alone.lower).all()
-
-    edges = epsilon(contacts, edges=3, actuation="per_finger")
-    for g in range(2):
-        rows = wrenches(grasps.one(contacts, g), edges=3).reshape(3, -1, 6)
-        sums = [sum(one) for one in itertools.product(*(np.vstack([f, np.zeros(6)]) for f in rows))]
-        known = -ConvexHull(np.array(sums)).equations[:, -1].max()
-        assert edges.value[g] == pytest.approx(known, rel=1e-6)
-
-
-@given(seeds, bounds)
-@few
-def test_the_order_and_the_number_of_a_fingers_points_do_not_matter(seed: int, bound: Any) -> None:
-    contacts = pads(3, seed).take(np.arange(4))
-    wrenches = wrenches_in_span(contacts, seed)
-    order = np.random.default_rng(seed).permutation([*range(12), 3, 3])
-    assert contacts.groups is not None
-    other = Contacts(
-        contacts.points[:, order], contacts.normals[:, order], contacts.friction[:, order],
-        groups=contacts.groups[order],
-    )  # fmt: skip
-    one, two = (grip_force(each, wrenches, bound=bound) for each in (contacts, other))
-    assert (one.finite == two.finite).all()
-    assert two.upper[two.finite] == pytest.approx(one.upper[one.finite], rel=3e-3)
-    check_proof(other, two, bound=bound, rtol=RTOL)
-
-
 @given(fingers, seeds, bounds)
 @few
 def test_tasks_with_corners_need_what_the_hardest_corner_needs(
@@ -299,9 +226,6 @@ def test_tasks_with_corners_need_what_the_hardest_corner_needs(
     # A curved border goes through the hull: small forces about the corners.
     rounded = Wrenches(corners) + Acceleration(acceleration=1e-9)
     assert grip_force(contacts, rounded, bound=bound).upper == pytest.approx(max(each), rel=3e-3)
-
-
-# Degenerate contacts
 
 
 def test_fingers_below_carry_weight_without_force_closure() -> None:
@@ -323,20 +247,6 @@ def test_fingers_below_carry_weight_without_force_closure() -> None:
     assert grip_force(contacts, steep).upper == math.inf
 
 
-@pytest.mark.parametrize("name", list(grasps.REGULAR_SHAPES))
-@pytest.mark.parametrize("noise", [0.0, 1e-14, 1e-9, 1e-4])
-def test_regular_grasps(name: str, noise: float) -> None:
-    contacts = grasps.regular_on_ball(name, torsion_radius=0.2)
-    rng = np.random.default_rng(0)
-    points = contacts.points + noise * rng.normal(size=contacts.points.shape)
-    nearly = Contacts(points, contacts.normals, contacts.friction, contacts.torsion_radius)
-    found = grip_force(nearly, NEWTON)
-    assert found.upper - found.lower <= 1.01e-3 * found.upper
-    exact = grip_force(contacts, NEWTON).upper
-    assert found.upper == pytest.approx(exact, rel=2e-3 + 10.0 * noise)
-    check_proof(nearly, found, NEWTON, rtol=RTOL)
-
-
 def test_contacts_at_one_point_and_on_a_line() -> None:
     together = Contacts([[0.0, 0.0, 1.0]] * 3, [[0, 0, -1], [0, 1, 0], [1, 0, 0]], 0.5)
     found = grip_force(together, [0.0, 0.0, 1.0, 0.0, 0.0, 0.5])
@@ -344,25 +254,6 @@ def test_contacts_at_one_point_and_on_a_line() -> None:
     on_line = grip_force(grasps.LINE, [0.0, -0.1, 0.0, 0.0, 0.0, 0.0])
     assert on_line.finite
     check_proof(grasps.LINE, on_line)
-
-
-def test_no_wrench_needs_no_force() -> None:
-    found = grip_force(opposed(), np.zeros(6))
-    assert found.lower == found.upper == 0.0
-    assert (found.certificate.forces == 0.0).all()
-
-
-def test_fingers_without_friction_only_push() -> None:
-    contacts = opposed(friction=0.0, torsion=0.0)
-    assert grip_force(contacts, [0.0, 0.0, -1.0, 0.0, 0.0, 0.0]).upper == math.inf
-    assert grip_force(contacts, [3.0, 0.0, 0.0, 0.0, 0.0, 0.0]).upper == pytest.approx(3.0)
-
-
-def test_far_contacts_and_small_ones_give_the_same_proofs() -> None:
-    contacts = moved(opposed(), [1e3, 2e3, 0.0])
-    assert grip_force(contacts, NEWTON).upper > 1e4
-    tiny = opposed(width=1e-7, torsion=1e-8)
-    assert grip_force(tiny, NEWTON).upper == pytest.approx(math.sqrt(2.0), rel=2e-3)
 
 
 def test_batches_and_masses() -> None:
@@ -376,9 +267,6 @@ def test_batches_and_masses() -> None:
     assert two == pytest.approx(one, rel=0.0)
     shaped = contacts.take(np.arange(4)).reshape((2, 2))
     assert grip_force(shaped, Weight()).certificate.forces.shape == (2, 2, 3, 4)
-
-
-# Bad input
 
 
 @pytest.mark.parametrize("wrench", [[1.0, 2.0], [math.nan] * 6, "weight", [[1.0] * 6] * 3])

@@ -1,5 +1,4 @@
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -7,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import Contacts
-from grasp3d.contact.contacts import cone_edges, tangents
+from grasp3d.contact.contacts import cone_edges
 from grasp3d.errors import SettingError
-from grasp3d.quality.wrenches import cone_parts, span, wrench_axes, wrenches
+from grasp3d.quality.wrenches import cone_parts, span, wrenches
 from tests.helpers import grasps
 
 seeds = st.integers(0, 100_000)
@@ -26,18 +25,6 @@ def test_a_wrench_is_the_force_and_its_torque_divided_by_the_torque_scale(
     torques = np.cross(contacts.points[:, None], forces) / torque_scale
     expected = np.concatenate([forces, torques], axis=-1).reshape(-1, 6)
     np.testing.assert_allclose(rows, expected, atol=1e-13 * max(1.0, 1.0 / torque_scale))
-
-
-@given(seeds, st.floats(1e-9, 1e9))
-@settings(max_examples=50, deadline=None)
-def test_the_mesh_unit_and_the_torque_scale_cancel(seed: int, unit: float) -> None:
-    contacts = grasps.random_grasp(2, seed, soft=True)
-    scaled = grasps.changed(
-        contacts, points=unit * contacts.points, torsion_radius=unit * contacts.torsion_radius
-    )
-    np.testing.assert_allclose(
-        wrenches(scaled, torque_scale=unit), wrenches(contacts), rtol=1e-12, atol=1e-14
-    )
 
 
 @given(seeds)
@@ -70,51 +57,17 @@ def test_soft_fingers_add_torsion_in_both_senses() -> None:
     np.testing.assert_allclose(rows[5], [0, 0, 1, 0, 0, -0.15])
     hard = wrenches(grasps.changed(contacts, torsion_radius=0.0), edges=4, torque_scale=2.0)
     np.testing.assert_array_equal(rows[:4], hard)
-
-
-def test_one_soft_finger_gives_all_contacts_the_same_number_of_rows() -> None:
-    contacts = Contacts(grasps.PAIR, -grasps.PAIR, 0.5, [0.1, 0.0])
-    rows = wrenches(contacts, edges=5).reshape(2, 7, 6)
-    np.testing.assert_array_equal(rows[1, 5], rows[1, 6])
-
-
-def test_a_batch_equals_its_grasps_one_by_one() -> None:
-    many = grasps.stacked([grasps.random_grasp(3, seed) for seed in range(6)])
-    rows = wrenches(many, edges=8)
-    assert rows.shape == (6, 24, 6)
-    for i in range(6):
-        np.testing.assert_array_equal(rows[i], wrenches(grasps.one(many, i), edges=8))
-
-
-def test_axes_are_along_the_normal_and_the_tangents_of_friction_cones() -> None:
-    rng = np.random.default_rng(0)
-    normals = rng.normal(size=(200, 3))
-    normals[:20, 1:] *= 0.1
-    normals[20:26] = np.concatenate([np.eye(3), -np.eye(3)])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    points, radii = rng.normal(size=(200, 3)), rng.uniform(size=200)
-    axes = wrench_axes(points, normals, radii, 0.7)
-    forces = np.stack([normals, *tangents(normals)], axis=1)
-    np.testing.assert_allclose(axes[:, :3, :3], forces, atol=1e-15)
-    torques = np.cross(points[:, None], forces) / 0.7
-    np.testing.assert_allclose(axes[:, :3, 3:], torques, atol=1e-14)
-    np.testing.assert_allclose(axes[:, 3, 3:], radii[:, None] * normals / 0.7, atol=1e-15)
-    assert (axes[:, 3, :3] == 0.0).all()
-    np.testing.assert_array_equal(
-        wrench_axes(points.reshape(4, 50, 3), normals.reshape(4, 50, 3), radii.reshape(4, 50), 0.7),
-        axes.reshape(4, 50, 4, 6),
-    )
-
-
-def at_one_point(normals: Any) -> Contacts:
-    return Contacts([[1.0, 2.0, 3.0]] * len(normals), normals, 0.5)
+    # A hard finger beside a soft one has as many rows.
+    mixed = Contacts(grasps.PAIR, -grasps.PAIR, 0.5, [0.1, 0.0])
+    of_hard = wrenches(mixed, edges=5).reshape(2, 7, 6)[1]
+    np.testing.assert_array_equal(of_hard[5], of_hard[6])
 
 
 TWO_SOFT = Contacts(grasps.PAIR, -grasps.PAIR, 0.5, 0.1)
 RANKS = {
-    "one contact": (at_one_point([[0, 0, 1]]), 3),
+    "one contact": (Contacts([[1.0, 2.0, 3.0]], [[0, 0, 1]]), 3),
     "one soft contact": (Contacts([[1.0, 2.0, 3.0]], [[0, 0, 1]], 0.5, 0.1), 4),
-    "all at one point": (at_one_point([[0, 0, 1], [0, 1, 0], [1, 1, 1]]), 3),
+    "all at one point": (Contacts([[1.0, 2.0, 3.0]] * 3, [[0, 0, 1], [0, 1, 0], [1, 1, 1]]), 3),
     "two hard": (grasps.random_grasp(2, 0), 5),
     "two hard, antipodal": (grasps.regular_on_ball("pair"), 5),
     "three on a line": (grasps.LINE, 5),
@@ -127,9 +80,10 @@ RANKS = {
 }
 
 
-@pytest.mark.parametrize("unit", [1e-9, 1e-3, 1.0, 1e3, 1e9])
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
 @pytest.mark.parametrize("name", RANKS)
 def test_ranks_of_known_grasps(name: str, unit: float) -> None:
+    """Rounding errors add none."""
     contacts, rank = RANKS[name]
     scaled = grasps.changed(
         contacts, points=unit * contacts.points, torsion_radius=unit * contacts.torsion_radius
@@ -138,17 +92,9 @@ def test_ranks_of_known_grasps(name: str, unit: float) -> None:
         basis = span(wrenches(scaled, torque_scale=torque_scale))
         assert len(basis) == rank
         np.testing.assert_allclose(basis @ basis.T, np.eye(rank), atol=1e-12)
-
-
-@pytest.mark.parametrize("noise", [1e-16, 1e-14])
-@pytest.mark.parametrize("name", RANKS)
-def test_rounding_errors_do_not_add_rank(name: str, noise: float) -> None:
-    contacts, rank = RANKS[name]
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        rows = wrenches(contacts)
-        rows = rows + noise * rng.normal(size=rows.shape)
-        assert len(span(rows)) == rank
+    rows, rng = wrenches(contacts), np.random.default_rng(0)
+    for noise in [1e-16, 1e-14] * 5:
+        assert len(span(rows + noise * rng.normal(size=rows.shape))) == rank
 
 
 @given(seeds, st.integers(1, 6))

@@ -9,10 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import Contacts, Label, classify, critical_friction_angle, force_closure
-from grasp3d.errors import SettingError
-from grasp3d.quality.wrenches import EpsilonOptions
 from tests.helpers import grasps, oracles
-from tests.helpers.grasps import with_options
 from tests.helpers.random_grasps import random_grasps
 from tests.helpers.tilts import (
     all_combinations,
@@ -30,9 +27,6 @@ degrees = math.radians
 NEAR = 1e-3
 RIGHT = math.pi / 2.0
 
-seeds = st.integers(0, 100_000)
-few = settings(max_examples=20, deadline=None)
-
 
 def pair(off: float, other: float = 0.0, friction: float = 0.5) -> Contacts:
     """Two fingers on the x-axis whose normals make given angles with it."""
@@ -40,11 +34,8 @@ def pair(off: float, other: float = 0.0, friction: float = 0.5) -> Contacts:
     return Contacts([[-1, 0, 0], [1, 0, 0]], normals, friction)
 
 
-# No tilt contradicts an S or a U, and each M has tilts that contradict both
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("fingers", [2, 3, 4, 5])
+@pytest.mark.parametrize("fingers", [2, 3, 5])
 def test_no_tilt_contradicts_an_s_or_a_u(fingers: int) -> None:
     contacts, resolution = mixed(fingers, 150, 1)
     label = np.asarray(classify(contacts, resolution).label)
@@ -73,23 +64,6 @@ def test_every_m_has_an_open_and_a_force_closed_tilt(fingers: int) -> None:
     closing = np.where(known[:, None, None], best, contacts.normals)
     assert (angles(contacts.normals, closing) <= tilt + 1e-9).all()
     assert force_closure(with_normals(contacts, closing)).closed[ambiguous & known].all()
-
-
-@given(st.integers(2, 4), seeds)
-@few
-def test_a_finer_sensor_never_makes_a_label_ambiguous(fingers: int, seed: int) -> None:
-    contacts, resolution = mixed(fingers, 20, seed)
-    coarse = classify(contacts, resolution).label
-    fine = classify(contacts, 0.7 * resolution).label
-    assert (fine[coarse == Label.S] == Label.S).all()
-    assert (fine[coarse == Label.U] == Label.U).all()
-    perfect = classify(contacts, 0.0)
-    assert not (perfect.label == Label.M).any()
-    closed = force_closure(contacts).closed
-    np.testing.assert_array_equal(perfect.label == Label.S, closed)
-
-
-# The thresholds on the critical friction angle
 
 
 @pytest.mark.parametrize("fingers", [2, 3, 4, 5])
@@ -134,79 +108,16 @@ def test_two_fingers_have_a_closed_form(
         assert classify(contacts, 2.0 * tilt).label == expected
 
 
-# Uncertain friction
-
-
-def test_an_interval_of_friction_on_creases() -> None:
-    crease = {0: [[1, -0.1, 0], [1, 0.1, 0]]}
-    required = math.atan(0.1)
-    for low, high, label in (
-        (required + 0.11, 1.0, Label.S),
-        (required + 0.09, 1.0, Label.M),
-        (0.01, 0.02, Label.M),
-    ):
-        interval = (math.tan(low), math.tan(high))
-        contacts = grasps.at_angle(pair(0.0), 0.5 * (low + high))
-        found = classify(contacts, 0.2, creases=crease, friction_interval=interval)
-        assert found.label == label
-    other_crease = {0: [[1, 0.5, 0], [1, 0.6, 0]]}
-    smallest = math.atan(0.5)
-    for high, label in ((smallest - 0.11, Label.U), (smallest - 0.09, Label.M)):
-        interval = (0.01, math.tan(high))
-        contacts = grasps.at_angle(pair(0.0), high)
-        found = classify(contacts, 0.2, creases=other_crease, friction_interval=interval)
-        assert found.label == label
-
-
-# Tilts that exceed friction
-
-
-@pytest.mark.parametrize("actuation", ["total", "per_finger"])
-def test_a_finger_whose_tilts_exceed_friction_prevents_an_s(actuation: Any) -> None:
+def test_a_finger_whose_tilts_exceed_friction_prevents_an_s() -> None:
     """Three fingers that are S alone, and one whose tilts exceed its friction."""
     triangle = grasps.regular_on_ball("triangle", friction=0.8)
     assert classify(triangle, 0.4).label == Label.S
     points, normals = np.vstack([triangle.points, [0, 0, 1]]), [*triangle.normals, [0, 0, -1]]
     four = Contacts(points, normals, [0.8, 0.8, 0.8, 0.1])
     for alpha, label in ((0.19, Label.S), (0.5, Label.M), (3.0, Label.M)):
-        found = classify(four, [0.4, 0.4, 0.4, alpha], options=EpsilonOptions(actuation=actuation))
+        found = classify(four, [0.4, 0.4, 0.4, alpha])
         assert found.label == label
         assert (found.epsilon_min > 0.0) == (label == Label.S)
-
-
-@pytest.mark.parametrize("seed", [0, 2])
-def test_form_closure_claims_no_s_from_twice_the_friction_angle_on(seed: int) -> None:
-    contacts = grasps.changed(grasps.frictionless_grasp(seed), friction=0.02)
-    assert critical_friction_angle(contacts) == 0.0
-    beta = math.atan(0.02)
-    assert classify(contacts, 1.9 * beta).label == Label.S
-    for alpha in (2.0 * beta, 2.1 * beta):
-        assert classify(contacts, alpha).label == Label.M
-
-
-def test_two_reliable_fingers_of_three_have_a_lower_rank() -> None:
-    """Only the third, whose tilts exceed friction, resists a torque about their line."""
-    contacts = Contacts(
-        [[-1, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [-1, 0, 0], [0, -1, 0]], [0.5, 0.5, 0.1]
-    )
-    found = classify(contacts, [0.1, 0.1, 0.5])
-    assert found.label == Label.M
-
-
-@pytest.mark.parametrize("name", ["pair", "triangle", "tetrahedron", "octahedron"])
-def test_few_contacts_are_ambiguous_from_twice_the_friction_angle_on(name: str) -> None:
-    contacts = grasps.regular_on_ball(name)
-    for method in ("exact", "extremes"):
-        options: dict[str, Any] = {"method": method, "extreme_normals": 4}
-        if name == "octahedron" and method == "extremes":
-            options["extreme_normals"] = 3
-        for fraction, label in ((0.99, Label.S), (1.0, Label.M), (1.01, Label.M)):
-            found = classify(contacts, 2.0 * fraction * math.atan(0.5), **with_options(**options))
-            if method == "exact" or fraction >= 1.0 or name == "pair":
-                assert found.label == label, (method, fraction)
-
-
-# From 90 degrees on
 
 
 def test_three_fingers_on_one_face_can_be_closed_by_tilting_inward() -> None:
@@ -236,13 +147,8 @@ def test_three_fingers_are_never_u_from_90_degrees_on(fingers: int) -> None:
     friction, resolution = np.full(fingers, 0.05), np.full(fingers, 0.01)
     friction[-1], resolution[-1] = 10.0, 0.3
     one_rough = grasps.changed(rough, friction=friction)
-    twice = np.stack([parallel[:, 0]] * 2, axis=1)
-    for creases in (None, {0: twice}):
-        assert (classify(one_rough, resolution, creases=creases).label == Label.M).all()
+    assert (classify(one_rough, resolution).label == Label.M).all()
     assert (classify(one_rough, 0.01).label == Label.U).all()
-
-
-# Contacts at one point, and single contacts
 
 
 def test_two_contacts_at_one_point_push_along_any_line() -> None:
@@ -255,55 +161,25 @@ def test_two_contacts_at_one_point_push_along_any_line() -> None:
             stable = angle < safe - alpha
             expected = Label.S if stable else Label.M if angle < safe + alpha else Label.U
             assert found.label == expected, (angle, alpha)
-        rng = np.random.default_rng(0)
-        for alpha in (0.3, 1.1):  # the second tilt exceeds the first friction angle
-            found = classify(contacts, alpha)
-            tilted = np.stack([random_tilts(contacts.normals, alpha / 2.0, rng) for _ in range(60)])
-            closed = force_closure(with_normals(contacts, tilted)).closed
-            assert found.label != Label.S or closed.all()
-            assert found.label != Label.U or not closed.any()
 
 
 @pytest.mark.parametrize("method", ["exact", "extremes"])
-def test_three_contacts_at_one_point(method: Any) -> None:
-    azimuths = np.arange(3) * 2.0 * math.pi / 3.0
-    normals = np.stack([np.cos(azimuths), np.sin(azimuths), np.zeros(3)], axis=-1)
-    coincident = Contacts(np.ones((3, 3)), normals, 0.5)
-    options: dict[str, Any] = {"method": method, "extreme_normals": 6}
-    assert classify(coincident, 0.1, **with_options(**options)).label == Label.S
-    upward = grasps.changed(coincident, normals=np.array([0.0, 0, 1]) + 0.1 * normals)
-    assert classify(upward, 0.1, **with_options(**options)).label == Label.U
-
-
-@pytest.mark.parametrize("method", ["exact", "extremes"])
-@pytest.mark.parametrize("creases", [None, {0: [[-1, 0, 0], [0, -1, 0]]}])
-def test_one_contact_is_always_u(method: Any, creases: Any) -> None:
+def test_one_contact_is_always_u(method: Any) -> None:
     contacts = Contacts([[1, 0, 0]], [[-1, 0, 0]], 1.0)
-    for alpha in (0.0, 0.5, 2.0, 3.0):
-        assert classify(contacts, alpha, method=method, creases=creases).label == Label.U
+    for alpha in (0.0, 0.5, 3.0):
+        for creases in (None, {0: [[-1, 0, 0], [0, -1, 0]]}):
+            assert classify(contacts, alpha, method=method, creases=creases).label == Label.U
 
 
-def test_collinear_contacts_are_classified_in_five_dimensions() -> None:
-    line = grasps.changed(grasps.LINE, normals=[[1, 0, 0], [1, 0.1, 0], [-1, 0, 0]])
-    assert classify(line, 0.1).label == Label.S
-    assert classify(line, 2.0).label == Label.M
-
-
-@pytest.mark.parametrize("fingers", [2, 3, 9])
-def test_torsion_does_not_affect_labels(fingers: int) -> None:
-    contacts, resolution = random_grasps(fingers, 150, 7)
-    soft = grasps.changed(contacts, torsion_radius=0.4)
-    hard_found, soft_found = classify(contacts, resolution), classify(soft, resolution)
-    np.testing.assert_array_equal(soft_found.label, hard_found.label)
-    if fingers < 4:
-        options: dict[str, Any] = {"method": "extremes", "extreme_normals": 4}
-        hard = classify(contacts, resolution, **with_options(**options))
-        np.testing.assert_array_equal(
-            classify(soft, resolution, **with_options(**options)).label, hard.label
-        )
-
-
-# Creases
+@pytest.mark.parametrize("method", ["exact", "extremes"])
+@pytest.mark.parametrize("fingers", [2, 3])
+def test_torsion_does_not_affect_labels(fingers: int, method: Any) -> None:
+    contacts, resolution = random_grasps(fingers, 100, 7)
+    hard, soft = (
+        classify(one, resolution, method=method, extreme_normals=4).label
+        for one in (contacts, grasps.changed(contacts, torsion_radius=0.4))
+    )
+    np.testing.assert_array_equal(soft, hard)
 
 
 def crease_about(normals: np.ndarray, corners: int, seed: int) -> np.ndarray:
@@ -343,13 +219,13 @@ def test_two_fingers_on_creases_follow_the_angles_of_their_sets(corners: int) ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("fingers", "corners"), [(2, 2), (2, 4), (3, 2)])
+@pytest.mark.parametrize(("fingers", "corners"), [(2, 4), (3, 2)])
 def test_no_normal_of_the_sets_contradicts_an_s_or_a_u(fingers: int, corners: int) -> None:
     size = 60 if fingers == 2 else 40
     contacts, resolution = mixed(fingers, size, 9)
     tilt = 0.2 * resolution
     sets = {i: crease_about(contacts.normals[:, i], corners, i) for i in range(fingers - 1)}
-    found = classify(contacts, 2.0 * tilt, creases=sets, options=EpsilonOptions())
+    found = classify(contacts, 2.0 * tilt, creases=sets)
     assert set(found.label) == {0, 1, 2}
     rng = np.random.default_rng(0)
     for _ in range(100):
@@ -360,25 +236,9 @@ def test_no_normal_of_the_sets_contradicts_an_s_or_a_u(fingers: int, corners: in
         closed = force_closure(tilted).closed
         assert closed[found.label == Label.S].all()
         assert not closed[found.label == Label.U].any()
-    sampled = classify(
-        contacts,
-        2.0 * tilt,
-        creases=sets,
-        method="extremes",
-        extreme_normals=4,
-        options=EpsilonOptions(),
-    )
+    sampled = classify(contacts, 2.0 * tilt, creases=sets, method="extremes", extreme_normals=4)
     decided = found.label != Label.M
     np.testing.assert_array_equal(sampled.label[decided], found.label[decided])
-
-
-@pytest.mark.parametrize("fingers", [2, 3])
-def test_a_crease_of_two_equal_normals_is_smooth(fingers: int) -> None:
-    contacts, resolution = random_grasps(fingers, 60, 10)
-    faces = np.stack([contacts.normals[:, 0]] * 2, axis=1)
-    smooth = classify(contacts, resolution)
-    found = classify(contacts, resolution, creases={0: faces})
-    np.testing.assert_array_equal(found.label, smooth.label)
 
 
 EDGE = np.array([[-0.4554, 0.8075, 0.3750], [-0.9670, -0.0427, 0.2510]])
@@ -446,29 +306,14 @@ def test_two_contacts_at_one_point_on_a_crease() -> None:
     assert classify(grasps.at_angle(apart, 0.6), 0.1, creases={0: faces}).label == Label.U
 
 
-# Rings
-
-
 def test_a_normal_between_rim_and_centre_may_be_force_closed() -> None:
     """A friction angle of 5.7 degrees, tilts of 20, a normal tilted by 10."""
-    for azimuth in (0.0, degrees(22.5), 1.0):
-        rotation = np.array(
-            [
-                [1, 0, 0],
-                [0, math.cos(azimuth), -math.sin(azimuth)],
-                [0, math.sin(azimuth), math.cos(azimuth)],
-            ]
-        )
-        plain = pair(degrees(10.0), friction=math.tan(degrees(5.7)))
-        contacts = grasps.changed(plain, normals=plain.normals @ rotation.T)
-        assert classify(contacts, degrees(40.0)).label == Label.M
-        assert classify(contacts, degrees(40.0), method="extremes").label == Label.M
+    contacts = pair(degrees(10.0), friction=math.tan(degrees(5.7)))
+    for method in ("exact", "extremes"):
+        assert classify(contacts, degrees(40.0), method=method).label == Label.M  # type: ignore[arg-type]
 
 
-# Extreme settings
-
-
-@pytest.mark.parametrize("friction", [1e-6, 1e-3, 0.5, 10.0, 1e6])
+@pytest.mark.parametrize("friction", [1e-6, 0.5, 10.0, 1e6])
 def test_perfect_sensors_leave_no_ambiguity(friction: float) -> None:
     beta = math.atan(friction)
     for fraction, label in ((0.9, Label.S), (1.1, Label.U)):
@@ -480,7 +325,7 @@ def test_perfect_sensors_leave_no_ambiguity(friction: float) -> None:
         assert sampled.label == label
 
 
-@pytest.mark.parametrize("friction", [1e-6, 1e-3, 0.5, 10.0])
+@pytest.mark.parametrize("friction", [1e-6, 0.5, 10.0])
 def test_labels_exactly_at_twice_the_friction_angle(friction: float) -> None:
     beta = math.atan(friction)
     for fingers in (2, 3, 4):
@@ -492,10 +337,3 @@ def test_labels_exactly_at_twice_the_friction_angle(friction: float) -> None:
         assert classify(aligned, 2.0 * beta, method=method).label == Label.M
         if method == "exact" or friction > 1e-4:  # what hulls leave undecided is M
             assert classify(aligned, below * beta, method=method).label == Label.S
-
-
-def test_tiny_friction_needs_the_exact_method() -> None:
-    contacts = pair(0.0, friction=1e-6)
-    assert classify(contacts, 0.4).label == Label.M
-    with pytest.raises(SettingError, match=r"narrow against the sensor's resolution.*'exact'"):
-        classify(contacts, 0.4, method="extremes")

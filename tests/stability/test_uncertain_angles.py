@@ -91,12 +91,17 @@ def toward(vectors: Floats, goals: Floats, angle: Floats) -> Floats:
 class TestTwoContacts:
     @pytest.mark.slow
     def test_no_perturbation_contradicts_a_label(self) -> None:
-        """10^5 grasps, 60 random and adversarial perturbations each."""
-        case, rng = random_pairs(100_000, 1), np.random.default_rng(2)
+        """Random and adversarial perturbations; the margin is above 0 exactly where it is S."""
+        case, rng = random_pairs(30_000, 1), np.random.default_rng(2)
         label, tilt = case.label(), case.tilt
-        assert min(np.bincount(label)) > 500
+        assert min(np.bincount(label)) > 150
+        found = classify(
+            case.contacts, 2.0 * tilt, friction_interval=(case.low, case.high),
+            location_error=case.location,
+        )  # fmt: skip
+        assert ((found.margin > 0.0) == (found.label == Label.S)).all()
         stable, unstable = label == Label.S, label == Label.U
-        for number in range(60):
+        for number in range(40):
             points = shifted(case, rng, rim=number % 3 > 0)
             line = points[:, 1] - points[:, 0]
             lines = np.stack([line, -line], axis=1)
@@ -109,50 +114,6 @@ class TestTwoContacts:
                 assert held[stable].all()
                 assert not held[unstable].any()
 
-    def test_witnesses_attain_the_limit_of_s(self) -> None:
-        """Slightly less friction than that limit fails on some line, slightly more does not."""
-        case = random_pairs(3000, 3)
-        alike = case.contacts.with_friction(1.0)
-        found = classify(alike, 0.0, location_error=case.location)
-        worst = 0.25 * math.pi - found.margin
-        usable = (found.critical_friction_angle < 0.5 * math.pi - 0.3) & (worst < 1.5)
-        assert usable.sum() > 500
-        assert not self._held_at(case, worst - 1e-6)[usable].any()
-        assert self._held_at(case, worst + 1e-6)[usable].all()
-
-    @staticmethod
-    def _held_at(case: Case, angle: Floats) -> NDArray[np.bool_]:
-        """Whether grasps hold at a friction angle, the line turned away from the worse normal."""
-        points, normals = case.contacts.points, case.contacts.normals
-        line = points[:, 1] - points[:, 0]
-        opening = np.linalg.norm(line, axis=1)
-        line = line / opening[:, None]
-        off = angles(normals, np.stack([line, -line], axis=1))
-        squeeze = off.max(axis=1) <= (math.pi - off).max(axis=1)
-        which = np.where(squeeze[:, None], off, math.pi - off).argmax(axis=1)
-        sign = np.where(squeeze, 1.0, -1.0) * np.where(which == 0, 1.0, -1.0)
-        normal = np.take_along_axis(normals, which[:, None, None], 1)[:, 0]
-        normal = normal * sign[:, None]  # the line along which that finger pushes is near it
-        total = case.location.sum(axis=1)
-        eta = np.arcsin(np.minimum(total / opening, 1.0))
-        turned = toward(line, normal, -eta)
-        # Contacts move across the turned line: it is tangent to both balls.
-        across = turned - (turned * line).sum(axis=1, keepdims=True) * line
-        across -= (across * turned).sum(axis=1, keepdims=True) * turned
-        across = unit_rows(across)
-        part = (case.location / np.maximum(total, 1e-300)[:, None])[..., None]
-        move = np.stack([-across, across], axis=1) * part * total[:, None, None]
-        friction = np.tan(np.clip(angle, 1e-9, 1.57))[:, None] * np.ones(2)
-        return holds(points + move, normals, friction)
-
-    def test_zero_errors_change_no_label(self) -> None:
-        case = random_pairs(5000, 5)
-        plain = classify(case.contacts, case.tilt)
-        zero = classify(case.contacts, case.tilt, location_error=0.0)
-        tiny = classify(case.contacts, case.tilt, location_error=1e-300)
-        assert (zero.label == plain.label).all()
-        assert (tiny.label == plain.label).all()
-
     @pytest.mark.parametrize("name", ["location", "tilt", "friction"])
     def test_less_knowledge_never_helps(self, name: str) -> None:
         """A larger error turns S and U into M, and never back."""
@@ -164,23 +125,13 @@ class TestTwoContacts:
             if name == "friction":
                 low, high = middle + scale * (low - middle), middle + scale * (high - middle)
             changed = case._replace(
-                low=low,
-                high=high,
-                tilt=case.tilt * (scale if name == "tilt" else 1.0),
+                low=low, high=high, tilt=case.tilt * (scale if name == "tilt" else 1.0),
                 location=case.location * (scale if name == "location" else 1.0),
-            )
+            )  # fmt: skip
             labels.append(changed.label())
         for before, after in pairwise(labels):
             assert ((after == before) | (after == Label.M)).all()
         assert (labels[0] != labels[-1]).any()
-
-    def test_margin_is_positive_exactly_where_a_grasp_is_stable(self) -> None:
-        case = random_pairs(5000, 7)
-        found = classify(
-            case.contacts, case.tilt, friction_interval=(case.low, case.high),
-            location_error=case.location,
-        )  # fmt: skip
-        assert ((found.margin > 0.0) == (found.label == Label.S)).all()
 
     def test_margin_of_opposed_fingers(self) -> None:
         """Two fingers 80 mm apart: beta - alpha/2 - asin(2 d / 80 mm)."""
@@ -196,17 +147,6 @@ class TestTwoContacts:
         together = Contacts([[0.0, 0.0, 0.0]] * 2, [[1, 0, 0], [-1, 0, 0]], 5.0)
         assert classify(together, 0.0, location_error=0.1).label == Label.M
 
-    def test_a_crease_counts_with_all_its_normals(self) -> None:
-        """A finger on a 90 degree edge, as at the square's corner: S needs much friction."""
-        contacts = Contacts([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[1, 0, 0], [-1, 0, 0]], 1.2)
-        edge = {0: [[1.0, 1.0, 0.0], [1.0, -1.0, 0.0]]}
-        known = classify(contacts, 0.0, creases=edge)
-        unsure = classify(contacts, 0.0, creases=edge, location_error=0.1)
-        assert known.label == Label.S
-        assert unsure.label == Label.M
-        expected = math.atan(1.2) - math.radians(45.0) - math.asin(0.1)
-        assert float(unsure.margin) == pytest.approx(expected, abs=1e-12)
-
 
 class TestMoreContacts:
     @staticmethod
@@ -221,7 +161,7 @@ class TestMoreContacts:
         return Contacts(points, normals, friction), rng.uniform(0.0, 0.08, size=(count, fingers))
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("fingers", [3, 4, 5])
+    @pytest.mark.parametrize("fingers", [3, 5])
     def test_no_perturbation_contradicts_a_label(self, fingers: int) -> None:
         contacts, location = self._random(1200, fingers, fingers)
         rng = np.random.default_rng(10)
@@ -245,27 +185,6 @@ class TestMoreContacts:
                 points = contacts.points - side * location[..., None] * push
             tried = Contacts(points[stable], normals[stable], contacts.friction[stable])
             assert force_closure(tried).closed.all()
-
-    @pytest.mark.slow
-    def test_less_knowledge_never_helps(self) -> None:
-        contacts, location = self._random(300, 4, 20)
-        before = classify(contacts, 0.1).label
-        for scale in (0.5, 1.0):
-            after = classify(contacts, 0.1, location_error=scale * location).label
-            assert ((after == before) | (after == Label.M)).all()
-            before = after
-
-    def test_fingers_that_differ_are_exact_without_location_errors(self) -> None:
-        """Bounds of critical angles decide as the closure tests of `classify` do."""
-        contacts, _ = self._random(200, 3, 21)
-        tilt = np.array([0.02, 0.1, 0.2])
-        expected = classify(contacts, 2.0 * tilt)
-        narrowest = contacts.friction_angle - tilt
-        margin = expected.margin
-        assert (np.sign(margin[np.abs(margin) > 2e-3]) > 0).tolist() == (
-            expected.label[np.abs(margin) > 2e-3] == Label.S
-        ).tolist()
-        assert narrowest.min() > 0.0
 
     @pytest.mark.slow
     @pytest.mark.parametrize("fingers", [3, 4])
@@ -296,16 +215,6 @@ class TestMoreContacts:
         expected = ([Label.S] * len(tolerant), [Label.M] * len(tolerant))
         for length, label in zip(error, expected, strict=True):
             assert classify(grasps, 0.0, location_error=length[:, None]).label.tolist() == label
-
-    def test_angles_do_not_depend_on_position_and_unit(self) -> None:
-        contacts, location = self._random(40, 4, 23)
-        sets = NormalSets.of_contacts(contacts, {})
-        worst, best = uncertain_angles(contacts.points, sets, location=location)
-        moved = 50.0 * contacts.points + [3.0, -20.0, 1.0]
-        again, _ = uncertain_angles(moved, sets, location=50.0 * location)
-        assert again == pytest.approx(worst, abs=2e-4)
-        assert (worst < 1.5).mean() > 0.3
-        assert (best == 0.0).all()
 
     def test_a_crease_is_a_cap_of_the_cones(self) -> None:
         """With a location error as well: cones that are narrower by half of the crease's angle."""

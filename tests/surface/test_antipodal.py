@@ -8,18 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import ObjectMesh, Sampling, load_mesh
-from grasp3d._kernels.search.antipodal_candidates import FOUND, OPENING, TIE, PairLimits
-from grasp3d._kernels.search.face_contacts import (
-    NONE,
-    PairDomain,
-    cosine_at,
-    own_cosine,
-    upper_bound,
-)
+from grasp3d._kernels.search.antipodal_candidates import TIE, PairLimits
+from grasp3d._kernels.search.face_contacts import NONE, PairDomain, cosine_at, upper_bound
 from grasp3d.settings.sampling import Grip
 from grasp3d.surface import antipodal
 from grasp3d.surface.antipodal import best_pairs
-from grasp3d.surface.candidate_points import tangents
 from grasp3d.surface.contacts import grasps_at
 from grasp3d.system.context import running
 from tests.helpers import oracles, shapes
@@ -49,10 +42,10 @@ def exhaustive(mesh: ObjectMesh, vertex: int, cone: float, smallest: float) -> f
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", [0.0, 0.3])
 @pytest.mark.parametrize(
-    "shape",
-    [shapes.lopsided(), shapes.torus(), shapes.cone(0.3, sections=48), shapes.finned()],
+    ("shape", "part"),
+    [(shapes.torus(), 0.0), (shapes.cone(0.3, sections=48), 0.3), (shapes.finned(), 0.3)],
+    ids=["torus", "cone", "finned"],
 )
 def test_the_search_finds_the_grasps_of_an_exhaustive_search(
     shape: shapes.Surface, part: float
@@ -77,11 +70,10 @@ def test_the_search_finds_the_grasps_of_an_exhaustive_search(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("grip", ["squeeze", "expand", "both"])
-def test_the_grasp_found_is_real_and_its_angle_exact(grip: str) -> None:
+def test_the_grasp_found_is_real_and_its_angle_exact() -> None:
     """The opposing contact lies on the surface and the critical angle equals the definition's."""
     mesh = load_mesh(shapes.tube(), max_edge=0.1)
-    grasps = best_pairs(mesh, Sampling(grip=grip), 0.8)  # type: ignore[arg-type]
+    grasps = best_pairs(mesh, Sampling(grip="both"), 0.8)
     smooth = np.flatnonzero((mesh.contact_normals.counts == 1) & (grasps.reason == 0))
     assert len(smooth) > 1000
     normals = grasps_at(mesh, grasps.partner_points, smooth).normals[:, 1]
@@ -109,29 +101,6 @@ def test_the_result_does_not_depend_on_the_number_of_threads() -> None:
     assert one.rays == three.rays
 
 
-@pytest.mark.slow
-def test_more_rays_find_no_worse_grasps() -> None:
-    mesh = load_mesh(shapes.torus())
-    few = best_pairs(mesh, Sampling(rays=16), 0.7).worst
-    many = best_pairs(mesh, Sampling(rays=256), 0.7).worst
-    few, many = np.minimum(few, 0.7), np.minimum(many, 0.7)  # inf: no grasp
-    assert np.mean(many) <= np.mean(few) + 1e-4
-    assert np.mean(many > few + 2e-3) < 0.01
-
-
-@pytest.mark.slow
-def test_refining_several_grasps_finds_better_ones_than_refining_one(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    mesh = load_mesh(shapes.LIBRARY / "mug.glb")
-    several = best_pairs(mesh, Sampling(grip="expand"), 0.66)
-    monkeypatch.setattr(antipodal, "EXPLORING_ROUNDS", 0)
-    one = best_pairs(mesh, Sampling(grip="expand"), 0.66)
-    gain = np.minimum(one.worst, 2.0) - np.minimum(several.worst, 2.0)
-    assert gain.mean() > 2e-4
-    assert np.mean(gain > 0.01) > 2.0 * np.mean(gain < -0.01)
-
-
 @cache
 def searched(shape: str) -> tuple[ObjectMesh, PairDomain]:
     arrays = {"blob": shapes.lopsided(), "box": shapes.box(), "cone": shapes.cone(0.3)}[shape]
@@ -140,7 +109,7 @@ def searched(shape: str) -> tuple[ObjectMesh, PairDomain]:
 
 
 @pytest.mark.slow
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["blob", "box", "cone"]))
 def test_no_grasp_is_better_than_the_bound_of_its_node(seed: int, shape: str) -> None:
     """At every node the bound is below the angles of grasps with random points on its faces."""
@@ -157,47 +126,12 @@ def test_no_grasp_is_better_than_the_bound_of_its_node(seed: int, shape: str) ->
         lines, normals = read(mesh, face, vertex)
         opening = float(np.linalg.norm(weights @ lines))
         near, far = opening * (1.0 - 1e-9), opening * (1.0 + 1e-9)
-        for limits in itertools.starmap(
-            PairLimits, itertools.product((0.0, near), (math.inf, far))
-        ):
-            own = own_normals(mesh, vertex)
-            limited = domain._replace(limits=limits)
+        own = own_normals(mesh, vertex)
+        for limits in itertools.product((0.0, near), (math.inf, far)):
+            limited = domain._replace(limits=PairLimits(*limits))
             found = cosine_at(weights, vertex, face, lines, normals, own, limited)
             bound = upper_bound(node, vertex, own, limited, NONE)
             assert NONE < found <= bound + 1e-9
-
-
-@pytest.mark.slow
-@settings(deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_cosines_to_the_worst_normals_of_creases(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    mesh = load_mesh(shapes.box())
-    sets = mesh.contact_normals
-    for vertex in rng.choice(np.flatnonzero(sets.counts > 0), 20):
-        line, own = rng.normal(size=3), own_normals(mesh, vertex)
-        expected = min(own @ line) / np.linalg.norm(line)
-        assert own_cosine(own, line) == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.slow
-def test_search_directions_turn_with_the_object() -> None:
-    vertices, faces = shapes.lopsided()
-    turn = shapes.rotation(7)
-    original, rotated = (
-        load_mesh((vertices, faces)),
-        load_mesh((vertices @ turn.T, faces)),
-    )
-    assert tangents(rotated) == pytest.approx(tangents(original) @ turn.T, abs=1e-9)
-    assert np.einsum("ij,ij->i", tangents(original), original.normals) == pytest.approx(
-        0.0, abs=1e-9
-    )
-    assert np.linalg.norm(tangents(original), axis=1) == pytest.approx(1.0)
-
-
-def test_every_vertex_of_a_regular_ball_has_a_tangent() -> None:
-    mesh = load_mesh(shapes.sphere(3))
-    assert np.linalg.norm(tangents(mesh), axis=1) == pytest.approx(1.0)
 
 
 @pytest.mark.slow
@@ -213,9 +147,8 @@ def test_progress_increases_to_one(grip: Grip) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["tube", "torus"])
-def test_both_grips_are_the_better_one_at_each_vertex(name: str) -> None:
-    mesh = load_mesh(getattr(shapes, name)(), max_edge=0.1)
+def test_both_grips_are_the_better_one_at_each_vertex() -> None:
+    mesh = load_mesh(shapes.tube(), max_edge=0.1)
     squeeze, expand, both = (
         best_pairs(mesh, Sampling(grip=grip), 0.7) for grip in ("squeeze", "expand", "both")
     )
@@ -226,12 +159,3 @@ def test_both_grips_are_the_better_one_at_each_vertex(name: str) -> None:
     np.testing.assert_array_equal(both.best[inside], expand.best[inside])
     np.testing.assert_array_equal(both.best[~inside], squeeze.best[~inside])
     assert both.rays == expand.rays > squeeze.rays == 0
-
-
-def test_a_contact_too_far_away_is_a_reason() -> None:
-    mesh = load_mesh(shapes.box((1.0, 1.5, 2.0)), max_edge=0.3)
-    grasps = best_pairs(mesh, Sampling(max_opening=0.9), 0.6)
-    smooth = mesh.contact_normals.counts == 1
-    assert (grasps.reason[smooth] == OPENING).all()
-    assert np.isinf(grasps.worst[smooth]).all()
-    assert (best_pairs(mesh, Sampling(max_opening=1.6), 0.6).reason[smooth] == FOUND).any()

@@ -1,15 +1,17 @@
 import json
 import math
-from dataclasses import replace
+from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
 import pytest
+import trimesh
 
 from grasp3d import (
     Contacts,
     GraspModel,
     Label,
+    ObjectMesh,
     Sampling,
     SurfaceLabels,
     epsilon,
@@ -19,7 +21,8 @@ from grasp3d import (
 )
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.surface import Reason
-from tests.helpers import oracles, shapes
+from tests.helpers import shapes
+from tests.helpers.shapes import Surface
 
 degrees = math.radians
 
@@ -31,24 +34,19 @@ def ball() -> SurfaceLabels:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("friction", "resolution"), [(0.5, 22.6), (0.2, 20.0), (1.0, 80.0)])
-def test_a_ball_is_s_if_the_tilt_is_below_the_friction_angle(
-    friction: float, resolution: float
+@pytest.mark.parametrize(
+    ("friction", "resolution", "label"),
+    [(0.2, 20.0, Label.S), (1.0, 80.0, Label.S), (0.2, 22.7, Label.M), (1.0, 90.0, Label.M)],
+)
+def test_a_ball_is_s_exactly_if_the_tilt_is_below_the_friction_angle(
+    friction: float, resolution: float, label: Label
 ) -> None:
     labels = ball().relabel(friction=friction, sensor_resolution=degrees(resolution))
-    assert (labels.label == Label.S).all()
-
-
-@pytest.mark.parametrize(("friction", "resolution"), [(0.2, 22.7), (0.5, 60.0), (1.0, 90.0)])
-def test_a_ball_is_m_if_the_tilt_exceeds_the_friction_angle(
-    friction: float, resolution: float
-) -> None:
-    labels = ball().relabel(friction=friction, sensor_resolution=degrees(resolution))
-    assert (labels.label == Label.M).all()
+    assert (labels.label == label).all()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("friction", [0.2, 0.5, 1.0])
+@pytest.mark.parametrize("friction", [0.2, 1.0])
 def test_a_box_is_s_on_its_faces_and_not_on_edges_and_corners(friction: float) -> None:
     mesh = load_mesh(shapes.box((1.0, 1.5, 2.0)))
     labels = label_surface(mesh, GraspModel(friction=friction, sensor_resolution=degrees(10.0)))
@@ -60,7 +58,7 @@ def test_a_box_is_s_on_its_faces_and_not_on_edges_and_corners(friction: float) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("half_angle", [5.0, 14.0, 25.0])
+@pytest.mark.parametrize("half_angle", [5.0, 25.0])
 def test_the_critical_angle_of_a_long_cone_is_its_half_angle(half_angle: float) -> None:
     gamma = degrees(half_angle)
     mesh = load_mesh(shapes.cone(gamma, height=1.0, sections=128), max_edge=0.08)
@@ -104,14 +102,13 @@ def test_a_hollow_cylinder_is_grasped_across_its_wall_or_its_diameter() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [0.04, 0.1, 0.3])
-@pytest.mark.parametrize("offset", [0.0, 0.123, 40.0])
+@pytest.mark.parametrize(("width", "offset"), [(0.04, 0.123), (0.1, 0.0), (0.3, 40.0)])
 def test_an_opening_equal_to_the_width_fits_at_any_pose(width: float, offset: float) -> None:
     vertices, faces = shapes.box((width, 1.5 * width, 2.0 * width))
     edge = 0.3 * width
     fine = load_mesh((vertices, faces), max_edge=edge)
     sides = np.abs(np.abs(fine.vertices[:, 0]) - width / 2.0) < 1e-9
-    for rotation in (np.eye(3), shapes.rotation(1), shapes.rotation(2)):
+    for rotation in (np.eye(3), shapes.rotation(1)):
         mesh = load_mesh((vertices @ rotation.T + offset, faces), max_edge=edge)
         sampling = Sampling(max_opening=width, min_opening=width)
         labels = label_surface(mesh, sampling=sampling)
@@ -134,16 +131,6 @@ def test_internal_grasps_end_at_the_first_surface() -> None:
     assert (labels.reason[inside] == Reason.OPENING).all()
     either = label_surface(mesh, sampling=Sampling(grip="expand"))
     assert (either.opening[inside] < 0.41).all()
-
-
-def test_a_contact_on_an_edge_of_four_faces_may_have_any_normal() -> None:
-    vertices, faces = shapes.box()
-    both = np.vstack([vertices, vertices + [1.0, 1.0, 0.0]])
-    mesh = load_mesh((both, np.vstack([faces, faces + 8])))
-    scan = scan_surface(mesh, GraspModel(friction=1.0), fixed=(0.5, 0.5, 0.03))
-    assert scan.fractions()["S"] == 0.0
-    others = scan.reason == Reason.FOUND
-    assert scan.critical_angle[others].min() == math.pi
 
 
 def test_a_vertex_on_an_edge_of_one_face_only_is_on_a_crease() -> None:
@@ -170,18 +157,6 @@ def test_a_vertex_on_an_edge_of_one_face_only_is_on_a_crease() -> None:
     assert (labels.label[on_edge] <= Label.M).all()
 
 
-@pytest.mark.slow
-def test_the_reason_is_the_opening_if_no_grasp_fits() -> None:
-    mesh = load_mesh(shapes.sphere(3))
-    labels = label_surface(mesh, sampling=Sampling(max_opening=0.5))
-    assert (labels.label == Label.U).all()
-    assert (labels.reason == Reason.OPENING).all()
-    assert np.isinf(labels.critical_angle).all()
-    assert np.isnan(labels.partners).all()
-    assert (labels.max_resolution == 0.0).all()
-    assert labels.fractions() == {"S": 0.0, "M": 0.0, "U": pytest.approx(1.0)}
-
-
 def planar_settings() -> list[tuple[float, float]]:
     cases = json.loads(shapes.shared("reference", "planar.json").read_text())["circle"]
     return [(case["mu"], degrees(case["alpha_deg"])) for case in cases]
@@ -201,26 +176,12 @@ def test_scanning_a_ball_gives_the_closed_form_fractions() -> None:
         assert fractions["S"] + fractions["M"] == pytest.approx(not_unstable, abs=5e-3)
 
 
-def test_a_scan_equals_the_definition_on_an_irregular_shape() -> None:
-    mesh = load_mesh(shapes.lopsided())
-    start = mesh.vertices[100]
-    scan = scan_surface(mesh, fixed=start + 0.01 * mesh.normals[100])
-    point, normal = scan.partners[0, 0], scan.partner_normals[0, 0]
-    assert np.linalg.norm(point - start) < 0.02
-    for v in range(0, len(mesh.vertices), 61):
-        expected = oracles.critical_angle(point, normal, mesh.vertices[v], mesh.normals[v])
-        assert scan.critical_angle[v] == pytest.approx(expected, abs=1e-9)
-        assert scan.opening[v] == pytest.approx(np.linalg.norm(point - mesh.vertices[v]))
-
-
 def test_scans_from_a_corner_a_face_and_an_edge() -> None:
     mesh = load_mesh(shapes.box())
     scan = scan_surface(mesh, fixed=mesh.vertices[0])
     assert scan.reason[0] == Reason.SAME_POINT
     assert scan.label[0] == Label.U
-    across = int(
-        np.nanargmax(scan.opening)
-    )  # the opposite corner: the diagonal lies in both sets of normals
+    across = int(np.nanargmax(scan.opening))  # opposite: the diagonal lies in both sets of normals
     assert scan.critical_angle_best[across] == 0.0
     assert scan.critical_angle[across] == pytest.approx(math.acos(1.0 / math.sqrt(3.0)))
     face = scan_surface(mesh, fixed=(0.0, 0.0, 0.5))
@@ -252,29 +213,6 @@ def blob() -> SurfaceLabels:
     )
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("torsion", [0.0, 0.05])
-def test_epsilon_lies_between_its_minimum_and_its_maximum(torsion: float) -> None:
-    labels = blob().using(model=replace(blob().model, torsion_radius=torsion))
-    assert (labels.epsilon_min <= labels.epsilon).all()
-    assert (labels.epsilon <= labels.epsilon_max).all()
-    assert (labels.epsilon > 0.0).mean() > 0.9
-    assert np.array_equal(labels.label, blob().label)
-    assert np.array_equal(labels.critical_angle, blob().critical_angle)
-
-
-@pytest.mark.parametrize("resolution", [0.0, 10.0, 22.6, 40.0])
-def test_the_smallest_epsilon_is_above_zero_exactly_where_the_label_is_s(resolution: float) -> None:
-    labels = blob().relabel(sensor_resolution=degrees(resolution))
-    model = labels.model
-    beta = labels.critical_angle
-    near = np.abs(beta - (model.friction_angle - model.tilt)) < 1e-4
-    assert np.array_equal((labels.epsilon_min > 0.0)[~near], (labels.label == Label.S)[~near])
-    assert (labels.epsilon[beta < model.friction_angle - 1e-4] > 0.0).all()
-    assert (labels.epsilon_max[labels.label == Label.U] == 0.0).all()
-    assert near.mean() < 0.01
-
-
 def test_epsilon_is_that_of_the_grasp() -> None:
     labels = blob()
     mesh, model = labels.mesh, labels.model
@@ -289,30 +227,25 @@ def test_epsilon_is_that_of_the_grasp() -> None:
 
 
 @pytest.mark.slow
-def test_epsilon_of_a_ball_has_a_closed_form() -> None:
-    labels = label_surface(load_mesh(shapes.sphere(4), max_edge=9.0))
-
-    def closed_form(angle: float) -> float:
-        tangential = math.sqrt(2.0) * math.tan(angle / 2.0)
-        return tangential / math.hypot(1.0, tangential)
-
-    model = labels.model
-    beta, tilt = model.friction_angle, model.tilt
-    assert labels.epsilon == pytest.approx(closed_form(beta), rel=0.03)
-    assert labels.epsilon_min == pytest.approx(closed_form(beta - tilt), rel=0.04)
-    assert labels.epsilon_max == pytest.approx(closed_form(beta + tilt), rel=0.03)
-
-
-@pytest.mark.slow
-def test_without_a_grasp_there_is_no_epsilon() -> None:
+def test_duplicates_have_the_numbers_of_their_position_and_strays_none() -> None:
     vertices, faces = shapes.sphere(3)
     more = np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]])
     labels = label_surface(load_mesh((more, faces), max_edge=9.0))
+    plain = label_surface(load_mesh((vertices, faces), max_edge=9.0))
+    for weights in ("area", "vertex"):
+        expected = pytest.approx(plain.fractions(weights=weights))  # type: ignore[arg-type]
+        assert labels.fractions(weights=weights) == expected  # type: ignore[arg-type]
     count = len(vertices)
-    assert np.array_equal(labels.epsilon[count : count + 5], labels.epsilon[:5])
+    for values in (labels.critical_angle, labels.epsilon):
+        assert np.array_equal(values[count : count + 5], values[:5])
+    assert labels.reason[count + 5] == Reason.OFF_SURFACE
+    assert labels.label[count + 5] == Label.U
     assert np.isnan(labels.epsilon[count + 5])
     assert np.isfinite(labels.epsilon[:count]).all()
     narrow = label_surface(labels.mesh, labels.model, sampling=Sampling(max_opening=0.5))
+    assert (narrow.reason[labels.mesh.on_surface] == Reason.OPENING).all()
+    assert narrow.fractions() == {"S": 0.0, "M": 0.0, "U": pytest.approx(1.0)}
+    assert (narrow.max_resolution == 0.0).all()
     for values in (narrow.epsilon, narrow.epsilon_min, narrow.epsilon_max):
         assert np.isnan(values).all()
     assert narrow.quantiles("epsilon", [0.5]) == [0.0]
@@ -337,10 +270,8 @@ def test_relabelling_beyond_the_search_names_the_needed_search_angle() -> None:
 def test_fractions_and_quantiles_by_area_and_by_vertex() -> None:
     mesh = load_mesh(shapes.cone(0.3), max_edge=0.1)
     labels = label_surface(mesh)
-    for weights in ("area", "vertex"):
-        fractions = labels.fractions(weights=weights)  # type: ignore[arg-type]
-        assert list(fractions) == ["S", "M", "U"]
-        assert sum(fractions.values()) == pytest.approx(1.0)
+    areas = mesh.vertex_areas / mesh.vertex_areas.sum()
+    assert labels.fractions()["S"] == pytest.approx(areas[labels.label == Label.S].sum())
     counts = np.bincount(labels.label, minlength=3) / len(labels.label)
     assert labels.fractions(weights="vertex")["S"] == pytest.approx(counts[Label.S])
     low, high = labels.quantiles("critical_angle", [0.0, 1.0])
@@ -352,16 +283,68 @@ def test_fractions_and_quantiles_by_area_and_by_vertex() -> None:
         labels.fractions(weights="face")  # type: ignore[arg-type]
 
 
+MODEL = GraspModel()
+
+
+def representations(
+    vertices: np.ndarray, faces: np.ndarray
+) -> Iterator[tuple[str, Surface, np.ndarray]]:
+    """(name, equivalent surface, new index of each vertex)."""
+    rng = np.random.default_rng(3)
+    own = np.arange(len(vertices))
+    order = rng.permutation(len(vertices))
+    index = np.argsort(order)
+    far = 1e6 * np.ptp(vertices) * np.array([1.0, -0.5, 0.3])
+    rolled = np.stack([np.roll(face, number % 3) for number, face in enumerate(faces)])
+    yield "rotated", (vertices @ shapes.rotation(5).T, faces), own
+    yield "far away", (vertices + far, faces), own
+    yield "tiny", (vertices * 1e-6, faces), own
+    yield "in inches", (vertices / 25.4, faces), own
+    yield "permuted vertices", (vertices[order], index[faces]), index
+    yield "permuted faces", (vertices, faces[rng.permutation(len(faces))]), own
+    yield "other first corners of faces", (vertices, rolled), own
+
+
+def assert_same(expected: SurfaceLabels, found: SurfaceLabels, index: np.ndarray) -> None:
+    count = len(index)
+    thresholds = (MODEL.friction_angle - MODEL.tilt, MODEL.friction_angle + MODEL.tilt)
+    near = np.zeros(count, dtype=bool)
+    for angles in (expected.critical_angle[:count], expected.critical_angle_best[:count]):
+        for threshold in thresholds:
+            near |= np.abs(angles - threshold) < 1e-6
+    same = found.label[index] == expected.label[:count]
+    assert (same | near).all()
+    assert near.mean() < 0.01
+
+
+OBJECTS = {
+    "lopsided": shapes.lopsided,
+    "cone": lambda: shapes.cone(0.25, sections=48),
+    "tube": lambda: shapes.tube(sections=48),
+    "box": lambda: shapes.box((1.0, 1.5, 2.0)),
+    "mug": lambda: from_library("mug.glb"),
+}
+
+
+def from_library(name: str) -> Surface:
+    mesh = load_mesh(shapes.LIBRARY / name, max_edge=1e9)
+    return mesh.vertices, mesh.faces
+
+
+def prepared(vertices: np.ndarray, faces: np.ndarray) -> ObjectMesh:
+    """A mesh with edges of the same length in all representations: a part of the area's root."""
+    area = trimesh.Trimesh(vertices - vertices.mean(axis=0), faces, process=False).area
+    return load_mesh((vertices, faces), max_edge=0.15 * math.sqrt(area))
+
+
 @pytest.mark.slow
-def test_duplicates_have_the_label_of_their_position_and_strays_are_off_the_surface() -> None:
-    vertices, faces = shapes.sphere(3)
-    more = np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]])
-    mesh = load_mesh((more, faces), max_edge=9.0)
-    labels = label_surface(mesh)
-    plain = label_surface(load_mesh((vertices, faces), max_edge=9.0))
-    count = len(vertices)
-    assert np.array_equal(labels.critical_angle[count : count + 5], labels.critical_angle[:5])
-    assert labels.reason[count + 5] == Reason.OFF_SURFACE
-    assert labels.label[count + 5] == Label.U
-    assert labels.fractions() == pytest.approx(plain.fractions())
-    assert labels.fractions(weights="vertex") == pytest.approx(plain.fractions(weights="vertex"))
+@pytest.mark.parametrize("name", OBJECTS)
+def test_equivalent_surfaces_have_the_same_labels(name: str) -> None:
+    vertices, faces = OBJECTS[name]()
+    expected = label_surface(prepared(vertices, faces), MODEL)
+    for representation, surface, index in representations(vertices, faces):
+        found = label_surface(prepared(*surface), MODEL)
+        try:
+            assert_same(expected, found, index)
+        except AssertionError as error:
+            raise AssertionError(f"{name} {representation}") from error

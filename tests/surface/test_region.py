@@ -110,7 +110,7 @@ def check_contacts(labels: SurfaceLabels) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(regions(), st.integers(0, 2**32 - 1))
 def test_the_best_grasps_are_those_of_an_exhaustive_search_of_the_region(
     mesh: ObjectMesh, seed: int
@@ -137,7 +137,8 @@ def check_best(mesh: ObjectMesh, *, most: int, seed: int = 0) -> None:
             assert labels.critical_angle[vertex] >= oracle - 0.2  # the coarse oracle is above
 
 
-@settings(max_examples=10, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=8, deadline=None)
 @given(regions(), st.sampled_from(["expand", "both"]), st.booleans())
 def test_contacts_of_searches_by_rays_are_allowed(
     mesh: ObjectMesh, grip: str, located: bool
@@ -159,6 +160,7 @@ def test_contacts_of_three_fingers_are_allowed(mesh: ObjectMesh, points: str) ->
     check_contacts(labels)
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(regions(("box", "ball")))
 def test_no_grasp_is_named_whose_closed_jaws_touch_elsewhere(mesh: ObjectMesh) -> None:

@@ -1,7 +1,5 @@
 import json
-import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -13,42 +11,20 @@ from grasp3d import GraspModel
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.planar import Circle, Square
 from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles, SphereAngles
-from grasp3d.surface.sweeps import Sweep, mean_sweep, sweep, write_sweeps
+from grasp3d.surface.sweeps import mean_sweep, sweep, write_sweeps
 from tests.stability.test_angle_distributions import sampled
 
 frictions = st.lists(st.floats(0.05, 3.0), min_size=1, max_size=4)
 resolutions = st.lists(st.floats(0.0, 3.0), min_size=1, max_size=6)
 SPHERE = sweep(
-    SphereAngles(),
-    friction=[0.2, 1.0],
-    sensor_resolution=np.radians([0.0, 22.6, 60.0]),
-    name="sphere",
-    mode="scan",
-)
+    SphereAngles(), friction=[0.2, 1.0], sensor_resolution=np.radians([0.0, 22.6, 60.0]),
+    name="sphere", mode="scan",
+)  # fmt: skip
 
 
 def every() -> st.SearchStrategy[AngleDistribution]:
     closed: list[AngleDistribution] = [SphereAngles(), Circle(), Square()]
     return st.one_of(sampled(), st.sampled_from(closed))
-
-
-@pytest.mark.slow
-@given(every(), frictions, resolutions)
-def test_stability_falls_with_resolution_and_grows_with_friction(
-    angles: AngleDistribution, friction: list[float], resolution: list[float]
-) -> None:
-    swept = sweep(angles, friction=friction, sensor_resolution=resolution)
-    assert swept.stable.shape == (len(set(friction)), len(set(resolution)))
-    total = swept.stable + swept.ambiguous + swept.unstable
-    assert total == pytest.approx(np.ones_like(total), abs=1e-12)
-    assert (np.diff(swept.stable, axis=1) <= 1e-12).all()
-    assert (np.diff(swept.ambiguous, axis=1) >= -1e-12).all()
-    assert (np.diff(swept.stable, axis=0) >= -1e-12).all()
-    assert (np.diff(swept.unstable, axis=0) <= 1e-12).all()
-    assert (swept.accuracy_ceiling >= 0.5 - 1e-12).all()
-    assert (swept.accuracy_ceiling <= 1.0 + 1e-12).all()
-    for fraction in (0.3, 1.0):
-        assert (np.diff(swept.required_resolution(fraction)) >= 0.0).all()
 
 
 @pytest.mark.slow
@@ -65,25 +41,13 @@ def test_each_entry_of_the_grid_agrees_with_the_distribution(
             swept_values = (swept.stable, swept.ambiguous, swept.unstable)
             found = [values[row, column] for values in swept_values]
             assert found == pytest.approx(list(alone.values()), abs=1e-12)  # arctan of arrays
-
-
-def test_the_required_resolution_of_the_circle_agrees_with_its_formula() -> None:
-    """Twice (beta - alpha/2) / pi is S."""
-    swept = sweep(Circle(), friction=[0.2, 0.5, 1.0], sensor_resolution=0.0)
-    for fraction in (0.1, 0.25):
-        expected = np.maximum(0.0, 2.0 * np.arctan(swept.friction) - math.pi * fraction)
-        assert swept.required_resolution(fraction) == pytest.approx(expected, abs=1e-9)
-
-
-def test_the_required_resolution_is_0_where_no_sensor_is_fine_enough() -> None:
-    assert SPHERE.required_resolution(0.4).tolist() == [
-        0.0,
-        pytest.approx(2.0 * (math.pi / 4.0 - math.asin(math.sqrt(0.4)))),
-    ]
+    for fraction in (0.3, 1.0):
+        needed = [angles.required_resolution(fraction, friction=float(mu)) for mu in swept.friction]
+        assert swept.required_resolution(fraction) == pytest.approx(needed, abs=1e-12)
 
 
 @pytest.mark.slow
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(st.lists(every(), min_size=1, max_size=4), frictions, resolutions)
 def test_the_mean_gives_every_surface_the_same_weight(
     parts: list[AngleDistribution], friction: list[float], resolution: list[float]
@@ -116,52 +80,32 @@ def test_a_grid_beyond_what_was_searched_is_refused() -> None:
         sweep(angles, friction=[0.1, 0.5], sensor_resolution=[0.0, 0.3])
 
 
-def rows_of(swept: Sweep) -> list[dict[str, Any]]:
-    """The table's expected rows."""
-    return [
-        {
-            "name": swept.name,
-            "mode": swept.mode,
-            "friction": friction,
-            "sensor_resolution": resolution,
-            "stable": swept.stable[row, column],
-            "ambiguous": swept.ambiguous[row, column],
-            "unstable": swept.unstable[row, column],
-            "accuracy_ceiling": swept.accuracy_ceiling[row, column],
-            "required_resolution_20": swept.required_resolution(0.2)[row],
-            "required_resolution_12.5": swept.required_resolution(0.125)[row],
-            "error": "",
-        }
-        for row, friction in enumerate(swept.friction.tolist())
-        for column, resolution in enumerate(swept.sensor_resolution.tolist())
-    ]
-
-
 def test_parquet_contains_the_fractions_the_failures_and_the_settings(tmp_path: Path) -> None:
     path = tmp_path / "sweep.parquet"
     circle = sweep(Circle(), friction=0.5, sensor_resolution=0.1, name="circle", mode="scan")
     write_sweeps(
-        path,
-        [SPHERE, circle],
-        fractions=(0.2, 0.125),
-        failures={"bad.stl": "no triangles"},
+        path, [SPHERE, circle], fractions=(0.2, 0.125), failures={"bad.stl": "no triangles"},
         settings={"rays": 64},
-    )
+    )  # fmt: skip
     table = pq.read_table(path)
     assert json.loads(table.schema.metadata[b"grasp3d"]) == {"rays": 64}
     *rows, failed = table.to_pylist()
-    assert rows == [*rows_of(SPHERE), *rows_of(circle)]
+    assert [row["name"] for row in rows] == ["sphere"] * 6 + ["circle"]
+    for row, (index, stable) in zip(rows, np.ndenumerate(SPHERE.stable), strict=False):
+        friction, resolution = SPHERE.friction[index[0]], SPHERE.sensor_resolution[index[1]]
+        assert (row["friction"], row["sensor_resolution"]) == (friction, resolution)
+        assert (row["stable"], row["ambiguous"]) == (stable, SPHERE.ambiguous[index])
+        assert (row["unstable"], row["mode"], row["error"]) == (SPHERE.unstable[index], "scan", "")
+        assert row["accuracy_ceiling"] == SPHERE.accuracy_ceiling[index]
+        assert row["required_resolution_12.5"] == SPHERE.required_resolution(0.125)[index[0]]
     assert (failed.pop("name"), failed.pop("error")) == ("bad.stl", "no triangles")
     assert set(failed.values()) == {None}
 
 
 def test_the_mean_is_limited_to_what_every_surface_was_searched_for() -> None:
+    one, whole = np.array([0.1]), np.array([1.0])
     far, near = (
-        sweep(
-            SampledAngles(np.array([0.1]), np.array([0.1]), np.array([1.0]), limit=limit),
-            friction=0.2,
-            sensor_resolution=0.1,
-        )
+        sweep(SampledAngles(one, one, whole, limit=limit), friction=0.2, sensor_resolution=0.1)
         for limit in (1.0, 0.3)
     )
     for pair in ([far, near], [near, far]):
