@@ -234,7 +234,9 @@ def _others(stated: PoseReading, mesh: ObjectMesh) -> Iterator[PoseReading]:
         spread = float(np.linalg.norm(np.ptp(in_object[:, :3, 3], axis=0)))
         return SPREAD[0] <= spread / mesh.size <= SPREAD[1]
 
-    units = () if is_plausible(poses) else UNITS
+    # Where bases are too near one another the TCPs are still as far apart as hands are long.
+    in_file = poses @ np.linalg.inv(stated.frame.to_tcp(stated.hand))
+    units = () if is_plausible(poses) and is_plausible(in_file) else UNITS
     for factor, rotation in product((1.0, *units), ROTATIONS):
         for frame in (stated.frame, *frames_of(stated.hand), *_turned(stated.frame)):
             one = replace(stated, frame=frame, rotation=rotation, factor=factor)

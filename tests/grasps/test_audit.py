@@ -128,6 +128,7 @@ MISTAKES: dict[str, tuple[Mistake, str]] = {
     ),
     "mm": (mistake("hand", "hand", scaled(1000.0)), "with their lengths in mm instead of m,"),
     "in": (mistake("graspgen", "graspgen", scaled(INCH)), "their lengths in inches instead of m,"),
+    "m": (mistake("graspgen", "graspgen", scaled(0.001)), "their lengths in m instead of mm,"),
     "frame and mm": (
         mistake("graspgen", "tcp", scaled(1000.0)),
         "with --frame graspgen and their lengths in mm instead of m, which --frame auto takes,",
