@@ -110,8 +110,8 @@ class Sweep(Guarded, ManyMeshes):
     sensor_resolution: Annotated[tuple[str, ...], Parser("DEGREES|FROM:TO:STEP")] = (
         "0:60:1", "22.6",
     )  # fmt: skip
-    """Resolutions of the fingertips' sensors: the smallest angle between two normals that they can
-    tell apart. One value or more, in degrees, and ranges that include both ends."""
+    """Resolutions of the fingertips' sensors: the angle between the two most different normals that
+    they cannot tell apart. One value or more, in degrees, and ranges that include both ends."""
 
     fraction: tuple[float, ...] = (0.5, 0.9)
     """Area fractions of S, above 0 and at most 1. For each the required sensor resolution is
@@ -158,8 +158,8 @@ class Label(Labelling, OneMesh):
     another format of poses) (default: NAME_grasps.json in the folder of the labelled file)."""
 
     grasps_format: Annotated[str | None, PoseFormat] = None
-    """With a gripper: format of that file, where its suffix stands for several (default: the main
-    one of that suffix)."""
+    """With a gripper: format of that file, needed if several formats share its suffix (default: the
+    main one)."""
 
     object_pose: ObjectPose | None = None
     """With a gripper: pose of the object in your robot's frame, in which that file then has its
@@ -222,8 +222,7 @@ class Check(Searching, ManyMeshes):
 class View(Labelling):
     """View an object: rotate it, change friction and resolution, click for reasons.
 
-    Of a labelled file the settings are those of the file; only friction, resolution and fingers may
-    be given.
+    A labelled file brings its settings; you may change only friction, resolution and fingers.
 
     Example:
         # Open a window
@@ -236,8 +235,8 @@ class View(Labelling):
     """Mesh, labelled PLY or results of a batch: the folder that `grasp3d batch` wrote."""
 
     grasps: Path | None = None
-    """Poses of a gripper or hand on the mesh, as grasp3d evaluate takes them, instead of its
-    labels: it is shown at each, the one to be taken first at the front. Needs --hand."""
+    """Poses of a gripper or hand on the mesh, as grasp3d evaluate takes them. The hand is shown at
+    each instead of the labels, at the best one first. Needs --hand."""
 
     web: bool = False
     """Serve a page for a browser instead of opening a window, as where there is no display; only
@@ -280,8 +279,8 @@ class Evaluate(Guarded, GivenPoses, OneMesh):
     names separated by commas, such as min_weight,grasp_isotropy; an unknown name lists them."""
 
     object_scale: float | None = None
-    """Factor from the numbers of the object's file to metres, of which the poses are: for files of
-    poses on an object at several scales, or that do not state it (default: the one that they
+    """Factor that converts the coordinates of the object's file to metres. Give it if the poses are
+    for an object at several scales, or do not state the scale (default: the one that they
     state)."""
 
     contact_rule: ContactRule | None = None
@@ -290,8 +289,8 @@ class Evaluate(Guarded, GivenPoses, OneMesh):
     (default: given)."""
 
     outcome: str | None = None
-    """Column or key of poses that says whether a grasp held, as grasp3d validate takes it; it is
-    written with the results (default: outcome or success, or what the format has)."""
+    """Column or key of poses that says whether a grasp held; it is copied to the results (default:
+    outcome or success, or that of the format)."""
 
     model: GraspModel = field(default_factory=GraspModel)
 
@@ -310,13 +309,12 @@ class Evaluate(Guarded, GivenPoses, OneMesh):
 
 @dataclass(frozen=True)
 class Validate(Quiet, Overwriting, Strict, GivenPoses):
-    """Compare labels and scores of grasps with what became of them.
+    """Compare labels and scores of grasps with their outcomes.
 
-    Closes the gripper's jaws at poses of which it is known whether the grasp held, and prints how
-    well label, margin, epsilon, grip force and simpler scores predict it: success within S, M and
-    U, area under the ROC curve of each score, and the grasps whose outcome contradicts their label.
-    What files state of gripper and mass (also of each grasp, in a column mass) is used unless it is
-    given.
+    Closes the gripper's jaws at poses with known outcomes, and prints how well label, margin,
+    epsilon, grip force and simpler scores predict them: success within S, M and U, area under the
+    ROC curve of each score, and the grasps whose outcome contradicts their label. What files state
+    of gripper and mass (also of each grasp, in a column mass) is used unless it is given.
 
     Example:
         # How well labels predict a robot's log of grasps on one object
@@ -417,8 +415,8 @@ class Design:
     """Sensor, by its resolution in degrees instead."""
 
     joints: int | None = None
-    """Revolute joints between palm and fingertip, for the counts per revolution that their encoders
-    need, after quadrature decoding."""
+    """Number of revolute joints between palm and fingertip; prints how many counts per revolution,
+    after quadrature decoding, their encoders need."""
 
     def __post_init__(self) -> None:
         for friction in self.friction:
@@ -440,9 +438,9 @@ class Design:
 
 @dataclass(frozen=True)
 class Hand(Quiet, Overwriting):
-    """Print what is known of a gripper or a hand with joints; draw it, write it as JSON.
+    """Print, draw or write as JSON the description of a gripper or a hand with joints.
 
-    Without one: list the ones that are known by name.
+    Without an argument: list those that are known by name.
 
     Example:
         # Print a gripper, and draw it

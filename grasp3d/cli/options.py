@@ -319,7 +319,7 @@ class Strict:
     """The option of commands that warn."""
 
     strict: bool = False
-    """Take warnings as errors: what they are of is refused, and not written."""
+    """Treat warnings as errors: refuse what causes a warning, and write nothing of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -394,8 +394,8 @@ class Guarded(Quiet, Overwriting, Strict):
     """The options of what is accepted, replaced and printed."""
 
     force: bool = False
-    """Accept lengths that cannot be meant, such as an opening 500 times the object's size. It
-    replaces no files: see --overwrite."""
+    """Accept implausible lengths, such as an opening 500 times the object's size. It replaces no
+    files: see --overwrite."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -81,7 +81,7 @@ class Remedy:
 
 @dataclass(frozen=True)
 class LoadVerdict:
-    """What a load takes of grasps, at the worst normals that may be true."""
+    """What a load requires of grasps at the worst normals that may be true."""
 
     holds: bool | None
     """Whether some grasp holds it; None: the mass or the force at hand is not known."""

@@ -463,10 +463,10 @@ def best_grasps(
 ) -> GraspTable | JawGrasps:
     """The best distinct grasps of a labelled surface that may hold, best first.
 
-    Without a gripper they are those of the vertices. With a parallel gripper they are poses: those
-    that `evaluate_grasps` finds best of a fixed pool, each refined; settings of the approach, the
-    load and the sensor only choose among them. A grasp is omitted if its contacts can be matched
-    with those of a better one so that all pairs are nearer than 1/8 of the object's size.
+    Without a gripper they are those of the vertices. With a parallel gripper they are poses: the
+    best that `evaluate_grasps` finds in a fixed set of candidates, each refined. Approach, load and
+    sensor only select among the candidates. A grasp is omitted if its contacts can be matched with
+    those of a better one so that all pairs are nearer than 1/8 of the object's size.
 
     Args:
         labels: The labelled surface.

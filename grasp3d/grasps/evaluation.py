@@ -316,9 +316,7 @@ def _on_surface(mesh: ObjectMesh, points: Floats, limit: float) -> tuple[Surface
     """Contacts (b, n, 3) moved to the surface, and their distances from it before (b, n)."""
     size, count = points.shape[:2]
     nearest, _, gaps = nearest_surface_points(
-        mesh,
-        points.reshape(-1, 3),
-        limit=limit + DISTANCE_ROUNDING * mesh.size,
+        mesh, points.reshape(-1, 3), limit=limit + DISTANCE_ROUNDING * mesh.size
     )
     distances = gaps.reshape(size, count)
     _check_near(mesh, points, distances, limit)

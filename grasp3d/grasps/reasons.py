@@ -135,8 +135,7 @@ class GripperReasons(Reasons):
             return
         at, wide = poses.poses[rows], hand.limits[1]
         meets = np.stack(
-            [collides(poses.mesh, at, wide, hand, only=part) for part in range(len(PARTS))],
-            axis=1,
+            [collides(poses.mesh, at, wide, hand, only=part) for part in range(len(PARTS))], axis=1
         )
         depths = self._depths(at, hand)  # (r, 3)
         for part, name in enumerate(PARTS):

@@ -66,11 +66,7 @@ class ClosedNumbers(NamedTuple):
 
     @classmethod
     def of(
-        cls,
-        mesh: ObjectMesh,
-        jaws: ClosedJaws,
-        model: GraspModel,
-        case: LoadCase | None,
+        cls, mesh: ObjectMesh, jaws: ClosedJaws, model: GraspModel, case: LoadCase | None
     ) -> "ClosedNumbers":
         """The numbers of closed jaws, shape (k,) each.
 

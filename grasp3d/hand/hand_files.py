@@ -72,10 +72,10 @@ def read_hand(
 ) -> Hand:
     """Read a hand: a preset by name, a JSON file, or a URDF or MuJoCo model.
 
-    A URDF or MuJoCo model whose links slide two by two is that of a parallel gripper, measured as
-    `grasp3d.hand.measured_gripper` says; one whose joint and travel are those of a preset with
-    fingers that turn is that preset; others are hands with joints, of which what is not stated is
-    proposed as `grasp3d.hand.proposal` says.
+    A URDF or MuJoCo model with two links that slide is a parallel gripper, measured as
+    `grasp3d.hand.measured_gripper` says. If its joint and travel are those of a preset with fingers
+    that turn, it is that preset. Any other model is a hand with joints; `grasp3d.hand.proposal`
+    says how what the file does not state is proposed.
 
     Args:
         source: Name of a preset; or a file that `write_hand` wrote (.json), a URDF (.urdf) or a

@@ -23,13 +23,14 @@ class ReachSettings(Settings):
             object nor the table on a straight approach. none: ideal point contacts.
         table: What the object stands on. none: nothing; as-is: a table below its lowest points;
             stable: a table in the most probable resting pose.
-        up: Axis of the mesh's frame that points up. Table stable has an up of its own.
+        up: Axis of the mesh's frame that points up. Not with table stable, which finds its own up
+            direction.
         resting_pose: Table stable: which of the resting poses; 1: the most probable one.
         approach_within: Largest angle between the approach direction and straight down, above 0, up
             to 180 degrees; with a table at most 90: never from below.
-        pose_error: Error of the gripper's pose: how far the true one may be from the stated one,
-            as the radius of a ball, the largest turn, or both: 5mm,3deg. The jaws are also closed
-            at poses that are wrong by so much and less.
+        pose_error: Error of the gripper's pose: how far the true one may be from the stated one, as
+            the radius of a ball, the largest turn, or both: 5mm,3deg. The jaws are also closed at
+            poses that are wrong by as much.
     """
 
     hand: Hand | None = None

@@ -214,11 +214,7 @@ class _Watch:
     """A thread that ends a process when it exceeds a limit."""
 
     def __init__(
-        self,
-        worker: _Worker,
-        memory: float,
-        seconds: float | None,
-        cancelled: Callable[[], bool],
+        self, worker: _Worker, memory: float, seconds: float | None, cancelled: Callable[[], bool]
     ) -> None:
         self.reason = ""
         self._worker, self._memory, self._seconds = worker, memory, seconds

@@ -15,8 +15,8 @@ class ClusterSettings:
     """Which processes label the meshes: this machine's, or those of a running Dask cluster.
 
     Attributes:
-        workers: Processes on this machine, one thread each, and more where fewer meshes than
-            processes are left; none: one per processor; 0: no child processes, one mesh after the
+        workers: Processes on this machine. Each has one thread, or more when fewer meshes than
+            processes are left. none: one per processor; 0: no child processes, one mesh after the
             other and without limits, for debugging.
         scheduler: Address (tcp://HOST:8786) or scheduler file of a running Dask cluster.
         worker_memory: Memory limit of a process [GB]; a mesh that needs more is given up; none: an

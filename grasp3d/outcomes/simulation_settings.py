@@ -23,19 +23,19 @@ class SimulationSettings(LengthSettings):
         object_mass: Mass of the object [kg], or with a unit: 100g.
         grip_force: Force of each finger [N], or with a unit: 40N. none: the greatest of the
             gripper, or 40 N where it states none.
-        pull_acceleration: Acceleration with which the object is pulled beside that of gravity
+        pull_acceleration: Acceleration with which the object is pulled, in addition to gravity
             [m/s^2].
         pad_stiffness: Stiffness of a gripper's pad that is pressed on its whole face [N/m], or with
-            a unit: 300N/mm. Each part of it gives way by itself; a round tip does as a whole.
-        pose_error: How wrong poses are, such as 5mm,3deg: each is simulated at true poses that are
-            drawn around it, normally distributed with half of it as standard deviation.
+            a unit: 300N/mm. Each part of a pad gives way independently; a round tip gives way as a
+            whole.
+        pose_error: Error of the poses, such as 5mm,3deg. Each pose is simulated at true poses drawn
+            from a normal distribution about it; the error is two standard deviations.
         trials: Trials of each pose, each with its own true pose and true friction.
-        give_way: Depth to which the open gripper may be in the object, besides the pose error: the
-            object gives way to it. A length.
+        give_way: Depth, added to the pose error, by which the open gripper may overlap the object,
+            which is pushed aside. A length.
         pull_time: Time of each of the six pulls [s].
-        max_shift: Shift of the object from where it was squeezed, a length, from which it is not
-            held.
-        max_turn: The same as an angle.
+        max_shift: Largest shift of a held object from where it was squeezed, a length.
+        max_turn: Largest turn of a held object.
         part_threshold: Concavity below which a convex part is not divided further, as a fraction of
             the object's size, 0.005 to 1.
         time_step: Step of the simulation [s].

@@ -130,7 +130,7 @@ def validate_grasps(
     object_pose: GivenPose | None = None,
     frame: GivenFrame | None = None,
 ) -> Validation:
-    """Hold labels and scores of grasps against what became of them.
+    """Compare labels and scores of grasps with their outcomes.
 
     The jaws are closed at each pose that has an outcome (`GraspPoses.outcome`), as by
     `evaluate_grasps`, and critical friction angle, margin, epsilon, grip force, label, reach and

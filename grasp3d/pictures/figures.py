@@ -237,10 +237,7 @@ def _row_text(sweep: Sweep, row: int) -> str:
 
 @styled
 def sweep_figure(
-    sweeps: Sequence[Sweep],
-    *,
-    members: Sequence[Sweep] = (),
-    fractions: Sequence[float] = (),
+    sweeps: Sequence[Sweep], *, members: Sequence[Sweep] = (), fractions: Sequence[float] = ()
 ) -> Figure:
     """Draw one row for each sweep: its stacked fractions at each friction, and its ceiling.
 

@@ -68,10 +68,7 @@ class Actuation:
         joints = len(most)
         ends = np.asarray(np.zeros(joints) if stops is None else stops, dtype=np.float64)
         held = np.asarray(np.zeros((joints, 3)) if links is None else links, dtype=np.float64)
-        for name, array, shape in (
-            ("stops", ends, (joints,)),
-            ("links", held, (joints, 3)),
-        ):
+        for name, array, shape in (("stops", ends, (joints,)), ("links", held, (joints, 3))):
             if array.shape != shape or not np.isfinite(array).all():
                 raise SettingError(
                     f"{name} of {joints} joints must be finite numbers of shape {shape}; got shape "

@@ -340,15 +340,11 @@ class HandPayload:
 
 
 def hand_payload(
-    grasp: HandGrasp,
-    task: Task | ArrayLike,
-    *,
-    tilt: ArrayLike = 0.0,
-    rtol: float = 1e-3,
+    grasp: HandGrasp, task: Task | ArrayLike, *, tilt: ArrayLike = 0.0, rtol: float = 1e-3
 ) -> HandPayload:
-    """The largest load that the motors of a hand hold, whichever the normals within tilts are.
+    """The largest load that the motors of a hand hold at all normals within the tilts.
 
-    Smaller loads are held, too (with the weight of the links down to a hundredth of it). The lower
+    They hold smaller loads too, with the weight of the links down to a hundredth of it. The lower
     bound rests on contact forces that were found, and that keep to all limits but for 1e-7 of the
     largest of them, the upper one on duals that are about as accurate.
 

@@ -235,8 +235,8 @@ class Load(Settings):
     Quantities are numbers in SI units, or texts with a unit: '500 g', '40N', '7.85 g/cm^3'.
 
     Attributes:
-        mass: Mass of the object [kg], or with a unit: 0.5kg, 500g, 1.1lb. none: from the density;
-            without one the forces are for 1 kg.
+        mass: Mass of the object [kg], or with a unit: 0.5kg, 500g, 1.1lb. none: it follows from the
+            density; without a density either, forces are for 1 kg.
         density: Density of the object [kg/m^3], or with a unit: 7.85g/cm^3.
         grip_force: Force at hand of each finger, normal to the surface [N], or with a unit: 40N.
             none: the greatest force of the gripper, if any states one.

@@ -104,8 +104,8 @@ class GraspModel(LengthSettings):
             affects epsilon, and under a load grip force, payload and the label with force, but no
             other labels.
         location_error: Largest distance between the true and the perceived contact point, a length:
-            it is anywhere on the same surface within it, with the normal there. Labels are safe:
-            every S and U is correct.
+            the true one may be anywhere on the connected surface within it, and has the normal
+            there. Labels are safe: every S and U is correct.
 
     Example:
         >>> import math

@@ -102,10 +102,10 @@ class MeshOptions(LengthSettings):
 
     Attributes:
         scale: Factor by which the coordinates of the file are multiplied before all else, above 0.
-        unit: Unit of the file's coordinates: from it they become metres; none: the unit that the
-            file states, if any; guess: that unit, or where the file states none the one in which
-            the object has a usual size, which a warning names. Without any, lengths are in the
-            mesh's own unit, and nothing can be said about grippers, masses and lengths with a unit.
+        unit: Unit of the file's coordinates, which are converted to metres. none: the unit that the
+            file states, if any; guess: if the file states none, the unit in which the object has a
+            usual size, which a warning names. If no unit is known, lengths are in the mesh's own
+            unit, and grippers, masses and lengths with a unit are refused.
         max_edge: Longest edge of the mesh, a length; longer edges are divided. none: 1/32 of the
             object's size.
         crease_angle: An edge whose faces meet at more than this angle is a crease (a sharp edge):

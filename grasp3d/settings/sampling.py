@@ -34,8 +34,8 @@ class Sampling(LengthSettings):
             what friction and resolution need. Wider: the surface can be labelled again, without a
             new search, for any friction and resolution with atan(friction) + alpha/2 up to this
             angle. Narrower: a limit to the search.
-        tolerance: How fine the search is, no error of sensor or gripper: step size at which it
-            stops around a vertex's best grasp, where it is by rays or random steps.
+        tolerance: Step size at which a search by rays or random steps stops around a vertex's best
+            grasp. It is not an error of sensor or gripper.
         min_opening: Smallest distance between any two contacts, a length. Contacts of three fingers
             and more are at least 1/100 of the object's size apart, or 1/10 of max_opening if that
             is less.

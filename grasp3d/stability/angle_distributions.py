@@ -90,10 +90,7 @@ class AngleDistribution(ABC):
         return _first_angle(lambda angle: float(self.worst_below(angle)) >= least)
 
     def fractions(
-        self,
-        *,
-        friction: float | tuple[float, float],
-        sensor_resolution: float,
+        self, *, friction: float | tuple[float, float], sensor_resolution: float
     ) -> dict[str, float]:
         """Area fractions S, M and U.
 

@@ -244,9 +244,9 @@ class Stability:
     """Reliability of grasps whose normals are perceived with a limited sensor resolution.
 
     Labels are those of hard fingers in either method; torsion affects epsilon only. Everything but
-    the label is computed when it is first read. For contacts on creases the label, the margin, and
-    with method extremes the extremes of epsilon, consider all normals there; everything else is
-    that of the perceived normals.
+    the label is computed when it is first read. On creases the label and the margin (with method
+    extremes, also the extremes of epsilon) cover all normals there; everything else is for the
+    perceived normals.
     """
 
     label: Bytes

@@ -267,10 +267,7 @@ LOAD_NUMBERS = (
         meaning=PAYLOAD,
     ),
 )
-FORCES = (
-    *LOAD_NUMBERS,
-    replace(LABEL, name="label_with_force", of=_of_load("label"), when="load"),
-)
+FORCES = (*LOAD_NUMBERS, replace(LABEL, name="label_with_force", of=_of_load("label"), when="load"))
 """What a load adds to grasps."""
 
 SCORE = Field(

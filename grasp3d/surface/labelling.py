@@ -271,10 +271,7 @@ def label_surface(
 
 
 def _mesh_of(
-    source: MeshSource,
-    options: MeshOptions | None,
-    *settings: object,
-    hand: bool,
+    source: MeshSource, options: MeshOptions | None, *settings: object, hand: bool
 ) -> ObjectMesh:
     """Prepare a mesh; its unit is asked for before any work where hand or settings need it."""
     if isinstance(source, ObjectMesh):

@@ -81,8 +81,8 @@ class SurfaceLabels(GraspRows):
     """The best grasp found at every vertex of a surface, and its reliability.
 
     Arrays have one row per vertex of `mesh`; positions are in its unit and frame. An S is a proof:
-    `partners` are the opposing contacts, and the critical angle of that grasp is exact (on creases,
-    for three fingers and more, it is not too small). In mode 'label' a U means that no grasp was
+    `partners` are the opposing contacts, and the critical angle of that grasp is exact (for three
+    fingers and more on creases it is an upper bound). In mode 'label' a U means that no grasp was
     found; in mode 'scan', where the grasp is given, that it is surely unstable.
 
     Example:

@@ -194,12 +194,7 @@ class _Search:
         return self._result(grasps)
 
     def _run(
-        self,
-        stage: int,
-        n: int,
-        limits: SearchLimits,
-        previous: BestGrasps,
-        grasps: BestGrasps,
+        self, stage: int, n: int, limits: SearchLimits, previous: BestGrasps, grasps: BestGrasps
     ) -> None:
         """Run one stage of the search, in chunks distributed over the threads."""
         vertices, domain = self.vertices, self.domain

@@ -48,14 +48,14 @@ def running(
     """State how many threads the computations inside use, and follow their progress.
 
     A `running` inside another one changes what it states and keeps the rest. Without any there are
-    as many threads as processors, no progress is reported, and warnings are no errors.
+    as many threads as processors, no progress is reported, and warnings are not errors.
 
         with grasp3d.running(threads=4, progress=print):
             labels = grasp3d.label_surface("mug.stl")
 
     Args:
-        threads: Threads to use, 1 or more; no result depends on it. What labels and grasps compute
-            when it is first read takes those that are stated there. None: as outside.
+        threads: Threads to use, 1 or more; no result depends on it. A value that is computed when
+            it is first read uses the threads stated there. None: unchanged.
         progress: Called by each computation with the fraction that is done, from 0 to 1; what it
             raises ends the computation. None: as outside.
         strict: Whether a computation whose result would have warnings raises `WarningError`

@@ -164,11 +164,7 @@ class Session:
     thread.
     """
 
-    def __init__(
-        self,
-        collection: Collection,
-        settings: ViewSettings | None = None,
-    ) -> None:
+    def __init__(self, collection: Collection, settings: ViewSettings | None = None) -> None:
         """Open the first object.
 
         Args:

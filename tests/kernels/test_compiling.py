@@ -248,7 +248,7 @@ def copied(tmp_path: Path) -> Path:
     for source in PACKAGE.glob("*.py*"):
         shutil.copy2(source, tmp_path / "grasp3d")
     folder = tmp_path / code_folders()[0].relative_to(PACKAGE.parent)
-    for file in folder.glob("pair_angles.scan-*"):
+    for file in folder.glob("antipodal_candidates.scan-*"):
         file.unlink()
     return tmp_path
 

@@ -15,7 +15,7 @@ the *back*, lies on a straight line of the surface of its cone:
 o the apex of that cone, n_b / cos(beta_b), and v its ray at an angle psi about the normal. Where
 each finger's force is limited by itself the apex is 0, and besides g_f may be 0.
 
-For a given psi |u|^2 is a convex quadratic function of g_f, whose maximum `cap_maximum` finds with
+For a given psi |u|^2 is a convex quadratic function of g_f, whose maximum `largest_on_cap` finds with
 proof. So intervals of psi are divided until none can hold a direction that matters: a bound of an
 interval exceeds its value by the square of its width. For all psi within delta of a given one the
 rays lie in the triangle between the two outermost and the line in which the tangent planes there
