@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import QhullError
 
-from grasp3d import Contacts, GraspModel, Label, classify
+from grasp3d import GraspModel, Label
 from grasp3d.errors import SettingError
 from grasp3d.planar import Circle, Outline, OutlineContacts, PlanarScan, Square, scan
 from tests.helpers import oracles, shapes
@@ -32,34 +32,6 @@ def off(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.arccos(np.clip((a * b).sum(axis=-1), -1.0, 1.0)))
 
 
-def expected_circle(friction: float, degrees: float) -> dict[str, float]:
-    """From the angle off both normals, which is uniform from 0 to 90 degrees."""
-    beta, tilt = math.atan(friction), 0.5 * degrees * DEGREE
-    stable = max(0.0, 2.0 * (beta - tilt) / math.pi)
-    unstable = max(0.0, 1.0 - 2.0 * (beta + tilt) / math.pi)
-    return {"S": stable, "U": unstable, "M": 1.0 - stable - unstable}
-
-
-def expected_square(friction: float, degrees: float) -> dict[str, float]:
-    """By trigonometry from the middle of the bottom: t off both normals of the opposite side; on
-    the others t off the first and 90 degrees - t off the second."""
-
-    def below(angle: float) -> float:
-        if angle <= 0.0:
-            return 0.0
-        if angle > math.pi / 2.0:
-            return 1.0
-        top = 4.0 * min(math.tan(angle), 0.5)
-        tallest = min(2.0, math.tan(min(angle, 1.5)))
-        sides = 2.0 * max(0.0, tallest - 1.0 / math.tan(angle))
-        return (top + sides) / 8.0
-
-    beta, tilt = math.atan(friction), 0.5 * degrees * DEGREE
-    # The finger's own side is at 90 degrees exactly, which is not closed at 90 degrees.
-    stable, possible = below(beta - tilt), below(beta + tilt - 1e-12)
-    return {"S": stable, "U": 1.0 - possible, "M": possible - stable}
-
-
 def near_threshold(found: PlanarScan) -> NDArray[np.bool_]:
     beta, tilt = found.model.friction_angle, found.model.tilt
     away = np.abs(found.critical_angle - (beta - tilt))
@@ -75,9 +47,6 @@ def normals(contacts: OutlineContacts, side: float = 0.0) -> Floats:
     """Unit normals, at corners the middle ones, or those before (-1) or behind (1) it."""
     turn = contacts.middle + side * contacts.half_range
     return np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-
-
-# The definition, sampled
 
 
 @BOTH
@@ -110,9 +79,6 @@ def test_critical_angles_of_a_scan_agree_with_the_definition(outline: Outline) -
         assert found.critical_angle_best[row] == pytest.approx(expected, abs=1e-7)
 
 
-# Reference and formulas
-
-
 def test_fractions_agree_with_the_reference() -> None:
     reference = json.loads(shapes.shared("reference", "planar.json").read_text(encoding="utf-8"))
     cases = [(kind, case) for kind in OUTLINES for case in reference[kind]]
@@ -121,30 +87,18 @@ def test_fractions_agree_with_the_reference() -> None:
         found = OUTLINES[kind].fractions(
             friction=case["mu"], sensor_resolution=case["alpha_deg"] * DEGREE
         )
-        # Two of the reference's squares have an error of 1.1e-6: see `expected_square`.
+        # Two of the reference's squares have an error of 1.1e-6.
         assert found == pytest.approx({k: case[k] for k in "SMU"}, abs=1.2e-6)
-
-
-@pytest.mark.parametrize("friction", [1e-6, 0.2, 0.5, 1.0, 10.0])
-@pytest.mark.parametrize("degrees", [0.0, 5.0, 22.6, 53.13, 60.0, 90.0, 120.0, 170.0])
-def test_fractions_agree_with_trigonometry(friction: float, degrees: float) -> None:
-    for outline, expected in ((Circle(), expected_circle), (Square(), expected_square)):
-        found = outline.fractions(friction=friction, sensor_resolution=degrees * DEGREE)
-        assert found == pytest.approx(expected(friction, degrees), abs=1e-9)
 
 
 @BOTH
 def test_at_alpha_of_twice_beta_nothing_is_surely_stable(outline: Outline) -> None:
     grasp_model = GraspModel(friction=0.5, sensor_resolution=2.0 * math.atan(0.5))
     fractions = outline.fractions(friction=0.5, sensor_resolution=grasp_model.sensor_resolution)
-    assert fractions["S"] == 0.0
     found = scan(outline, grasp_model, points=100)
-    assert not (found.label == Label.S).any()
-    assert not (found.label_extremes == Label.S).any()
+    assert fractions["S"] == 0.0
+    assert not {*found.label, *found.label_extremes} & {Label.S}
     assert not found.epsilon_effective.any()
-
-
-# Outlines
 
 
 def test_contacts_go_round_counter_clockwise_with_normals_inward() -> None:
@@ -158,9 +112,6 @@ def test_contacts_go_round_counter_clockwise_with_normals_inward() -> None:
     around = Circle().contacts_at([0.0, 0.5 * math.pi, math.pi])
     np.testing.assert_allclose(around.points, [(0, -1), (1, 0), (0, 1)], atol=1e-15)
     np.testing.assert_allclose(normals(around), [up, left, down], atol=1e-15)
-
-
-# Epsilon
 
 
 def rows_of(
@@ -211,13 +162,6 @@ def test_epsilon_agrees_with_full_hulls(outline: Outline, edges: int) -> None:
         assert found.epsilon_max[row] == pytest.approx(max(values), abs=1e-9)
 
 
-def test_opposite_fingers_make_a_regular_tetrahedron_of_wrenches() -> None:
-    found = scan(Circle(), model(1.0, 30.0), points=8)
-    assert found.position[4] == pytest.approx(math.pi)
-    assert found.angle[4] == pytest.approx(math.pi)
-    assert found.epsilon[4] == pytest.approx(math.sqrt(1.5) / 3.0, rel=1e-12)
-
-
 @BOTH
 def test_for_round_cones_the_least_epsilon_is_that_at_the_effective_friction(
     outline: Outline,
@@ -231,15 +175,16 @@ def test_for_round_cones_the_least_epsilon_is_that_at_the_effective_friction(
     assert (found.epsilon <= found.epsilon_max).all()
 
 
-def test_curves_of_a_circle_are_the_same_on_both_sides() -> None:
-    found = scan(Circle(), model(0.6, 30.0), points=36)
-    np.testing.assert_allclose(found.epsilon_min, found.epsilon_min[-np.arange(36)], atol=1e-12)
-
-
-# Labels
-
-
-CASES = [(1.0, 0.0), (1.0, 30.0), (0.5, 22.6), (0.2, 22.6), (0.2, 30.0), (0.2, 100.0), (3.0, 150.0)]
+CASES = [
+    (10.0, 22.6),
+    (1.0, 0.0),
+    (1.0, 30.0),
+    (0.5, 22.6),
+    (0.2, 22.6),
+    (0.2, 30.0),
+    (0.2, 100.0),
+    (3.0, 150.0),
+]
 
 
 @BOTH
@@ -255,7 +200,7 @@ def test_hulls_of_all_tested_normals_give_the_exact_labels(
 
 @pytest.mark.slow
 @BOTH
-@pytest.mark.parametrize(("friction", "degrees"), [(1.0, 22.6), (0.5, 53.0), (0.2, 30.0)])
+@pytest.mark.parametrize(("friction", "degrees"), [(1.0, 22.6), (0.2, 30.0)])
 def test_curves_add_up_to_the_closed_form(
     outline: Outline, friction: float, degrees: float
 ) -> None:
@@ -265,63 +210,18 @@ def test_curves_add_up_to_the_closed_form(
     assert found.fractions() == pytest.approx(exact, abs=1e-3)
 
 
-def test_weights_are_those_of_the_points_that_are_not_corners() -> None:
-    found = scan(Square(), points=10)
-    corners = found.at_corner
-    assert corners.sum() == 4
-    assert found.weights.sum() == pytest.approx(1.0, abs=1e-14)
-    assert not found.weights[corners].any()
-    assert found.weights[0] == 0.0
-    assert (found.weights[~corners][1:] > 0.0).all()
-    assert (np.diff(found.position) > 0.0).all()
-
-
-@BOTH
-@pytest.mark.parametrize(("friction", "degrees"), CASES)
-def test_four_combinations_differ_where_a_line_passes_between_the_extreme_cones(
-    outline: Outline, friction: float, degrees: float
-) -> None:
-    found = scan(outline, model(friction, degrees), points=360)
-    beta, tilt = found.model.friction_angle, found.model.tilt
-    differ = (found.label_four != found.label) & smooth(found)
-    d = found.contacts.points - found.contacts.points[0]
-    d /= np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300)
-    missed = np.ones(len(d), dtype=np.bool_)
-    sure = ~near_threshold(found)
-    for sign in (1.0, -1.0):
-        offs = np.stack(
-            [off(normals(found.contacts)[:1], sign * d), off(normals(found.contacts), -sign * d)]
-        )
-        closed = (offs < beta + tilt).all(axis=0) & (offs > tilt - beta).all(axis=0)
-        missed &= ~closed
-        sure &= (np.abs(offs - (tilt - beta)) > NEAR).all(axis=0)
-    expected = (found.label == Label.M) & missed & smooth(found)
-    np.testing.assert_array_equal(differ[sure], expected[sure])
-    assert (found.label_four[differ & sure] == Label.U).all()
-    if tilt < beta:
-        assert not differ[sure].any()
-
-
-def test_four_combinations_miss_the_middle_of_the_opposite_side() -> None:
-    grasp_model = model(0.2, 30.0)
-    found = scan(Square(), grasp_model, points=4000)
-    gap = grasp_model.tilt - grasp_model.friction_angle
-    wrong = found.label_four != found.label
-    opposite = np.abs(found.contacts.points[:, 0]) < 2.0 * math.tan(gap)
-    opposite &= found.contacts.points[:, 1] > 1.0 - 1e-9
-    np.testing.assert_array_equal(wrong & smooth(found), opposite)
-    lost = found.fractions()["M"] - found.fractions(found.label_four)["M"]
-    assert lost == pytest.approx(0.5 * math.tan(gap), abs=1e-3)
-
-
-def test_on_a_circle_four_combinations_stop_growing_at_alpha_of_twice_beta() -> None:
-    beta = math.atan(0.2)
-    for degrees in (25.0, 60.0, 120.0):
-        found = scan(Circle(), model(0.2, degrees), points=4000)
-        assert found.fractions(found.label_four)["M"] == pytest.approx(
-            4.0 * beta / math.pi, abs=1e-3
-        )
-        assert found.fractions()["M"] > 4.0 * beta / math.pi + 5e-3
+def test_four_combinations_miss_what_lies_in_the_gap_between_extreme_cones() -> None:
+    beta, degrees = math.atan(0.2), 30.0
+    gap = 0.5 * degrees * DEGREE - beta
+    found = scan(Square(), model(0.2, degrees), points=4000)
+    x, y = found.contacts.points.T
+    opposite = (np.abs(x) < 2.0 * math.tan(gap)) & (y > 1.0 - 1e-9)
+    np.testing.assert_array_equal((found.label_four != found.label) & smooth(found), opposite)
+    for wider in (25.0, 60.0, 120.0):  # from alpha of twice beta on their M stop growing
+        found = scan(Circle(), model(0.2, wider), points=4000)
+        four, exact = found.fractions(found.label_four)["M"], found.fractions()["M"]
+        assert four == pytest.approx(4.0 * beta / math.pi, abs=1e-3)
+        assert exact > four + 5e-3
 
 
 def test_rows_of_corners_have_the_whole_range_of_normals() -> None:
@@ -330,6 +230,7 @@ def test_rows_of_corners_have_the_whole_range_of_normals() -> None:
     for position, corner in zip((3.0, 5.0), ((1.0, 1.0), (-1.0, 1.0)), strict=True):
         (row,) = np.flatnonzero(np.isclose(found.position, position)).tolist()
         np.testing.assert_allclose(found.contacts.points[row], corner, atol=1e-12)
+        assert found.at_corner[row]
         # From the middle of the bottom the corner is atan(1/2) off that normal; its normals reach
         # from the diagonal to 45 degrees on either side.
         line = math.atan2(2.0, 1.0)
@@ -356,72 +257,9 @@ def test_the_fixed_point_makes_no_grasp(outline: Outline) -> None:
     assert np.isfinite(found.critical_angle[1:]).all()
 
 
-def test_a_grasp_within_one_side_is_possible_only_beyond_ninety_degrees() -> None:
-    own = 2.0 / 8.0
-    for degrees, possible in ((89.0, False), (90.0, False), (91.0, True)):
-        fractions = Square().fractions(friction=1.0, sensor_resolution=degrees * DEGREE)
-        assert (fractions["U"] < own - 1e-9) == possible
-        found = scan(Square(), model(1.0, degrees), points=80)
-        side = (found.contacts.points[:, 1] < -1.0 + 1e-9) & smooth(found)
-        expected = Label.M if possible else Label.U
-        assert (found.label[side] == expected).all()
-        assert (found.label_extremes[side] == expected).all()
-
-
-def test_without_tilt_only_corners_are_ambiguous() -> None:
-    found = scan(Square(), model(0.6, 0.0), points=360)
-    assert not (found.label == Label.M)[smooth(found)].any()
-    assert (found.label == Label.M)[found.contacts.half_range > 0.0].any()
-    np.testing.assert_array_equal(found.epsilon_min[smooth(found)], found.epsilon[smooth(found)])
-
-
-@BOTH
-@pytest.mark.parametrize("friction", [1e-6, 10.0])
-@pytest.mark.parametrize("degrees", [0.0, 22.6, 179.0])
-def test_extreme_friction(outline: Outline, friction: float, degrees: float) -> None:
-    found = scan(outline, model(friction, degrees), points=90)
-    fractions = outline.fractions(friction=friction, sensor_resolution=degrees * DEGREE)
-    assert found.fractions() == pytest.approx(fractions, abs=0.06)
-    assert np.isfinite(found.epsilon_extremes).all()
-    assert ((found.epsilon >= 0.0) & (found.epsilon <= 1.0)).all()
-    if friction > 1.0:
-        differ = found.label_extremes != found.label
-        assert not (differ & ~near_threshold(found)).any()
-
-
-def test_too_many_normals_are_refused_and_other_results_are_available() -> None:
+def test_too_many_normals_are_refused_and_epsilon_is_available() -> None:
     found = scan(Circle(), model(1e-6, 22.6), points=16)
     for name in ("label_extremes", "epsilon_min", "epsilon_max"):
         with pytest.raises(SettingError, match=r"1972\d\d normals .* use the exact"):
             getattr(found, name)
-    assert (found.label == Label.M).any()
     assert found.epsilon[8] > 0.0
-    assert found.label_four.shape == found.label.shape
-
-
-def test_results_are_locked() -> None:
-    found = scan(Square(), points=16)
-    for name in (
-        "position", "angle", "at_corner", "label", "critical_angle", "critical_angle_best",
-        "weights", "epsilon", "epsilon_extremes", "epsilon_effective", "epsilon_min",
-        "epsilon_max", "label_extremes", "label_four",
-    ):  # fmt: skip
-        values = getattr(found, name)
-        assert not values.flags.writeable
-        assert values.shape[{"epsilon_extremes": 1}.get(name, 0)] == len(found.position)
-
-
-def in_space(vectors: Floats) -> Floats:
-    return np.concatenate([vectors, np.zeros((*vectors.shape[:-1], 1))], axis=-1)
-
-
-@BOTH
-def test_labels_agree_with_those_of_contacts_in_space(outline: Outline) -> None:
-    found = scan(outline, model(0.7, 20.0), points=200)
-    rows = np.flatnonzero(smooth(found))
-    points, inward = (
-        in_space(np.stack([np.broadcast_to(values[0], values[rows].shape), values[rows]], axis=1))
-        for values in (found.contacts.points, normals(found.contacts))
-    )
-    space = classify(Contacts(points, inward, 0.7), found.model.sensor_resolution).label
-    np.testing.assert_array_equal(found.label[rows], space)

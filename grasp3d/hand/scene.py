@@ -128,7 +128,7 @@ class Scene:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """What is beside the object: the hand, and how the object stands or where up is."""
+        """The hand, how the object stands or where up is, and how wrong poses may be."""
         words = [f"gripper {self.hand.name}"]
         if self.table is not None and self.table.probability is not None:
             words.append(f"resting pose of probability {100.0 * self.table.probability:.0f} %")
@@ -136,6 +136,8 @@ class Scene:
             names = [name for name, axis in AXES.items() if np.allclose(self.up, axis)]
             numbers = ", ".join(f"{number + 0.0:.3g}" for number in self.up)
             words.append(f"up is {names[0] if names else f'({numbers})'} (--up)")
+        if self.pose_error:
+            words.append(f"poses wrong by up to {str(self.pose_error).replace(',', ' and ')}")
         return tuple(words)
 
     def tilt_warning(self, object_pose: ObjectPose | None) -> str | None:

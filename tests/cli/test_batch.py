@@ -4,6 +4,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -13,6 +14,7 @@ from typing import Any
 import pytest
 
 from grasp3d import open_library
+from grasp3d.system.names import as_unicode, safe_stem
 from tests.helpers import shapes
 from tests.helpers.commands import COMMAND, export, run_here, run_process
 from tests.helpers.dask_cluster import wait_for
@@ -82,10 +84,6 @@ def test_failures_do_not_end_the_batch(tmp_path: Path) -> None:
     assert run.stderr.count("holds no triangles") == 1  # the first of each reason, at once
     assert run.stdout.count("holds no triangles") == 2
     assert "2 labelled, 2 failed" in run.stdout
-    rows = {row["mesh"]: row for row in open_library(tmp_path / "out").table().to_pylist()}
-    assert rows["egg_0.ply"]["stable"] == pytest.approx(1.0)
-    assert rows["deep/box.stl"]["surface"] == "surfaces/deep/box.stl.ply"
-    assert "holds no triangles" in rows["bad.obj"]["error"]
     quiet = resumed(tmp_path, "--friction", "1", "-q")
     assert (quiet.returncode, quiet.stdout) == (1, "")
     assert re.fullmatch(r"(failed: in/(deep/)?bad\.obj: .*\n){2}", quiet.stderr)
@@ -108,29 +106,6 @@ def test_strictly_a_mesh_with_warnings_fails_and_only_then(tmp_path: Path) -> No
         assert (strict.returncode, labelled()) == (1, 1)
         assert re.search("failed: .*the surface is open", strict.stdout)
     assert (resumed(tmp_path).returncode, labelled()) == (0, 2)
-
-
-@pytest.mark.slow
-def test_the_same_command_again_labels_nothing_and_options_change_nothing_else(
-    undisturbed: Path,
-) -> None:
-    before = rows_of(undisturbed / "out")
-    run = resumed(undisturbed)
-    assert run.returncode == 0
-    assert "10 labelled, 0 failed; 10 of them were finished before" in run.stdout
-    quiet = resumed(undisturbed, "-q")
-    assert (quiet.returncode, quiet.stdout, quiet.stderr) == (0, "", "")
-    assert rows_of(undisturbed / "out") == before
-    for part in ("1/2", "2/2"):
-        words = ("--surfaces", "tar", "--part", part, "-q")
-        command = ("batch", "in", "-o", "parts", "--workers", "0", *OPTIONS, *words)
-        assert run_here(*command, cwd=undisturbed).returncode == 0
-    assert len(list((undisturbed / "parts" / "surfaces").iterdir())) == 2
-    found, expected = (
-        [{**row, "surface": ""} for row in rows]
-        for rows in (rows_of(undisturbed / "parts"), before)
-    )
-    assert found == expected
 
 
 @pytest.mark.slow
@@ -166,19 +141,44 @@ def test_an_interrupted_or_killed_batch_is_resumed(undisturbed: Path, tmp_path: 
         assert done or not list(output.rglob("*.part*"))
         assert done + 2 <= found < 10
         done = found
-    again = resumed(tmp_path)
-    assert f"; {done} of them were finished before" in again.stdout
+    for found in (done, 10):
+        again = resumed(tmp_path)
+        assert again.returncode == 0
+        assert f"10 labelled, 0 failed; {found} of them were finished before" in again.stdout
+    quiet = resumed(tmp_path, "-q")
+    assert (quiet.returncode, quiet.stdout, quiet.stderr) == (0, "", "")
     assert rows_of(output) == rows_of(undisturbed / "out")
 
 
+LONG = "é" * 123  # with its suffix 250 bytes
+UNDECODABLE = os.fsdecode(b"mug\xff")
+STEMS = ("ünï 物体 #1", "-rf", "a b", "[red]", "CON", LONG, "two\nlines", UNDECODABLE,
+         ":apple: \\[b]")  # fmt: skip
+
+
 @pytest.mark.slow
-def test_a_missing_scheduler_is_an_error_of_one_line(
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there are no such names")
+def test_difficult_names_overwrite_no_mesh_and_no_result(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grasp3d.jobs.cluster.CONNECT_TIMEOUT", 0.5)
-    make_library(tmp_path / "in", 2)
-    run = run_here("batch", "in", "-o", "out", "--scheduler", "tcp://127.0.0.1:1", cwd=tmp_path)
-    *before, last = run.stderr.splitlines()
-    assert (run.returncode, before) == (2, ["2 meshes to label, 0 finished before"])
-    assert last.startswith("grasp3d: ")
-    assert "127.0.0.1:1" in last
+    monkeypatch.setattr("grasp3d.batch.object_page.can_render", lambda: False)
+    meshes = [f"in/{stem}.stl" for stem in STEMS] + ["in/a/mug.stl", "in/b/mug.stl"]
+    meshes += ["in/mug.stl", "in/mug.obj", "in/MUG.STL", "in/co:lon/x.ply", "far/mug.stl"]
+    before = {}
+    for name in meshes:
+        before[name] = export(tmp_path / name, shapes.sphere(1)).read_bytes()
+    (tmp_path / "in" / "bad\nfile.stl").touch()
+    words = ("batch", "in", "far", "-o", "in", "--workers", "0", "--unit", "m", "--max-edge", "inf")
+    run = run_here(*words, cwd=tmp_path)
+    assert run.returncode == 1
+    assert f"{len(meshes)} labelled, 1 failed" in run.stdout
+    assert {name: (tmp_path / name).read_bytes() for name in meshes} == before
+    rows = open_library(tmp_path / "in").table().to_pylist()
+    made = {row["surface"] for row in rows if not row["error"]}
+    assert len({name.casefold() for name in made}) == len(made) == len(meshes)
+    assert all((tmp_path / "in" / name).is_file() for name in made)
+    assert {f"surfaces/{safe_stem(as_unicode(f'{stem}.stl'))}.ply" for stem in STEMS} <= made
+    assert {f"surfaces/{name}.ply" for name in ("a/mug.stl", "b/mug.stl", "mug.obj")} <= made
+    for start in ("[red].stl ", ":apple: \\[b].stl ", "two\\nlines.stl "):
+        assert any(line.startswith(start) for line in run.stdout.splitlines())
+    assert "failed: in/bad\\nfile.stl: the file is empty; export the mesh again\n" in run.stdout

@@ -1,4 +1,4 @@
-"""`grasp3d check`, mostly in this process."""
+"""`grasp3d check`."""
 
 import json
 import re
@@ -18,72 +18,36 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def library(folder: Path) -> Path:
-    """A folder with a sound mesh, an open one and a broken one."""
-    library_folder = folder / "library"
-    (library_folder / "below").mkdir(parents=True)
-    export(library_folder / "box.stl", shapes.box((0.04, 0.06, 0.08)))
-    vertices, faces = shapes.sphere(2, 0.05)
-    export(library_folder / "below" / "open [red].ply", (vertices, faces[4:]))
-    (library_folder / "broken.stl").write_bytes(b"no mesh at all")
-    return library_folder
-
-
-@pytest.mark.slow
-def test_a_row_has_the_diagnosis_and_the_cost_of_labelling(folder: Path) -> None:
-    """In a process of its own."""
-    run = real_grasp3d("check", "box.stl", "--unit", "m", cwd=folder)
-    assert run.returncode == 0, run.stderr
-    row = re.escape("40 x 60 x 80") + r" +12 +1 +yes +0\.000192 +0 +0\.00° +[\d,]+ "
-    assert re.search(rf"^box\.stl +yes +m +{row}", run.stdout, re.MULTILINE)
-    assert "labels can be trusted: 1 yes, 0 with care, 0 no; 0 failed" in run.stdout
-    assert run.stderr == ""
-
-
-def test_warnings_and_repairs_are_printed(folder: Path) -> None:
-    vertices, faces = shapes.sphere(2, 50.0)
-    export(folder / "ball.ply", (vertices, faces[20:, ::-1]))
-    run = grasp3d("check", "ball.ply", "--max-opening", "0.08", cwd=folder)
-    assert run.returncode == 1
-    assert "repaired: ball.ply: 300 faces turned: they were inside out" in run.stdout
-    assert "ball.ply: unit not stated; largest extent 100: " in run.stdout
-    assert "10 cm if mm" in run.stdout
-    assert "labels can be trusted: 0 yes, 0 with care, 1 no" in run.stdout
-    assert "no: ball.ply: max_opening is 0.08, 0.000756 times the size of ball.ply" in run.stdout
-    assert "give --unit mm and --max-opening 0.08m" in run.stdout
-    assert run.stderr == ""
-
-
 @pytest.mark.slow
 def test_a_folder_has_a_line_for_each_mesh_after_an_error_too(folder: Path) -> None:
-    library(folder)
-    run = real_grasp3d("check", "library", "-o", "report.json", cwd=folder)
-    assert run.returncode == 1
-    assert "Traceback" not in run.stderr
-    assert re.search(r"failed: library/broken\.stl: cannot be read as STL", run.stdout)
+    vertices, faces = shapes.sphere(2, 0.05)
+    export(folder / "below" / "open [red].ply", (vertices, faces[4:]))
+    (folder / "broken.stl").write_bytes(b"no mesh at all")
+    run = real_grasp3d("check", ".", "--unit", "m", "-o", "report.json", cwd=folder)
+    assert (run.returncode, run.stderr) == (1, "")
+    row = re.escape("40 x 60 x 80") + r" +12 +1 +yes +0\.000192 +0 +0\.00° +[\d,]+ "
+    assert re.search(rf"^box\.stl +yes +m +{row}", run.stdout, re.MULTILINE)
+    assert re.search(r"failed: \S*broken\.stl: cannot be read as STL", run.stdout)
     assert "below/open [red].ply: the surface is open" in run.stdout.replace("\n", " ")
     assert "labels can be trusted: 1 yes, 1 with care, 0 no; 1 failed" in run.stdout
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
-    assert [(mesh["mesh"], mesh["trust"]) for mesh in report["meshes"]] == [
+    assert report["grasp3d"]["mesh"]["repair"] == "safe"
+    opened, sound, broken = report["meshes"]
+    assert [(one["mesh"], one["trust"]) for one in (opened, sound, broken)] == [
         ("below/open [red].ply", "with care"),
         ("box.stl", "yes"),
         ("broken.stl", "no"),
     ]
-    assert report["grasp3d"]["mesh"]["repair"] == "safe"
-    opened, sound, broken = report["meshes"]
-    assert broken["refusal"].startswith("library/broken.stl: ")
-    assert opened["after"]["volume"] is None
+    assert "broken.stl: " in broken["refusal"]
+    assert (opened["after"]["volume"], sound["refusal"]) == (None, None)
     assert sound["after"]["volume"] == pytest.approx(0.04 * 0.06 * 0.08)
-    assert sound["refusal"] is None
 
 
 def test_strict_accepts_no_warnings(folder: Path) -> None:
     vertices, faces = shapes.sphere(2, 0.05)
-    export(folder / "open.ply", (vertices, faces[1:]))
     export(folder / "pierced.ply", (vertices, faces[5:]))
-    assert grasp3d("check", "box.stl", "--strict", cwd=folder).returncode == 0
-    assert grasp3d("check", "pierced.ply", cwd=folder).returncode == 0
-    assert grasp3d("check", "pierced.ply", "--strict", cwd=folder).returncode == 1
+    for words, code in {"box.stl --strict": 0, "pierced.ply": 0, "pierced.ply --strict": 1}.items():
+        assert grasp3d("check", *words.split(), cwd=folder).returncode == code
 
 
 def test_a_table_states_scale_and_unit_of_each_mesh_and_units_are_guessed(folder: Path) -> None:
@@ -91,7 +55,7 @@ def test_a_table_states_scale_and_unit_of_each_mesh_and_units_are_guessed(folder
     (folder / "objects.csv").write_text(text, encoding="utf-8")
     words = ("check", "objects.csv", "--unit", "guess", "--workers", "1", "-o", "report.json")
     run = grasp3d(*words, cwd=folder)
-    assert (run.returncode, "Traceback" in run.stderr) == (1, False)
+    assert run.returncode == 1
     assert "failed: gone.stl: there is no such file" in run.stdout
     gone, large, small = json.loads((folder / "report.json").read_text("utf-8"))["meshes"]
     assert [one["mesh"] for one in (gone, large, small)] == ["gone.stl", "large", "small"]

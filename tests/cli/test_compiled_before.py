@@ -59,13 +59,9 @@ def test_no_command_compiles_what_was_compiled_ahead(tmp_path: Path) -> None:
     (tmp_path / "small.off").write_text(mesh_files.off_text())
     trimesh.creation.box([0.08, 0.05, 0.03]).subdivide().export(tmp_path / "block.off")
     done = subprocess.run(
-        [sys.executable, str(code), str(ROOT / "meshes")],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+        [sys.executable, str(code), str(ROOT / "meshes")], cwd=tmp_path, capture_output=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, text=True, check=False,
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-2:] == ["compiled", "undeclared"]
     assert "compiling" not in done.stderr

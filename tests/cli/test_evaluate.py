@@ -1,141 +1,38 @@
-"""`grasp3d evaluate` and `grasp3d label --best`, mostly in this process."""
+"""`grasp3d evaluate`: contacts, and poses of a gripper; hands with joints have their own file."""
 
 import json
 import math
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.csv as pc
 import pyarrow.parquet as pq
 import pytest
-from PIL import Image
+from scipy.spatial.transform import Rotation
 
-from grasp3d.pictures import opengl
+from grasp3d.formats import write_grasps
+from grasp3d.formats.poses import GraspPoses
+from grasp3d.hand.hand_files import write_hand
 from tests.helpers import shapes
 from tests.helpers.commands import export, printed
-from tests.helpers.commands import run_here as grasp3d
 from tests.helpers.commands import run_process as real_grasp3d
-from tests.pictures.test_opengl import needs_opengl
+from tests.helpers.grippers import HAND
 
-BOX = (1.0, 0.7, 0.5)
 PAIR = [[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]]
 THREE = [
     [[0.505, 0.1, 0.1], [-0.5, 0.1, 0.1], [0.0, 0.35, 0.1]],
     [[0.5, 0.1, 0.1], [0.5, -0.1, 0.1], [0.5, 0.0, -0.1]],
     [[0.5, 0.1, 0.1], [0.5, 0.1, 0.1], [0.5, 0.1, 0.1]],
 ]
-TWO_FINGERS = ("--max-edge", "0.2")
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    export(tmp_path / "my box.stl", shapes.box(BOX))
-    (tmp_path / "three.json").write_text(json.dumps(THREE), encoding="utf-8")
-    (tmp_path / "pair.json").write_text(json.dumps([PAIR]), encoding="utf-8")
-    return tmp_path
-
-
-@pytest.mark.slow
-def test_labels_and_numbers_of_given_grasps(folder: Path) -> None:
-    """In a process of its own."""
-    run = real_grasp3d(
-        "evaluate", "my box.stl", "three.json", "--unit", "m", "--friction", "1", cwd=folder
-    )
-    assert (run.returncode, run.stderr) == (0, "")
-    assert "my box.stl: 3 grasps of 3 fingers; μ 1, α 22.6°" in run.stdout
-    rows = pc.read_csv(folder / "my box_grasps.csv").to_pylist()
-    assert [row["label"] for row in rows] == ["S", "U", "U"]
-    for name, count in (("S +surely stable", 1), ("M .*", 0), ("U +surely unstable", 2)):
-        assert re.search(rf"■ {name} +{count} +{100.0 * count / 3.0:.1f} %", run.stdout)
-    assert rows[0]["x1"] == 0.5
-    assert rows[0]["distance1"] == pytest.approx(0.005)
-    assert "contacts at most 5 mm from the surface" in run.stdout
-    first = next(line for line in run.stdout.splitlines() if re.match(r" +1 +■ S", line))
-    assert first.split()[3] == f"{rows[0]['score']:.3f}"
-    assert first.split()[4] == f"{math.degrees(rows[0]['critical_angle']):.1f}°"
-    assert re.search(r"3 +■ U +[\d.]+ +– +0.0° +0.000", run.stdout)
-    assert "written: my box_grasps.csv" in run.stdout
-    assert len(list(folder.iterdir())) == 4
-
-
-@pytest.mark.parametrize("name", ["out.csv", "out.parquet", "out.json"])
-def test_results_are_written_in_every_format_without_output(folder: Path, name: str) -> None:
-    arguments = ("my box.stl", "pair.json", "-o", name, "--sensor-resolution", "30", "-q")
-    assert printed("evaluate", *arguments, cwd=folder) == ""
-    path = folder / name
+def rows_of(path: Path) -> list[dict[str, Any]]:
     if path.suffix == ".json":
-        found = json.loads(path.read_text(encoding="utf-8"))
-        assert found["grasp3d"]["sensor_resolution"] == pytest.approx(math.radians(30.0))
-        row = found["grasps"][0]
-    else:
-        row = (pc.read_csv if path.suffix == ".csv" else pq.read_table)(path).to_pylist()[0]
-    assert (row["label"], row["rank"]) == ("S", 5)
-    assert row["max_resolution"] == pytest.approx(2.0 * math.atan(0.5))
-
-
-@pytest.mark.parametrize("name", ["out.csv", "out.json"])
-def test_metrics_are_printed_and_written(folder: Path, name: str) -> None:
-    names = "min_weight,epsilon_linf"
-    arguments = ("my box.stl", "pair.json", "-o", name, "--unit", "mm", "--metrics", names)
-    text = printed("evaluate", *arguments, cwd=folder)
-    assert "medians: min_weight 0.0625, epsilon_linf " in text
-    path = folder / name
-    if path.suffix == ".json":
-        row = json.loads(path.read_text(encoding="utf-8"))["grasps"][0]
-    else:
-        row = pc.read_csv(path).to_pylist()[0]
-    assert row["min_weight"] == pytest.approx(1.0 / 16.0)
-    assert row["epsilon_linf"] > 0.0
-    assert "grasp_isotropy" not in row
-
-
-def test_of_many_grasps_only_the_first_are_printed(folder: Path) -> None:
-    (folder / "many.json").write_text(json.dumps([PAIR] * 200), encoding="utf-8")
-    text = printed("evaluate", "my box.stl", "many.json", "-o", "many.csv", cwd=folder)
-    assert "the best 10 of 200" in text
-    assert len(text.splitlines()) < 30
-    assert pc.read_csv(folder / "many.csv").num_rows == 200
-
-
-POSES = """px,py,pz,qx,qy,qz,qw,unit,outcome
-0,0,10,1,0,0,0,mm,1
-0,0.5,10,1,0,0,0,mm,1
-0,200,10,1,0,0,0,mm,0
-"""
-"""From above: two on the box of `posed`, and one beside it."""
-
-
-@pytest.fixture
-def posed(tmp_path: Path) -> Path:
-    export(tmp_path / "small.stl", shapes.box((60.0, 42.0, 30.0)))
-    (tmp_path / "poses.csv").write_text(POSES, encoding="utf-8")
-    return tmp_path
-
-
-@pytest.mark.slow
-def test_poses_of_a_gripper_are_evaluated(posed: Path) -> None:
-    arguments = ("small.stl", "poses.csv", "--unit", "mm", "--hand", "franka")
-    run = grasp3d("evaluate", *arguments, "-o", "out.csv", cwd=posed)
-    assert (run.returncode, run.stderr) == (0, "")
-    assert "small.stl: 3 poses of franka; μ 0.5" in run.stdout
-    for text in (
-        "■ S +surely stable +2 +66.7 %",
-        "1 of 3: the jaws close on nothing",
-        "held when tried: S 100.0 % of 2, U 0.0 % of 1",
-        "3 +■ U +0.000 .*the jaws close on nothing",
-        r"poses read in the gripper's frame 'tcp', as the file states none \(--frame\)",
-    ):
-        assert re.search(text, run.stdout), text
-    rows = pc.read_csv(posed / "out.csv").to_pylist()
-    assert [row["label"] for row in rows] == ["S", "S", "U"]
-    assert [row["closing"] for row in rows] == ["closed", "closed", "nothing"]
-    assert rows[0]["opening"] == pytest.approx(0.06)
-    assert rows[2]["opening"] is None
-    again = grasp3d("evaluate", "small.stl", "out.csv", *arguments[2:], "-q", cwd=posed)
-    assert (again.returncode, again.stdout) == (0, "")
-    rows_again = pc.read_csv(posed / "small_grasps.csv").to_pylist()
-    assert [row["label"] for row in rows_again] == ["S", "S", "U"]
+        return list(json.loads(path.read_text(encoding="utf-8"))["grasps"])
+    table = pc.read_csv(path) if path.suffix == ".csv" else pq.read_table(path)
+    return list(table.to_pylist())
 
 
 def printed_rows(text: str) -> list[list[str]]:
@@ -143,71 +40,150 @@ def printed_rows(text: str) -> list[list[str]]:
     return [line.split() for line in text.splitlines() if re.match(r" +\d+ +■ [SMU] ", line)]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("fingers", "options"),
-    [(2, TWO_FINGERS), (3, ("--fingers", "3", "--max-edge", "0.3"))],
-)
-def test_the_best_grasps_evaluated_again_are_the_same(
-    folder: Path, fingers: int, options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(opengl, "can_render", lambda: False)
-    (folder / "out").mkdir()
-    output = ("-o", "out/labels.npz")
-    text = printed("label", "my box.stl", *options, *output, "--best", "5", cwd=folder)
-    assert "the 5 best distinct grasps" in text
-    assert "no pictures: they need OpenGL" in text
-    assert f"written: {Path('out/labels.npz')}, {Path('out/labels_grasps.json')}" in text
-    assert {path.name for path in (folder / "out").iterdir()} == {
-        "labels.npz",
-        "labels_grasps.json",
-    }
-    best = json.loads((folder / "out" / "labels_grasps.json").read_text())["grasps"]
-    assert [len(grasp["contacts"]) for grasp in best] == [fingers] * 5
-    edge = options[-2:]
-    run_again = grasp3d(
-        "evaluate", "my box.stl", "out/labels_grasps.json", "-o", "again.json", *edge, cwd=folder
-    )
-    assert run_again.returncode == 0
-    again = json.loads((folder / "again.json").read_text())["grasps"]
-    for one, other in zip(best, again, strict=True):
-        assert one["label"] == other["label"]
-        for name in ("critical_angle", "critical_angle_best", "max_resolution", "opening"):
-            assert other[name] == pytest.approx(one[name], abs=1e-6), name
-        assert other["epsilon"] == pytest.approx(one["epsilon"], rel=0.02)
-    # Without epsilon, which is known to 1 %.
-    assert [row[:6] for row in printed_rows(text)] == [
-        row[:6] for row in printed_rows(run_again.stdout)
-    ]
-
-
-def test_fewer_grasps_than_requested_are_reported(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(opengl, "can_render", lambda: False)
-    text = printed("label", "my box.stl", *TWO_FINGERS, "--best", "5000", cwd=folder)
-    count = len(json.loads((folder / "my box_grasps.json").read_text())["grasps"])
-    assert f"the {count} best distinct grasps" in text
-    assert "5000 were requested; all others that may hold are nearer than" in text
-    few = ("--max-opening", "0.01", "--best", "3", "--overwrite")
-    text = printed("label", "my box.stl", *TWO_FINGERS, *few, cwd=folder)
-    assert "best grasps: none may hold" in text
-    assert "OpenGL" not in text
-    assert json.loads((folder / "my box_grasps.json").read_text())["grasps"] == []
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A box of 1 x 0.7 x 0.5, a pair of contacts, and three triples."""
+    export(tmp_path / "my box.stl", shapes.box((1.0, 0.7, 0.5)))
+    (tmp_path / "three.json").write_text(json.dumps(THREE), encoding="utf-8")
+    (tmp_path / "pair.json").write_text(json.dumps([PAIR]), encoding="utf-8")
+    return tmp_path
 
 
 @pytest.mark.slow
-@needs_opengl
-def test_the_best_grasps_are_drawn(folder: Path) -> None:
-    text = printed("label", "my box.stl", *TWO_FINGERS, "--best", "2", cwd=folder)
-    assert "written: my box_labeled.ply, my box_grasps.json, my box_grasps.png" in text
-    with Image.open(folder / "my box_grasps.png") as image:
-        pixels = np.asarray(image.convert("RGB"))
-    assert (pixels == 255).all(axis=2).mean() > 0.3
-    assert (pixels.max(axis=2) < 60).mean() > 0.003
-    assert sorted(path.name for path in folder.glob("my box*")) == [
-        "my box.stl",
-        "my box_grasps.json",
-        "my box_grasps.png",
-        "my box_labeled.ply",
-    ]
+def test_labels_and_numbers_of_given_grasps(folder: Path) -> None:
+    words = ("my box.stl", "three.json", "--unit", "m", "--friction", "1")
+    run = real_grasp3d("evaluate", *words, cwd=folder)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert "my box.stl: 3 grasps of 3 fingers; μ 1, α 22.6°" in run.stdout
+    rows = rows_of(folder / "my box_grasps.csv")
+    assert [row["label"] for row in rows] == ["S", "U", "U"]
+    for name, count in (("S +surely stable", 1), ("M .*", 0), ("U +surely unstable", 2)):
+        assert re.search(rf"■ {name} +{count} +{100.0 * count / 3.0:.1f} %", run.stdout)
+    assert (rows[0]["x1"], rows[0]["distance1"]) == (0.5, pytest.approx(0.005))
+    assert "contacts at most 5 mm from the surface" in run.stdout
+    first = printed_rows(run.stdout)[0]
+    assert first[3] == f"{rows[0]['score']:.3f}"
+    assert first[4] == f"{math.degrees(rows[0]['critical_angle']):.1f}°"
+    assert re.search(r"3 +■ U +[\d.]+ +– +0.0° +0.000", run.stdout)
+    assert "written: my box_grasps.csv" in run.stdout
+    assert len(list(folder.iterdir())) == 4
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.parquet", "out.json"])
+def test_results_and_metrics_are_written_in_every_format(folder: Path, name: str) -> None:
+    words = ("my box.stl", "pair.json", "-o", name, "--sensor-resolution", "30", "--unit", "mm",
+             "--metrics", "min_weight,epsilon_linf")  # fmt: skip
+    text = printed("evaluate", *words, cwd=folder)
+    assert "medians: min_weight 0.0625, epsilon_linf " in text
+    assert printed("evaluate", *words, "-q", "--overwrite", cwd=folder) == ""
+    (row,) = rows_of(folder / name)
+    assert (row["label"], row["rank"]) == ("S", 5)
+    assert row["max_resolution"] == pytest.approx(2.0 * math.atan(0.5))
+    assert row["min_weight"] == pytest.approx(1.0 / 16.0)
+    assert row["epsilon_linf"] > 0.0
+    assert "grasp_isotropy" not in row
+    if name == "out.json":
+        settings = json.loads((folder / name).read_text(encoding="utf-8"))["grasp3d"]
+        assert settings["sensor_resolution"] == pytest.approx(math.radians(30.0))
+
+
+def test_of_many_grasps_only_the_best_are_printed_and_units_are_converted(folder: Path) -> None:
+    bad = [[[0.5, 0.0, 0.0], [0.5, 0.1, 0.0]]]
+    (folder / "many.json").write_text(json.dumps(bad * 190 + [PAIR] * 10), encoding="utf-8")
+    text = printed("evaluate", "my box.stl", "many.json", "-o", "many.csv", cwd=folder)
+    assert "the best 10 of 200" in text
+    assert [row[2] for row in printed_rows(text)] == ["S"] * 10
+    assert pc.read_csv(folder / "many.csv").num_rows == 200
+    (folder / "cm.csv").write_text("x1,y1,z1,x2,y2,z2,unit\n50,0,0,-50,0,0,cm", encoding="utf-8")
+    printed("evaluate", "my box.stl", "cm.csv", "--unit", "m", "-q", cwd=folder)
+    assert rows_of(folder / "my box_grasps.csv")[0]["opening"] == pytest.approx(1.0)
+
+
+def test_reasons_say_what_is_wrong_with_poses_and_what_wrong_poses_do(tmp_path: Path) -> None:
+    """A pose in the middle, at the end, with a finger in the box, and beside it."""
+    export(tmp_path / "box.stl", shapes.box((0.04, 0.06, 0.03)))
+    write_hand(tmp_path / "hand.json", HAND)
+    poses = np.tile(np.eye(4), (4, 1, 1))
+    poses[1, 1, 3] = 0.038  # 1 mm of the pads
+    poses[2, 0, 3] = 0.022  # a finger starts 2 mm in the object
+    poses[3, 1, 3] = 0.06
+    given = GraspPoses(poses=poses, unit="m", outcome=np.array([1.0, 1.0, 0.0, 0.0]))
+    write_grasps(tmp_path / "poses.csv", given)
+
+    def evaluate(*words: str) -> tuple[str, list[dict[str, Any]]]:
+        text = printed("evaluate", "box.stl", "poses.csv", "--unit", "m", "--hand", "hand.json",
+                       "-o", "b.csv", "--overwrite", *words, cwd=tmp_path)  # fmt: skip
+        return text, rows_of(tmp_path / "b.csv")
+
+    text, found = evaluate()
+    heading = r"pose +label +score +β\* +α\* +ε +ε_min +mm +reason *$"
+    assert re.search(heading, text, re.MULTILINE)
+    for line in (
+        "box.stl: 4 poses of hand; μ 0.5",
+        "1 of 4: finger is inside the object",
+        "1 of 4: the jaws close on nothing",
+        "held when tried: S 100.0 % of 2, U 0.0 % of 2",
+        "poses read in the gripper's frame 'tcp', as the file states",
+    ):
+        assert line in text
+    assert "closing_share" not in found[0]
+    assert found[2]["reason"] == "finger 1 is 3 mm inside the object"
+    assert [one["opening"] for one in found] == [pytest.approx(0.04)] * 2 + [None] * 2
+    text, found = evaluate("--pose-error", "5mm,3deg")
+    assert 0.0 < found[1]["closing_share"] < 1.0
+    for row, one in zip(printed_rows(text), found, strict=True):
+        assert row[2:4] == [one["label"], f"{one['score']:.3f}"]
+        assert " ".join(row).endswith(one["reason"])
+    assert [one["label"] for one in found] == ["S", "U", "M", "U"]
+    assert found[2]["shift"] == pytest.approx(-0.00375)
+    assert "1 of 4: closes on nothing where the pose is wrong" in text
+
+
+TURN = Rotation.from_euler("xz", [20.0, 90.0], degrees=True).as_quat().tolist()
+POSE = ",".join(map(str, [0.4, -0.05, 0.1, *TURN, "base_link"]))
+BOX = ("box.stl", "--unit", "mm", "--hand", "franka", "--overwrite")
+
+
+@pytest.mark.slow
+def test_frames_of_the_gripper_and_of_the_robot_are_stated_doubted_and_found(
+    tmp_path: Path,
+) -> None:
+    """Grasps as GraspGen and a robot state them, in a file whose format states otherwise."""
+    export(tmp_path / "box.stl", shapes.box((80.0, 50.0, 30.0)))
+    label = ("label", *BOX, "--table", "as-is", "--best", "9", "--max-edge", "20mm")
+    assert "in the mesh's frame\n" in printed(*label, "--frame", "graspgen", "--grasps", "g.yaml",
+                                              cwd=tmp_path)  # fmt: skip
+    text = printed(*label, "--grasps", "robot.csv", "--object-pose", POSE, cwd=tmp_path)
+    assert "poses in the file: in the robot's frame 'base_link'\n" in text
+    assert text.count("warning: the table's up is 20° from z of the robot's frame") == 1
+    robots = pc.read_csv(tmp_path / "robot.csv")
+    pc.write_csv(robots.drop_columns(["object_pose"]), tmp_path / "silent.csv")
+    ahead = "1 0 0 0\n0 1 0 0\n0 0 1 0.1034\n0 0 0 1\n"
+    (tmp_path / "ahead.txt").write_text(ahead, encoding="utf-8")
+
+    def evaluate(poses: str, *options: str) -> tuple[str, Any]:
+        words = (BOX[0], poses, *BOX[1:], "-o", "out.parquet")
+        text = " ".join(printed("evaluate", *words, *options, cwd=tmp_path).split())
+        return text, pq.read_table(tmp_path / "out.parquet")
+
+    text, _ = evaluate("g.yaml")
+    assert "as stated ('hand') jaws that are thin close on the object where it is" in text
+    assert "with --frame graspgen in" in text
+    assert "poses read in the gripper's frame 'hand', as the file states none (--frame)" in text
+    text, right = evaluate("g.yaml", "--frame", "graspgen")
+    assert "warning" not in text
+    assert "poses read in the gripper's frame 'graspgen' (--frame)" in text
+    text, auto = evaluate("g.yaml", "--frame", "auto")
+    assert "--frame auto: as stated ('hand')" in text
+    settings = json.loads(auto.schema.metadata[b"grasp3d"])
+    assert settings["pose_reading"].endswith("with --frame graspgen in 9")
+    given = (
+        auto, evaluate("g.yaml", "--frame", "ahead.txt")[1], evaluate("robot.csv")[1],
+        evaluate("silent.csv", "--object-pose", POSE)[1],
+    )  # fmt: skip
+    for one in given:
+        np.testing.assert_allclose(one["critical_angle"], right["critical_angle"], atol=1e-9)
+        assert one["label"].to_pylist() == ["S"] * 9
+    np.testing.assert_allclose(given[3]["px"], robots["px"], atol=1e-9)  # in the frame of the file
+    _, elsewhere = evaluate("silent.csv", "--object-pose", "0.4,0,0,90")
+    assert elsewhere["closing"].to_pylist() != ["closed"] * 9
