@@ -93,9 +93,6 @@ def test_a_new_format_is_known_everywhere(
         assert "gpd_text" in capsys.readouterr().out, command
 
 
-# Files by hand
-
-
 def test_matrices_are_read_in_the_frame_that_is_given(tmp_path: Path) -> None:
     many = poses_for(formats()["matrices"])
     poses = many.poses

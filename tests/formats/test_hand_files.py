@@ -237,9 +237,6 @@ def test_joints_that_follow_others_must_not_contradict_them(prefix: str, stage: 
     assert "\n" not in str(error.value)
 
 
-# Files as their programs lay them out.
-
-
 def save(path: Path, content: Any) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     np.save(path, content, allow_pickle=True)
@@ -344,9 +341,6 @@ def test_grasps_at_several_scales_need_the_one_that_is_meant(tmp_path: Path) -> 
     path = save(tmp_path / "b.npy", bare)
     assert read_poses(path, hand=poses.hand).object_scale is None
     assert read_poses(path, hand=poses.hand, object_scale=0.1).object_scale == 0.1
-
-
-# What is refused.
 
 
 def test_joints_of_another_hand_are_refused(tmp_path: Path) -> None:

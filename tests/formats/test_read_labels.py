@@ -190,9 +190,6 @@ def positions(values: Any, mesh: ObjectMesh) -> Array:
     return values.positions(mesh) if isinstance(values, SurfacePoints) else np.asarray(values)
 
 
-# Files that are damaged or foreign
-
-
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_other_files_give_a_sentence(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"other.{suffix}"

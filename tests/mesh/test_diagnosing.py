@@ -143,9 +143,6 @@ def test_the_diagnosis_does_not_depend_on_position_and_scale(tmp_path: Path) -> 
     assert len(moved.warnings) == len(found.warnings)
 
 
-# Noise
-
-
 HALF_DEGREE = math.radians(0.5)
 
 

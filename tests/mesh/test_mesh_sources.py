@@ -81,8 +81,7 @@ def test_transforms_of_a_scene_are_applied() -> None:
 
 
 @pytest.mark.parametrize(
-    ("stated", "unit"),
-    [("millimeters", "mm"), ("Inches", "in"), ("meter", "m"), ("cm", "cm")],
+    ("stated", "unit"), [("millimeters", "mm"), ("Inches", "in"), ("meter", "m"), ("cm", "cm")]
 )
 def test_the_unit_of_a_trimesh_is_that_of_the_mesh(stated: str, unit: str) -> None:
     box = trimesh.creation.box([0.1, 0.1, 0.1])

@@ -210,9 +210,6 @@ def test_a_unit_that_is_stated_later_is_as_if_it_were_stated_at_first() -> None:
         np.testing.assert_allclose(getattr(later, name), getattr(first, name), rtol=1e-12)
 
 
-# Edges
-
-
 def half_edges(faces: np.ndarray) -> dict[frozenset[int], list[int]]:
     """Half-edges 3 f + i, opposite to corner i of face f, of each edge in ascending order."""
     found = defaultdict(list)
@@ -248,9 +245,6 @@ def test_a_surface_is_closed_where_the_directions_of_each_edge_cancel() -> None:
     assert is_closed(np.vstack([faces, faces[:1], faces[:1, ::-1]]))  # four faces at an edge
     assert not is_closed(faces[1:])
     assert not is_closed(np.vstack([faces[1:], faces[:1, ::-1]]))
-
-
-# Units and scale
 
 
 POWERS = st.integers(-12, 12).map(lambda power: 2.0**power)

@@ -26,9 +26,6 @@ from tests.helpers.shapes import Surface
 COARSE = 1e9
 
 
-# Welding
-
-
 def test_the_two_sides_of_a_thin_plate_are_not_joined() -> None:
     """Open at one side, and thinner than the largest distance of welding."""
     vertices, faces = shapes.box((1.0, 1.0, 5e-7))
@@ -50,9 +47,6 @@ def test_a_sliver_between_two_rounded_vertices_vanishes_when_they_are_joined() -
     assert_whole(surface)
     assert volume_of(surface) == pytest.approx(1.0)
     assert used_by(surface).all()
-
-
-# Winding
 
 
 def test_a_strip_with_one_side_is_open_and_not_changed() -> None:
@@ -114,9 +108,6 @@ def test_a_rough_sheet_is_not_turned() -> None:
     low = (np.arange(19)[:, None] * 20 + np.arange(19)).reshape(-1, 1)
     faces = np.concatenate([low + [0, 1, 20], low + [1, 21, 20]])
     assert repaired((points, faces)).steps == repaired((points, faces[:, ::-1])).steps == ()
-
-
-# Holes
 
 
 def test_holes_that_meet_at_a_vertex_are_two() -> None:
@@ -182,9 +173,6 @@ def test_full_repair_closes_every_hole_and_reports_it(sections: int) -> None:
     assert "2 holes closed by a guess that adds 2" in surface.warnings[0]
 
 
-# Levels
-
-
 def test_without_repair_the_surface_is_unchanged() -> None:
     vertices, faces = shapes.sphere(2)
     broken = joined(
@@ -194,9 +182,6 @@ def test_without_repair_the_surface_is_unchanged() -> None:
     surface = repaired(broken, "none")
     assert np.array_equal(surface.faces, broken[1])
     assert surface.steps == surface.warnings == ()
-
-
-# Seams
 
 
 def test_a_loose_vertex_becomes_a_corner() -> None:
@@ -233,9 +218,6 @@ def test_a_lone_face_is_not_closed_by_its_reverse() -> None:
     assert not found.closed
     assert found.steps == ()
     assert len(found.faces) == len(faces) + 1
-
-
-# Limits
 
 
 def book(pages: int) -> Surface:

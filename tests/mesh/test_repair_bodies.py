@@ -58,9 +58,6 @@ def owners_of(surface: Surface) -> list[tuple[int, int]]:
     return sorted(zip(rank.tolist(), rank[owner].tolist(), strict=True))
 
 
-# Within or not
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "seed"), [(0.5, 0), (0.8, 1), (1.1, 2)])
 def test_a_bar_through_a_hollow_ball_does_not_take_its_cavity(width: float, seed: int) -> None:
@@ -133,9 +130,6 @@ def test_within_agrees_with_an_intersection(
     assert cavity == (abs(outside) < 1e-9)
 
 
-# Unions
-
-
 @settings(max_examples=25, deadline=None)
 @given(
     st.sets(st.tuples(*[st.integers(0, 2)] * 3), min_size=1),
@@ -144,10 +138,7 @@ def test_within_agrees_with_an_intersection(
     st.booleans(),
 )
 def test_cubes_side_by_side_are_the_solid_that_they_tile(
-    cells: set[tuple[int, int, int]],
-    seed: int,
-    welded: bool,
-    turned: bool,
+    cells: set[tuple[int, int, int]], seed: int, welded: bool, turned: bool
 ) -> None:
     """They touch in faces, edges and corners, with vertices of their own or common ones."""
     surface = joined(*(moved(shapes.box(), (float(x), y, z)) for x, y, z in sorted(cells)))
@@ -232,9 +223,6 @@ def test_many_pairs_are_each_united() -> None:
 def test_opposite_faces_cancel() -> None:
     faces = np.array([[0, 1, 2], [3, 4, 5], [1, 3, 2], [2, 1, 0], [5, 4, 3], [6, 7, 8], [6, 6, 8]])
     assert without_slits(faces).tolist() == [[1, 3, 2], [6, 7, 8]]
-
-
-# Overlaps
 
 
 def grid_box(extents: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Surface:

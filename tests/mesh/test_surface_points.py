@@ -117,9 +117,6 @@ def test_points_are_inside_as_the_winding_says(name: str) -> None:
     np.testing.assert_array_equal(contains(mesh, points), inside)
 
 
-# Rays
-
-
 def rays_from(mesh: ObjectMesh, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Rays from just beside the surface, in any direction."""
     rng = np.random.default_rng(0)

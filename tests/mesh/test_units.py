@@ -100,9 +100,6 @@ def test_units_of_real_meshes_are_guessed_or_undecided() -> None:
     assert hits >= len(rows) - 2
 
 
-# Lengths and masses
-
-
 REFUSED: dict[str, tuple[dict[str, float | str], float, Any, str]] = {
     "mm for m": ({"max_opening": 80.0}, 0.144, "m", "if it is in mm, give --max-opening 80mm"),
     "mesh in mm": ({"max_opening": 80.0}, 144.0, "mm", "if it is in mm, give --max-opening 80mm"),

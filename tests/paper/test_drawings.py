@@ -108,9 +108,6 @@ def test_tips_are_drawn_with_their_normals_and_numbers() -> None:
         assert len(axes.findobj(Annotation)) == 3
 
 
-# Curves
-
-
 MODEL = GraspModel(friction=1.0, sensor_resolution=math.radians(30.0))
 SCANS: dict[str, PlanarScan] = {
     "circle": scan(Circle(), MODEL, points=180),

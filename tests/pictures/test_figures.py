@@ -67,9 +67,6 @@ def test_figures_are_the_same_bytes_every_time(tmp_path: Path) -> None:
     assert tuple(bytes.fromhex(LABEL_COLORS[Label.S][1:])) in colors
 
 
-# The figure of a sweep
-
-
 def spheres(name: str = "sphere", friction: tuple[float, ...] = (0.2, 0.5, 1.0)) -> Sweep:
     resolutions = np.radians(DEGREES)
     return sweep(

@@ -79,11 +79,7 @@ def test_an_interval_is_its_text(ends: tuple[float, float]) -> None:
     assert ends[0] <= model.nominal_friction <= ends[1]
 
 
-@given(
-    radius=st.one_of(st.floats(0.0, 10.0), LENGTHS),
-    ends=FRICTIONS,
-    fingers=st.integers(2, 5),
-)
+@given(radius=st.one_of(st.floats(0.0, 10.0), LENGTHS), ends=FRICTIONS, fingers=st.integers(2, 5))
 def test_settings_are_read_from_their_texts(radius: Any, ends: Any, fingers: int) -> None:
     model = GraspModel(torsion_radius=radius, friction=ends, fingers=fingers)
     texts = {name: str(value) for name, value in plain_values(model).items()}

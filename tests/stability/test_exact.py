@@ -260,9 +260,7 @@ def test_face_normals_alone_miss_the_worst_normal_of_three_fingers() -> None:
 
 
 @pytest.mark.parametrize("half", [0.05, 0.2])
-def test_an_edge_of_three_fingers_narrows_and_widens_the_cone_about_its_middle(
-    half: float,
-) -> None:
+def test_an_edge_of_three_fingers_narrows_and_widens_the_cone_about_its_middle(half: float) -> None:
     faces = np.array([oracles.turned(ON_EDGE.normals[0], face, half) for face in EDGE])
     for sign in (-1.0, 1.0):
         low, high = half, degrees(89.0) - half

@@ -74,9 +74,6 @@ def test_a_collection_of_labels_is_ready_at_once() -> None:
         Collection((), GraspModel(), Sampling())
 
 
-# A labelled PLY
-
-
 def test_a_labelled_file_has_its_own_settings_unless_others_are_given(file: Path) -> None:
     labels = viewing.labels()
     collection = open_collection(file)
@@ -149,9 +146,6 @@ def test_a_labelled_file_is_read_once_and_shown_without_a_search(
         assert poses[0] == poses[1]
 
 
-# Files that are not labelled PLY files
-
-
 @pytest.mark.parametrize("names", ["", "red green blue", "s t"])
 def test_a_ply_of_another_program_is_a_mesh(tmp_path: Path, names: str) -> None:
     """A tetrahedron with additional properties of its vertices."""
@@ -163,9 +157,6 @@ def test_a_ply_of_another_program_is_a_mesh(tmp_path: Path, names: str) -> None:
     path = written(tmp_path, "mesh.ply", text)
     collection = open_collection(path, options=MeshOptions(max_edge=9.0))
     assert len(collection.items[0].open().mesh.vertices) == len(VERTICES)
-
-
-# The results of a batch
 
 
 @pytest.fixture(scope="module")
@@ -214,9 +205,6 @@ def test_what_is_missing_or_damaged_of_a_batch_is_said(stored: Path, tmp_path: P
     (copied / "labels" / "all-00099.parquet").write_bytes(b"no table")
     with pytest.raises(OutputError, match=r"all-00099.parquet: is damaged"):
         open_collection(copied)
-
-
-# The object that was opened last
 
 
 def _subject(name: str) -> Subject:

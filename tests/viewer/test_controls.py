@@ -100,9 +100,6 @@ def test_a_labelled_file_has_the_errors_and_labels_of_its_model(
     assert fractions(session) == pytest.approx(labels.fractions(), abs=1e-9)
 
 
-# Keys
-
-
 OF_GRIPPER = {"j": "show_gripper", "t": "show_table", "6": "approach_margin"}
 OF_LOAD = {"7": "grip_force", "8": "payload"}
 

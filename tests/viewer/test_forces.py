@@ -42,9 +42,6 @@ def session() -> Session:
     return ready_session(held().using())  # nothing is computed yet
 
 
-# Panel
-
-
 def test_the_panel_lists_force_and_payload_or_why_no_force_suffices(session: Session) -> None:
     result = held().load_result
     best = int(np.nanargmin(result.grip_force))
@@ -103,9 +100,6 @@ def test_the_sentence_is_that_of_the_label_with_force(
     assert not (math.isfinite(nominal) and load_sentence(unknown, 0))
 
 
-# Colours
-
-
 @pytest.mark.parametrize(("paint", "unit"), [("grip_force", " N"), ("payload", " kg")])
 def test_colours_are_computed_and_follow_the_values(
     session: Session, paint: Paint, unit: str
@@ -139,9 +133,6 @@ def test_with_fixed_fingers_there_are_no_forces_and_a_new_search_keeps_the_load(
     wait_until_idle(session)
     assert session.offers("grip_force")
     assert (shown(session).labels.load, shown(session).model.fingers) == (LOAD, 3)
-
-
-# Files
 
 
 def test_a_labelled_file_has_its_forces(tmp_path: Path) -> None:

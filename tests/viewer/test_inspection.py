@@ -121,10 +121,7 @@ HIDDEN = {"code": UNSEARCHED, "model": WIDE}
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        (
-            {},
-            "stable below 26.6° − 11.3° = 15.3°, surely unstable from 26.6° + 11.3° = 37.9° on.",
-        ),
+        ({}, "stable below 26.6° − 11.3° = 15.3°, surely unstable from 26.6° + 11.3° = 37.9° on."),
         ({}, "M: the second finger's normal is 30.9° off the line through the contacts: surely"),
         ({"off_line": (0.54, 0.1)}, "the first finger's"),
         ({"off_line": (0.54, 0.54)}, "M: both contact normals are 30.9° off the line"),

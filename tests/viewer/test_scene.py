@@ -176,8 +176,7 @@ def cut_cylinder(offset: float) -> Subject:
 @pytest.mark.slow
 @needs_opengl
 @pytest.mark.parametrize(
-    ("section", "offset"),
-    [(None, 0.0), (Section("y", 0.37, flipped=True), 1e4)],
+    ("section", "offset"), [(None, 0.0), (Section("y", 0.37, flipped=True), 1e4)]
 )
 def test_a_click_hits_the_vertex_found_by_testing_all_faces(
     section: Section | None, offset: float
@@ -211,9 +210,6 @@ def seen_at(plotter: pyvista.Plotter, x: float, y: float, depth: float) -> NDArr
     renderer.DisplayToWorld()
     point = np.array(renderer.GetWorldPoint())
     return np.asarray(point[:3] / point[3])
-
-
-# Screenshots
 
 
 SMALL = ViewSettings(width=320, height=240)

@@ -41,9 +41,6 @@ def changed(session: Session, **choices: object) -> Session:
     return session
 
 
-# Choices
-
-
 def test_a_session_begins_with_its_settings() -> None:
     session = Session(collection_of(viewing.labels()), ViewSettings(paint="critical_angle"))
     assert (session.working is None, session.subject, fractions(session)) == (False, None, {})
@@ -97,9 +94,6 @@ def test_a_vertex_is_inspected_until_a_click_beside_the_object() -> None:
     assert session.inspection is None
     with pytest.raises(SettingError, match="there is no vertex"):
         session.click(10**6)
-
-
-# Searches
 
 
 def test_more_friction_than_searched_starts_a_wider_search_that_changes_no_known_grasp() -> None:
@@ -227,9 +221,6 @@ def test_the_last_searches_are_cached() -> None:
     session.close()
 
 
-# Scans
-
-
 def test_a_click_fixes_a_finger_and_another_moves_it() -> None:
     labels = viewing.labels()
     session = ready_session(labels)
@@ -264,9 +255,6 @@ def test_two_of_three_fingers_are_fixed_one_after_the_other() -> None:
     assert (shown(session).labels.mode, session.model.fingers) == ("scan", 2)
 
 
-# Epsilon
-
-
 def test_epsilon_is_computed_when_it_is_shown_for_the_grasps_that_are_shown() -> None:
     labels = viewing.box()
     session = ready_session(labels.using(model=labels.model))
@@ -289,9 +277,6 @@ def test_epsilon_is_computed_when_it_is_shown_for_the_grasps_that_are_shown() ->
     assert shown(session).labels.computed("epsilon_range") is not None
 
 
-# Saving
-
-
 def test_the_displayed_labels_are_saved_in_the_background(tmp_path: Path) -> None:
     session = ready_session(viewing.labels())
     session.change(friction=0.6, sensor_resolution=0.2)
@@ -308,9 +293,6 @@ def test_the_displayed_labels_are_saved_in_the_background(tmp_path: Path) -> Non
     assert not session.message.startswith("saved")
     with pytest.raises(OutputError, match="unsupported format"):
         session.save(tmp_path / "a.txt")
-
-
-# Several objects
 
 
 def test_the_object_can_be_changed_during_a_job() -> None:
@@ -341,9 +323,6 @@ def test_the_object_can_be_changed_during_a_job() -> None:
     assert session.revision == revision
     session.close()
     assert session.working is None
-
-
-# Texts
 
 
 @pytest.mark.parametrize(
@@ -406,9 +385,6 @@ def test_the_unsearched_part_has_an_area_fraction() -> None:
     assert sum(one.fraction for one in parts) == pytest.approx(1.0)
     assert (parts[2].letter, parts[2].fraction) == (Label.U.name, 0.0)
     session.close()
-
-
-# The worker
 
 
 @pytest.fixture

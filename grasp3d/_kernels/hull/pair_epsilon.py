@@ -15,11 +15,11 @@ the *back*, lies on a straight line of the surface of its cone:
 o the apex of that cone, n_b / cos(beta_b), and v its ray at an angle psi about the normal. Where
 each finger's force is limited by itself the apex is 0, and besides g_f may be 0.
 
-For a given psi |u|^2 is a convex quadratic function of g_f, whose maximum `largest_on_cap` finds with
-proof. So intervals of psi are divided until none can hold a direction that matters: a bound of an
-interval exceeds its value by the square of its width. For all psi within delta of a given one the
-rays lie in the triangle between the two outermost and the line in which the tangent planes there
-meet, on which |u|^2 is largest: it is the ray of a slightly wider polar cone, sin(beta) times
+For a given psi |u|^2 is a convex quadratic function of g_f, whose maximum `largest_on_cap` finds
+with proof. So intervals of psi are divided until none can hold a direction that matters: a bound of
+an interval exceeds its value by the square of its width. For all psi within delta of a given one
+the rays lie in the triangle between the two outermost and the line in which the tangent planes
+there meet, on which |u|^2 is largest: it is the ray of a slightly wider polar cone, sin(beta) times
 cos(delta) for sin(beta).
 
 Coordinates: along d, from the front contact into its cone; along c, the arm from the centre of mass

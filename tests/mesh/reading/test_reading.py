@@ -295,9 +295,7 @@ def skyline(heights: list[int]) -> np.ndarray:
 
 
 @given(
-    st.lists(st.integers(1, 5), min_size=1, max_size=7),
-    st.integers(0, 30),
-    st.integers(0, 10_000),
+    st.lists(st.integers(1, 5), min_size=1, max_size=7), st.integers(0, 30), st.integers(0, 10_000)
 )
 def test_triangles_cover_a_concave_polygon_once(heights: list[int], first: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
