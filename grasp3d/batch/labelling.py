@@ -1,6 +1,6 @@
 """Labelling one mesh of a batch, for each hand: a pure function of the file and the settings.
 
-Identity of results: the content of a mesh, the settings, and the version of the method.
+The content of the mesh, the settings and the version of the method identify a result.
 """
 
 import hashlib

@@ -1,7 +1,4 @@
-"""Point contacts between fingers and an object.
-
-Edges of friction cones, tilted normals, and the effective friction.
-"""
+"""Point contacts between fingers and an object, and the edges of their friction cones."""
 
 import math
 import sys

@@ -1,8 +1,6 @@
-"""Explanation of a vertex's label: one sentence with the angles that decide it.
+"""A grasp in words: its numbers, why its vertex has its label, and why there is none.
 
-Why there is no grasp, in words: the one table for verdicts, reports, tables and the viewer.
-
-The numbers of one grasp, in words: by the declarations of its columns.
+Verdicts, reports, tables and the viewer take these texts from here.
 """
 
 import math

@@ -1,12 +1,8 @@
 """Grasps of hands with joints in dictionaries, which are pickles in .npy files.
 
 A file has one dictionary with one grasp or many, or a list of them; a folder has such files.
-Nothing is executed.
-
-Arrays and plain containers in pickles of NumPy's files; nothing in them is executed.
-
-A pickle may call whatever it names. Of names only those are known here with which NumPy makes
-arrays, types and scalars; functions of ours stand for them.
+Nothing in them is executed. A pickle may call whatever it names; of names only those are known here
+with which NumPy makes arrays, types and scalars, and functions of ours stand for them.
 """
 
 import io

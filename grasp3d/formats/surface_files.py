@@ -1,8 +1,6 @@
-"""Files of labelled surfaces by suffix, and reading of them, their mesh without repair.
+"""Files of labelled surfaces: PLY and NPZ, which are read again, and GLB, VTP and Parquet.
 
-PLY files of surfaces with columns of numbers at their vertices, and settings in comments.
-
-Formats of labelled surfaces: PLY and NPZ, which are read again, and GLB, VTP and Parquet.
+A PLY has columns of numbers at its vertices, and settings in comments.
 """
 
 import base64

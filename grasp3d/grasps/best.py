@@ -1,15 +1,11 @@
-"""The best distinct grasps of a labelled surface.
+"""The best distinct grasps of a labelled surface, or of a parallel gripper on it.
 
-Poses of a parallel gripper on an object among which the best are sought.
-
-Pairs of opposed places come from one fan of rays at points that are spread over the surface, at all
-of their exits. Each is gripped from a fixed list of approach angles, at a few depths on the pads,
-first widely spaced pairs and then those between them, until enough poses are free for each range of
-approach directions, few of them of the same pair. So none depends on the load, on friction or on
-how far approaches may be from the best direction: these settings leave poses out, and wider ones
-lose none.
-
-The best poses of a parallel gripper on an object, as `evaluate_grasps` says of a fixed pool.
+The best poses are those that `evaluate_grasps` finds best of a fixed pool. Pairs of opposed places
+come from one fan of rays at points that are spread over the surface, at all of their exits. Each is
+gripped from a fixed list of approach angles, at a few depths on the pads, first widely spaced pairs
+and then those between them, until enough poses are free for each range of approach directions, few
+of them of the same pair. So none depends on the load, on friction or on how far approaches may be
+from the best direction: these settings leave poses out, and wider ones lose none.
 """
 
 import math

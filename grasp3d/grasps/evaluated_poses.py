@@ -1,6 +1,6 @@
 """Given poses of a hand with the grasps that it makes there: what all hands have.
 
-Which grasp is to be taken first, and which others are distinct from it.
+They are ranked, the one to be taken first at the front, and told apart from those alike.
 """
 
 import itertools

@@ -1,7 +1,4 @@
-"""Poses of a hand with joints, with the grasps that its links make there.
-
-What the motors of a hand with joints hold at given poses.
-"""
+"""Poses of a hand with joints: the grasps of its links there, and what its motors hold."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping

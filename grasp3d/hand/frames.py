@@ -1,10 +1,7 @@
-"""Frames of grippers: which axes and origin programs give a gripper's pose.
+"""Frames of grippers, and poses of objects in the frame of a robot.
 
-Nothing here imports NumPy until a matrix is made, so that the command line starts quickly.
-
-The pose of an object in the frame of a robot: of a text, of a matrix.
-
-Nothing here imports NumPy until a pose is made, so that the command line starts quickly.
+A frame says which axes and which origin a program gives a gripper's pose in. Nothing here imports
+NumPy until a matrix is made, so that the command line starts quickly.
 """
 
 import json

@@ -1,8 +1,8 @@
 """Links and joints of a robot as MuJoCo reads them, from a URDF or a model of its own.
 
-The XML of a URDF: faults that MuJoCo passes over, what it drops, and meshes that it cannot read.
-
-What is left for MuJoCo are links, joints and shapes; meshes are balls there, with numbers.
+Before that the XML of a URDF is searched for faults that MuJoCo passes over, what it drops, and
+meshes that it cannot read. Left for MuJoCo are links, joints and shapes; meshes are balls there,
+with numbers.
 """
 
 import math

@@ -16,7 +16,7 @@ What is not stated follows from the geometry, and is said:
   meet, unless another finger spreads about the same axis: these stay as they are there.
 * Torques are the efforts that the file states, where these are plausible.
 
-Numbers of hands with joints that no hand has: mostly stated in other units than they must be.
+Numbers that no hand has, mostly stated in other units than they must be, are named.
 """
 
 import math

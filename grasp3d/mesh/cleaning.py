@@ -1,6 +1,6 @@
-"""Hole filling: cycles of open edges, and a triangulation of least area for each.
+"""Welding of vertices; degenerate, repeated and mirrored faces; winding; and hole filling.
 
-Welding of vertices, and degenerate, repeated and mirrored faces, their sheets and winding.
+A hole is a cycle of open edges, which a triangulation of least area fills.
 """
 
 import manifold3d

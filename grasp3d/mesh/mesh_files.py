@@ -1,6 +1,6 @@
-"""Reading of mesh files: glTF and 3MF by trimesh, whose parts are counted, all others here.
+"""Reading of mesh files: OBJ, OFF and PLY here, all others by trimesh.
 
-OBJ, OFF and PLY: the formats of faces with any number of corners, which become triangles.
+The faces of OBJ, OFF and PLY have any number of corners, and become triangles.
 """
 
 import re

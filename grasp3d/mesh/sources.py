@@ -1,6 +1,6 @@
-"""glTF, GLB and 3MF, read by trimesh, and what it would leave out of them without a word.
+"""Sources of surfaces: files and what is given, and scenes of glTF, GLB and 3MF.
 
-Mesh files to read, and the surfaces that are read from them or given.
+trimesh reads the scenes; what it would leave out of them without a word is found here.
 """
 
 import io

@@ -1,9 +1,7 @@
 """Points on a surface, by face and barycentric coordinates; nearest surface points.
 
-Crossings of rays, and of edges, with a surface.
-
-Embree finds the faces in 32 bits, or where it has no package, as on ARM, a tree of boxes in 64; the
-rest is computed in 64 bits.
+Also crossings of rays, and of edges, with a surface. Embree finds the faces in 32 bits, or where it
+has no package, as on ARM, a tree of boxes in 64; the rest is computed in 64 bits.
 """
 
 import math

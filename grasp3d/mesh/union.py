@@ -1,8 +1,7 @@
 """Union of bodies that overlap or touch, so that no face lies inside the object, and its seams.
 
-The bodies of a surface: which faces bound one, their orientation, cavities, flat bodies.
-
-Those that are closed become solids of the library Manifold, their faces offset.
+Which faces bound a body is found first, with their orientation, cavities and flat bodies. Closed
+ones become solids of the library Manifold, their faces offset.
 """
 
 from dataclasses import dataclass

@@ -3,9 +3,8 @@
 The fingers slide along the closing axis and press with a force. Both move by the same distance, as
 those of parallel grippers do, and yield to nothing across the axis.
 
-MuJoCo, with settings under which pressed contacts behave as dry friction does.
-
-A gripper as bodies that collide: pads of balls that give way, rigid fingers behind, and a palm.
+MuJoCo's settings are such that pressed contacts behave as dry friction does. The gripper is made of
+bodies that collide: pads of balls that give way, rigid fingers behind, and a palm.
 
 A pad of rubber gives way where something presses on it, and there alone. So a pad is a bed of balls
 that are tangent to its face, each with its share of the pad's stiffness (a Winkler foundation): the

@@ -1,6 +1,6 @@
 """Simulating grasps of a gripper, given ones or the best ones: does the object stay in it?
 
-Convex parts of a mesh, since MuJoCo collides meshes as their convex hulls.
+MuJoCo collides meshes as their convex hulls, so the object is divided into convex parts.
 """
 
 import hashlib

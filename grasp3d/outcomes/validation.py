@@ -1,12 +1,8 @@
-"""Result of comparing labels and scores with outcomes, and its table.
+"""Labels and scores of grasps compared with outcomes: the result, its table and its figure.
 
-How well a score ranks grasps that held above grasps that failed.
-
-Scores of grasps that are held against their outcomes, with the direction in which each counts.
-
-The directions follow from mechanics and are the same for all data; none is chosen from outcomes.
-
-Figure of labels and scores held against outcomes: success by label, and ROC curves.
+Each score has a direction in which it counts, and a number for how well it ranks grasps that held
+above grasps that failed. The directions follow from mechanics and are the same for all data; none
+is chosen from outcomes.
 """
 
 import math

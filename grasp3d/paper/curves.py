@@ -1,6 +1,7 @@
-"""Fig. 7 to 11 of Wan & Howe 2018: epsilon along outlines, fractions S, M and U, and ceilings.
+"""Figures 4 to 11 of Wan & Howe 2018, one part of each.
 
-Fig. 4 to 6 of Wan & Howe 2018: what a fingertip cannot distinguish, and the friction cones.
+Fig. 4 to 6: what a fingertip cannot distinguish, and the friction cones. Fig. 7 to 11: epsilon
+along outlines, fractions S, M and U, and ceilings.
 """
 
 import math

@@ -1,13 +1,9 @@
 """Recomputation of the whole paper into one folder: figures, labelled surfaces, numbers.
 
-Figures 4 to 11 of Wan & Howe 2018, one function each, and their settings.
-
-The scans in space are those of sphere, box, cylinder and a real object, one finger fixed, one
-scanned, which the paper announces as counterparts of its Fig. 7 to 10.
-
-numbers.md: the paper's numbers beside ours, fractions S, M and U.
-
-Its text, and the numbers that the paper states, are in the template of the same name.
+Figures 4 to 11 of Wan & Howe 2018 have a function each. The scans in space are those of sphere,
+box, cylinder and a real object, one finger fixed, one scanned, which the paper announces as
+counterparts of its Fig. 7 to 10. numbers.md has the paper's numbers beside ours; its text is in the
+template of the same name.
 """
 
 import math

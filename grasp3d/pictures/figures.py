@@ -1,8 +1,7 @@
 """Figures: their common style, their parts, and files of them in formats chosen by suffix.
 
+Sweeps are drawn as fractions S, M and U over friction and resolution, and as accuracy ceilings.
 Neither pyplot nor matplotlib's global settings are changed.
-
-Figures of area fractions S, M and U over friction and resolution, and of accuracy ceilings.
 """
 
 import math

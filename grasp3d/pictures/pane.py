@@ -1,6 +1,6 @@
 """A surface in colours, with its grasp, hand and table, in one renderer.
 
-What is drawn of a scene, one actor for each appearance, in the order in which they cover.
+There is one actor for each appearance, in the order in which they cover.
 """
 
 from collections.abc import Callable

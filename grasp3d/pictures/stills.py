@@ -1,7 +1,4 @@
-"""Pictures without texts: of labelled surfaces, of surfaces in given colours, and of grasps.
-
-Figure of grasps: one small picture each, in the view that shows it best.
-"""
+"""Pictures without texts, of surfaces in colours and of grasps, and a figure of several grasps."""
 
 import math
 from collections.abc import Callable, Iterator

@@ -4,7 +4,7 @@ beta* = max over u of min_i phi_i(u) - pi / 2, where u is an infinitesimal motio
 g_i = u_f + u_tau x p_i its velocity at contact i, and phi_i(u) the angle between g_i and the
 normal of contact i. A grasp is force-closed exactly when the friction angle exceeds beta*.
 
-Force closure of grasps, with certificates, which epsilon has as well.
+Force closure itself is decided with certificates, which epsilon has as well.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Grip force and payload over all normals that a sensor cannot distinguish from the perceived ones.
+"""Grip force, payload and epsilon over all normals within the resolution of a sensor.
 
 The true normal of each contact lies anywhere within the tilt a = alpha/2 of the perceived one
 (Wan & Howe 2018, Sec. III), each independently. Let F be the force with cones of other half-angles
@@ -17,12 +17,8 @@ pressure may gather in one of them. A finger whose limit surface turns with its 
 at some tilt; so the force must also suffice for that surface at the given normals. In the second
 case only their forces must balance, whatever torques they resist.
 
-Epsilon over all normals that a sensor cannot distinguish from the perceived ones.
-
-The true normal of each contact lies anywhere within the tilt a = alpha/2 of the perceived one
-(Wan & Howe 2018, Sec. III, who sample extreme normals). Friction may be uncertain too.
-Contacts are at their perceived locations. A soft finger presses at points (`Contacts.as_points`)
-where its normal may tilt, as for forces; see `force_ranges`.
+Epsilon has such a range too, where Wan & Howe sample extreme normals. Friction may be uncertain as
+well; contacts are at their perceived locations.
 """
 
 import math

@@ -8,7 +8,7 @@ h and h_T the support functions of the grasp wrench space, with contact forces b
 the task: epsilon of Ferrari & Canny (ICRA 1992) with another ruler. It is found by the same growing
 hull, with facets ranked by h / h_T; for one wrench by the simplex method along its ray.
 
-Grip forces of batches of grasps, evaluated by the compiled kernels in chunks and threads.
+Compiled kernels evaluate batches of grasps in chunks and threads.
 """
 
 from collections.abc import Callable

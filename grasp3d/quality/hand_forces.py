@@ -4,11 +4,9 @@ Hard contacts whose normals are known to within tilts a hold in the worst case e
 cones beta - a hold: whichever motions prove that no more is possible, normals turned away from the
 relative velocities that they cause make the same proof for the full friction cones.
 
-Second-order cone programs, solved by Clarabel (Goulart & Chen 2024, arXiv:2405.12762).
-
-A grasp of a hand with joints: contacts, and the forces that the hand can press there.
-
-The wrenches that a hand can exert on an object: how far they reach along directions.
+A grasp has contacts, and the forces that the hand can press there. How far the wrenches reach that
+the hand so exerts is a second-order cone program, solved by Clarabel (Goulart & Chen 2024,
+arXiv:2405.12762).
 """
 
 import math

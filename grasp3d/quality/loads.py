@@ -1,9 +1,8 @@
-"""Load: what each grasp must hold, and with which force.
+"""Loads: what each grasp must hold, with which force, and tasks as texts and files.
 
-Tasks as texts and files: 'weight within 30 of -z + acceleration 5', 'pushes.csv'.
-
-Forces are in newtons and torques in newton metres, also in files. Nothing here imports NumPy until
-a task is made, so that the command line checks a text quickly.
+A task is a text such as 'weight within 30 of -z + acceleration 5', or a file, 'pushes.csv'. Forces
+are in newtons and torques in newton metres, also in files. Nothing here imports NumPy until a task
+is made, so that the command line checks a text quickly.
 """
 
 import math

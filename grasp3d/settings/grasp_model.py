@@ -1,8 +1,6 @@
 """The grasp model: friction, sensor resolution, fingers, and what is uncertain of contacts.
 
-Friction: a coefficient, or the interval in which it lies.
-
-What a model says about contacts and epsilon, as text.
+Friction is a coefficient, or the interval in which it lies. A model is also put into words here.
 """
 
 import math

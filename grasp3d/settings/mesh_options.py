@@ -1,6 +1,6 @@
-"""How a mesh is read and prepared.
+"""How a mesh is read and prepared, and the part of its surface where contacts may be.
 
-The part of a surface where contacts may be, in settings: a box, or a painted mask.
+That part is a box, or a painted mask.
 """
 
 import math

@@ -1,7 +1,4 @@
-"""How candidate grasps are searched for.
-
-Estimates of the memory and time that labelling a mesh takes, and their limits.
-"""
+"""How candidate grasps are searched for, and what memory and time that takes."""
 
 import math
 from collections.abc import Mapping

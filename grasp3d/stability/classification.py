@@ -1,7 +1,5 @@
 """Classification of grasps as S, M or U, exactly or by enumeration of extreme normals.
 
-Critical friction angles of grasps whose contacts are uncertain: the worst and the best.
-
 What is uncertain besides the tilts folds into two angles, on which labels are thresholds: S if the
 worst is below beta - alpha/2, U if the best is at least beta + alpha/2.
 
@@ -17,9 +15,8 @@ at most the larger of both, each with its omega, plus eta; the best at least the
 subtracted. More: cones are narrower by omega, and for the rest see `displacement` of
 `quality.critical_angle`; the best angle is 0.
 
-Labels of grasps of any numbers of contacts, whose normals are known to within different angles.
-
-A hand touches with as many links as it happens to, and these may have different sensors.
+Grasps may have any numbers of contacts, whose normals are known to within different angles: a hand
+touches with as many links as it happens to, and these may have different sensors.
 """
 
 import math

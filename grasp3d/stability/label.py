@@ -1,6 +1,4 @@
-"""Labels S, M and U of grasps, their colours and meanings.
-
-Thresholds on the critical friction angle from which the labels S, M and U follow.
+"""Labels S, M and U of grasps, their colours and meanings, and the thresholds that make them.
 
 A grasp is force-closed exactly when the friction angle exceeds its critical friction angle beta*.
 Tilting each normal by up to a = alpha/2 changes the friction angle by at most a: with circular

@@ -1,11 +1,10 @@
 """Sets of normals: a contact on a crease or corner may have any between those of the faces.
 
-The paper's method: wrench hulls at every combination of extreme normals.
-
-Wan & Howe 2018, Sec. III: the normals that a fingertip of resolution alpha cannot distinguish from
-the perceived one are represented by extreme ones, alpha/2 away. A grasp is S if all hulls contain
-the origin, U if none does, M otherwise. The method samples: epsilon at a tilt between those tested
-may be larger or smaller (see `thresholds` for the exact method).
+The paper's method takes wrench hulls at every combination of extreme normals (Wan & Howe 2018, Sec.
+III): the normals that a fingertip of resolution alpha cannot distinguish from the perceived one are
+represented by extreme ones, alpha/2 away. A grasp is S if all hulls contain the origin, U if none
+does, M otherwise. The method samples: epsilon at a tilt between those tested may be larger or
+smaller (see `stability.label` for the exact method).
 """
 
 import math

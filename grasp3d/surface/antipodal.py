@@ -1,13 +1,10 @@
 """The best antipodal grasp through every vertex.
 
-Fingers that squeeze: branch and bound over the whole surface, exact on each face.
-Fingers that expand: rays from a vertex find the surface points opposite to it, since what lies
-between is in the way. The critical friction angle of each pair of contacts is exact, so rays may
-miss a grasp, but every grasp that they find is real. What they began is then refined: by ever
-narrower rings of rays about the closing directions, and by rays to the opposing contacts of
-neighbouring vertices.
-
-Rays from the vertices of a surface, and the grasps at their crossings with it.
+Fingers that squeeze: branch and bound over the whole surface. Fingers that expand: rays from a
+vertex find the surface points opposite to it, since what lies between is in the way. The critical
+friction angle of each pair of contacts is exact, so rays may miss a grasp, but every grasp that
+they find is real. What they began is then refined: by ever narrower rings of rays about the closing
+directions, and by rays to the opposing contacts of neighbouring vertices.
 """
 
 import math

@@ -5,7 +5,7 @@ C. Yuksel, 'Sample Elimination for Generating Poisson Disk Sample Sets', Compute
 Eliminating further, to half of them, to a quarter and so on, orders the samples such that every
 beginning of the sequence is evenly spread.
 
-What searches need of the vertices of a surface: their neighbours, and reference directions.
+Searches also need the neighbours of vertices, and reference directions at them.
 """
 
 import heapq

@@ -1,6 +1,4 @@
-"""Contacts of grasps: on a surface, in a file, of closed jaws; and the normals of each.
-
-Critical friction angles of grasps on a surface: over the worst and the best normals.
+"""Contacts of grasps (on a surface, in a file, of closed jaws), their normals and angles.
 
 On a crease or at a corner a contact may have any normal between those of the faces, so that a grasp
 has two critical friction angles. S is decided by the one over the worst normals, U by the one over

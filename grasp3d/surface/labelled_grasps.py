@@ -1,6 +1,6 @@
 """What follows from the angles, epsilon and forces of grasps, whatever has a row for each.
 
-The one number of a grasp, by which lists and files are sorted.
+That includes the score, the one number by which lists and files are sorted.
 """
 
 import math

@@ -1,6 +1,6 @@
-"""Labelling of a surface: the search for the best grasp through every vertex.
+"""Labelling of a surface: the search for the best grasp through every vertex, and the scan.
 
-Scan of a surface: all fingers but one are fixed (Wan & Howe 2018, Sec. III-B).
+In a scan all fingers but one are fixed (Wan & Howe 2018, Sec. III-B).
 """
 
 import math

@@ -1,6 +1,6 @@
 """Result of labelling a surface: the best grasp at every vertex, its label and epsilon.
 
-The settings that labelled files hold: what the labels were computed with.
+It holds the settings with which the labels were computed, as labelled files do.
 """
 
 import json

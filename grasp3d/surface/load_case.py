@@ -1,6 +1,6 @@
-"""A load on one object: its mass, the task, the force at hand and the fingers' torsion.
+"""A load on one object (mass, task, force at hand, torsion), and what grasps hold of it.
 
-Grip forces and payloads of grasps under a load.
+The results are grip forces and payloads.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Sweeps: area fractions S, M and U over friction and sensor resolution, their mean and table.
 
-Weights of vertices by area; fractions and quantiles over a surface.
+Vertices have weights by area; fractions and quantiles over a surface follow from these.
 """
 
 import math

@@ -1,6 +1,6 @@
 """The fields of the vertices of a labelled surface, and the arrays of the surface itself.
 
-Grasps of the vertices of a surface: why some have none, and how far they were searched for.
+Where a vertex has no grasp, a code says why.
 """
 
 from collections.abc import Callable

@@ -1,9 +1,7 @@
 """Files that people give: whether they are files at all, and the numbers and texts in them.
 
 All readers of JSON, YAML, XML, tables and arrays read and check with these. Whoever calls them adds
-the name of the file to the message.
-
-The version of the installed package.
+the name of the file to the message. Files state the version of the package that wrote them.
 """
 
 import json

@@ -1,7 +1,4 @@
-"""File names: safe names for results, and names and text in printable form.
-
-Counts with their nouns, and numbers, for messages.
-"""
+"""Text for people: names of files in safe and in printable form, counts with their nouns."""
 
 import hashlib
 import re

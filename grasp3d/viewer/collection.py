@@ -1,8 +1,6 @@
-"""The objects that a viewer can open: a mesh, a labelled file, the results of a batch.
+"""What a viewer can open (a mesh, a labelled file, the results of a batch) and compute of it.
 
-The user's choices in a viewer, as an immutable value.
-
-What a viewer computes in the background: searches, scans, files of labels.
+Searches, scans and files run in the background. The user's choices are an immutable value.
 """
 
 import math

@@ -1,6 +1,6 @@
 """The viewer as a page in browsers of this machine, on trame's server.
 
-The displayed state of a session as plain values for the page.
+The page shows the state of a session, as plain values.
 """
 
 import asyncio

@@ -1,6 +1,6 @@
 """State of one viewer, without its display: choices, displayed surface, background job.
 
-Background jobs, one at a time: a new request replaces the running job.
+One job runs at a time; a new request replaces it.
 """
 
 import threading
