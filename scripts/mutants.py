@@ -130,7 +130,7 @@ MUTANTS = (
         "multiplier of the cap with the wrong sign",
         "k, target = (c - along) / per_k, flat",
         "k, target = (along - c) / per_k, flat",
-        "test_kernels.py",
+        "test_cap_maximum.py",
     ),
     Mutant(
         "undecided counts as closed",

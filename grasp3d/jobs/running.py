@@ -27,6 +27,9 @@ _LIMITS = ("memory.max", "memory.high", "memory/memory.limit_in_bytes")
 
 _CONTROL_GROUPS = Path("/sys/fs/cgroup")
 
+SIGNALS = 1.0
+"""Time after which a signal is seen at the latest [s]."""
+
 
 @dataclass(frozen=True)
 class Done(Generic[JobT, ValueT]):
@@ -124,10 +127,9 @@ def _here(
     try:
         begin()
         while pending:
-            finished = [
-                (pending.pop(one), one.result())
-                for one in wait(pending, return_when=FIRST_COMPLETED).done
-            ]
+            # With a limit: where another thread gets the signal of Ctrl-C, no wait ends by it.
+            done = wait(pending, SIGNALS, FIRST_COMPLETED).done
+            finished = [(pending.pop(one), one.result()) for one in done]
             begin()  # before the rows are worked on: no process waits for that
             yield from finished
     finally:
