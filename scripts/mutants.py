@@ -1,4 +1,4 @@
-"""Plant one small error at a time in quality, search, jaws and forces, and run tests against it.
+"""Plant one small error at a time, and run tests against it.
 
 mutants.py                      all, two at a time, with a table of which were caught
 mutants.py --only force tilt    those whose names contain one of the words
@@ -199,6 +199,157 @@ MUTANTS = (
         "found[PREGRASP] = opening + 2.0 * sign * shape.clearance",
         "found[PREGRASP] = opening + sign * shape.clearance",
         "test_reach.py",
+    ),
+    # Meshes, settings, files, pictures, the viewer and libraries.
+    Mutant(
+        "centroid of tets",
+        "(corners.sum(axis=1) / 4.0)",
+        "(corners.sum(axis=1) / 3.0)",
+        "test_preparing.py",
+    ),
+    Mutant(
+        "closed by parity",
+        "return not edges_of(faces).balance.any()",
+        "return not (edges_of(faces).faces % 2).any()",
+        "test_repair.py test_preparing.py test_diagnosing.py",
+    ),
+    Mutant(
+        "normals not weighted by angle",
+        "weights = surface.angles.ravel()",
+        "weights = np.ones(faces.size)",
+        "test_preparing.py",
+    ),
+    Mutant(
+        "twins in wrong order",
+        "straight = own == right[0]",
+        "straight = own == right[1]",
+        "test_preparing.py",
+    ),
+    Mutant(
+        "cavity gap sign",
+        "gap = -touch if shares else touch",
+        "gap = touch if shares else -touch",
+        "test_repair_bodies.py test_repair.py",
+    ),
+    Mutant(
+        "inward stray not flipped",
+        "            flip[number] ^= True",
+        "            pass",
+        "test_repair_bodies.py test_repair.py",
+    ),
+    Mutant(
+        "weld even through plates",
+        "if not len(uneven) or has_area(points, faces[lost], rounding).any():",
+        "if not len(uneven):",
+        "test_repair.py test_repair_laws.py",
+    ),
+    Mutant(
+        "weights swapped on an edge",
+        "= 1.0 - along[on], along[on]",
+        "= along[on], 1.0 - along[on]",
+        "test_surface_points.py",
+    ),
+    Mutant(
+        "relative index",
+        "[k - 1 if k > 0 else count + k for k in numbers]",
+        "[k - 1 if k > 0 else count + k - 1 for k in numbers]",
+        "test_reading.py",
+    ),
+    Mutant(
+        "two parents allowed",
+        "        if number in found:\n            raise",
+        "        if number in found and not number:\n            raise",
+        "test_gltf.py",
+    ),
+    Mutant(
+        "lengths not scaled in tuples",
+        "scaled = tuple(with_lengths_scaled(one, factor) for one in value)",
+        "scaled = value",
+        "test_units.py test_values.py",
+    ),
+    Mutant(
+        "pose error axis",
+        "TOWARD = (0.0, 0.5, -(0.75**0.5))",
+        "TOWARD = (0.5, 0.0, -(0.75**0.5))",
+        "test_settings.py",
+    ),
+    Mutant(
+        "range end",
+        'above = least < value if ends[0] == "(" else least <= value',
+        "above = least < value",
+        "test_settings.py",
+    ),
+    Mutant(
+        "byte order lost",
+        "self.type = self.type.newbyteorder(state[1])",
+        "pass",
+        "test_pickled_arrays.py",
+    ),
+    Mutant(
+        "hidden S called M",
+        "hidden = (codes == Label.M) & (worst > searched) & (stable > searched)",
+        "hidden = (codes == Label.M) & (worst > searched) & (stable < searched)",
+        "test_colors.py",
+    ),
+    Mutant(
+        "camera behind",
+        "across = math.atan2(along, -beside)",
+        "across = math.atan2(along, beside)",
+        "test_camera.py",
+    ),
+    Mutant(
+        "failures kept",
+        "            self._failed.clear()\n",
+        "            pass\n",
+        "test_session.py",
+    ),
+    Mutant(
+        "wider search overrides",
+        "better = beyond & (wide.critical_angle < narrow.critical_angle)",
+        "better = wide.critical_angle <= narrow.critical_angle",
+        "test_session.py test_gripper.py",
+    ),
+    Mutant(
+        "stale run taken",
+        "            if run is self._run:\n",
+        "            if True:\n",
+        "test_session.py",
+    ),
+    Mutant(
+        "largest memory limit",
+        "return min(limit for limit in limits if limit > 0.0) / 1e9",
+        "return max(limit for limit in limits if limit > 0.0) / 1e9",
+        "test_running.py",
+    ),
+    Mutant(
+        "threads of last jobs",
+        "processes // (len(pending) + len(jobs) - number)",
+        "processes // (len(pending) + len(jobs) - number + 1)",
+        "test_running.py",
+    ),
+    Mutant(
+        "diagnosis trusts crossings",
+        "Trust.NO if fraction > SELF_INTERSECTING else Trust.CARE",
+        "Trust.NO if fraction < SELF_INTERSECTING else Trust.CARE",
+        "test_diagnosing.py",
+    ),
+    Mutant(
+        "parts that leave out the first mesh",
+        "found[first - 1 :: parts]",
+        "found[first::parts]",
+        "test_library.py",
+    ),
+    Mutant(
+        "inward normals in rows",
+        "_triples(-contacts.normals[row])",
+        "_triples(contacts.normals[row])",
+        "test_labelling.py",
+    ),
+    Mutant(
+        "the oldest row of a mesh holds",
+        'tuple(sorted(chunks, key=lambda one: one.head["written"]))',
+        'tuple(sorted(chunks, key=lambda one: -one.head["written"]))',
+        "test_chunks.py",
     ),
 )
 
