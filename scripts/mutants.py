@@ -335,8 +335,8 @@ MUTANTS = (
     ),
     Mutant(
         "parts that leave out the first mesh",
-        "found[first - 1 :: parts]",
-        "found[first::parts]",
+        "settled[first - 1 :: parts]",
+        "settled[first::parts]",
         "test_library.py",
     ),
     Mutant(

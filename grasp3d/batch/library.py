@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from itertools import chain
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -172,7 +173,8 @@ def label_library(
     if part and overwrite:
         raise SettingError("a part overwrites nothing: remove the folder, then label all parts")
     found = find_meshes(map(str, inputs), results=str(output))
-    meshes = _settled(found, settings, folder)
+    settled = _settled(found, settings, folder)
+    meshes = [*chain.from_iterable(settled)]
     many, prefix = len(meshes) > MOST_PAGES, f"{first}of{parts}" if part else "all"
     with _locked(folder, prefix):
         earlier = _earlier(folder, remove=overwrite)
@@ -183,7 +185,7 @@ def label_library(
                 mesh, earlier.rows.get(mesh.name), head["surfaces"],
                 is_unique=keys[name_key(mesh.name)] == 1,
             )
-            for mesh in _settled(found[first - 1 :: parts], settings, folder)
+            for mesh in chain.from_iterable(settled[first - 1 :: parts])
         ]  # fmt: skip
         todo = [job for job in jobs if not earlier.has(job.mesh, settings, force=force)]
         state = BatchProgress(len(jobs) - len(todo), 0, 0, len(todo), 0.0 if todo else 1.0)
@@ -225,14 +227,16 @@ def _part(text: str | None) -> tuple[int, int]:
     return number, count
 
 
-def _settled(meshes: Sequence[MeshFile], settings: BatchSettings, folder: UPath) -> list[MeshFile]:
-    """The meshes for each hand, with their own settings checked and their hands read.
+def _settled(
+    meshes: Sequence[MeshFile], settings: BatchSettings, folder: UPath
+) -> list[list[MeshFile]]:
+    """Each mesh for each hand, with its own settings checked and its hand read.
 
     Raises:
         MeshError: Settings are wrong, or a mesh lies among the results.
     """
     below = tuple(f"{_location(str(folder))}/{name}/" for name in ("surfaces", "report"))
-    of_mesh, settled = cache(lambda own: settings.of_mesh(dict(own))), list[MeshFile]()
+    of_mesh, settled = cache(lambda own: settings.of_mesh(dict(own))), list[list[MeshFile]]()
     for mesh in meshes:
         if _location(mesh.source).startswith(below):
             raise MeshError(f"{printable(mesh.source)}: is a result; it would be overwritten")
@@ -243,14 +247,14 @@ def _settled(meshes: Sequence[MeshFile], settings: BatchSettings, folder: UPath)
         except GraspError as error:
             raise MeshError(f"{printable(mesh.name)}: {error}") from error
         if "hand" in mesh.own:  # its content, which may change, as well as its name
-            settled.append(replace(mesh, own={**mesh.own, "hand": own.reach.hand}))
+            settled.append([replace(mesh, own={**mesh.own, "hand": own.reach.hand})])
         elif settings.more_hands:
-            settled += [
+            settled.append([
                 replace(mesh, name=f"{hand.name}/{mesh.name}", own={**mesh.own, "hand": hand})
                 for hand in settings.hands
-            ]
+            ])  # fmt: skip
         else:
-            settled.append(mesh)
+            settled.append([mesh])
     return settled
 
 
