@@ -54,7 +54,7 @@ DEPTH_OFFSET = -60000.0
 FAINT = 0.4
 """Opacity of what is behind the surface."""
 
-INK, WHITE, GREY, BLUE = "#1A1A1A", "#FFFFFF", "#4A5562", "#0072B2"
+INK, GREY, BLUE = "#1A1A1A", "#4A5562", "#0072B2"
 """Colours of marks; blue is that of the safe cone, which no label has."""
 
 INSIDE, EDGE, FRAME = "#8C857B", "#2B2F33", "#5B6470"

@@ -49,9 +49,12 @@ def test_what_is_no_hand_is_refused(hand: Any) -> None:
         (ReachSettings(HAND), ()),
         (ReachSettings(HAND, up="-y", approach_within=1.0), ("up is -y (--up)",)),
         (ReachSettings(HAND, "stable"), ("resting pose of probability 32 %",)),
+        (ReachSettings(HAND, pose_error="5mm,3deg"), ("poses wrong by up to 5 mm and 3 deg",)),
     ],
 )
-def test_words_say_which_way_is_up(settings: ReachSettings, words: tuple[str, ...]) -> None:
+def test_words_say_which_way_is_up_and_how_wrong_poses_are(
+    settings: ReachSettings, words: tuple[str, ...]
+) -> None:
     scene = Scene.of(settings, BOX)
     assert scene is not None
     assert scene.words == (f"gripper {HAND.name}", *words)
