@@ -64,7 +64,8 @@ class BatchSettings:
         names = [hand.name for hand in self.hands]
         if self.more_hands and (self.reach.hand is None or len({*names}) < len(names)):
             raise SettingError(
-                "more_hands are further hands beside that of reach, each with another name; got "
+                "more_hands (--more-hands) takes further hands beside that of reach (--hand), with "
+                "names of their own; got "
                 f"{', '.join(names)}"
             )
 
