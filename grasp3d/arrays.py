@@ -53,7 +53,7 @@ def text_of(array: npt.NDArray[Any]) -> str:
         ValueError: It is no text.
     """
     if not isinstance(array, np.ndarray) or array.dtype.kind != "U":
-        raise ValueError("it is no text")
+        raise ValueError("it is not text")
     ordered = array.astype(array.dtype.newbyteorder("<"))
     return ordered.tobytes().decode("utf-32-le").rstrip("\0")
 

@@ -55,9 +55,9 @@ class BatchSettings:
             object.__setattr__(self, name, given if name == "load" else given or kind())
         check_range("the number of best grasps", self.best, 0)
         if self.reach.pose_error and not self.best:
-            raise SettingError("a pose error tries wrong poses of the best grasps; ask for one")
+            raise SettingError("a pose error applies to the best grasps; ask for at least one")
         if isinstance(self.mesh.region, Mask):
-            raise SettingError(f"{self.mesh.region} is of one mesh; a library takes a box")
+            raise SettingError(f"{self.mesh.region} belongs to one mesh; a library takes a box")
         check_search_settings(self.model, self.sampling)
         for hand in self.hands:
             hand.check_fingers(self.model.fingers)

@@ -405,7 +405,7 @@ class Library:
                 return read_labels(path, unit=unit)
         found = dict(chunk.surfaces([name]))
         if not found:
-            raise MeshError(f"{where}: its surface is missing in {chunk.tar.name}")
+            raise MeshError(f"{where}: its surface is missing from {chunk.tar.name}")
         with tempfile.TemporaryDirectory(prefix="grasp3d-") as folder:
             path = Path(folder, name)
             path.write_bytes(found[name])

@@ -88,7 +88,7 @@ def find_meshes(inputs: Iterable[str], *, results: str | None = None) -> list[Me
         ]
     counts = Counter(mesh.name for mesh in meshes)
     if twice := [mesh.source for mesh in meshes if counts[mesh.name] > 1]:
-        raise MeshError(f"{printable(twice[0])}: is given twice, by a table and beside it")
+        raise MeshError(f"{printable(twice[0])}: is given twice: in a table and by itself")
     return sorted(meshes, key=lambda mesh: mesh.name)
 
 
@@ -128,7 +128,7 @@ def _of_place(item: str, results: str | None) -> Iterator[tuple[str, MeshFile]]:
         yield _found(str(folder / name), as_unicode(name), info)
     if pattern and not count:
         raise MeshError(
-            f"{printable(item)}: no mesh matches; a pattern names mesh files, as lib/**/*.stl"
+            f"{printable(item)}: no mesh matches; a pattern names mesh files, such as lib/**/*.stl"
         )
 
 

@@ -286,7 +286,7 @@ def _locked(folder: UPath, prefix: str) -> Iterator[None]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise OutputError(
-                f"{printable(str(folder))}: another run is writing to it; wait for its end, or "
+                f"{printable(str(folder))}: another run is writing to it; wait until it ends, or "
                 "name another folder"
             ) from error
         except OSError:  # a file system without locks
@@ -346,7 +346,7 @@ def _earlier(folder: UPath, *, remove: bool) -> _Earlier:
         others = [one for one in stored if one.is_dir() and any(one.iterdir())]
         if others and not library.chunks and not damaged:
             raise OutputError(
-                f"{printable(str(others[0]))}: is not of grasp3d batch; name another folder"
+                f"{printable(str(others[0]))}: grasp3d batch did not write it; name another folder"
             )
         for one in others if remove else ():
             one.fs.rm(one.path, recursive=True)

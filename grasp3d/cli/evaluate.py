@@ -117,8 +117,10 @@ def print_grasps(report: Report, grasps: Grasps, metrics: dict[str, Any]) -> Non
         metrics: Values of quality measures by name, whose quantiles are printed.
     """
     mesh, size = grasps.mesh, grasps.size
-    words = model_line(grasps.model, metres=mesh.unit is not None)
-    report.heading(mesh.report.source, escaped(f"{_kind(grasps)}; {words}"))
+    words = [model_line(grasps.model, metres=mesh.unit is not None)]
+    if not isinstance(grasps, GraspTable):
+        words += grasps.scene.words[1:]
+    report.heading(mesh.report.source, escaped(f"{_kind(grasps)}; {', '.join(words)}"))
     counts = np.bincount(grasps.letter, minlength=len(Label))
     fractions = {one: percent_text(float(counts[one] / size)) for one in Label}
     report.letters("scan", {"count": lambda one: str(counts[one]), "": fractions.__getitem__})

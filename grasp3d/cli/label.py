@@ -43,14 +43,11 @@ from grasp3d.system.names import counted, safe_stem
 QUANTILES = (CRITICAL_ANGLE, MAX_RESOLUTION, *EPSILONS, *LOAD_NUMBERS)
 """Columns whose quantiles over the area are printed, if they have a heading."""
 
-REACHED_CONTACTS = "two contacts that the gripper reaches, whole pads assumed to touch"
-"""What the letters of an area are, where there is a gripper."""
-
 
 def run(command: Label, report: Report) -> int:
     """Run the command, and return the exit code."""
     if command.reach.pose_error and not command.best:
-        raise SettingError("--pose-error tries wrong poses of the best grasps: give --best as well")
+        raise SettingError("--pose-error applies to the best grasps: give --best as well")
     output, grasp_file = _files(command)
     write = writer_for(output)
     labels, vertices = _labels(command, report)
@@ -86,7 +83,7 @@ def _files(command: Label) -> tuple[Path, Path]:
     if command.best:
         _check_grasp_file(command, grasp_file)
         if grasp_file.absolute() == output.absolute():
-            raise OutputError(f"{output}: is the labelled file and that of the best grasps")
+            raise OutputError(f"{output}: is named for the labelled file and for the best grasps")
     for path in (output, *grasp_files):
         mask = getattr(command.mesh.region, "path", None)
         inputs = [command.file, mask, *command.load.task.files]
@@ -181,13 +178,13 @@ def print_best(report: Report, grasps: Grasps, requested: int) -> None:
         requested: Number of grasps that the user requested.
     """
     if not grasps.size:
-        report.line("best grasps: none may hold")
+        report.line("best grasps: none, as no grasp is S or M")
         return
     report.line(f"the {counted(grasps.size, 'best distinct grasps')}:")
     report.grasps(grasps, range(grasps.size))
     if grasps.size < requested:
         apart = grasps.mesh.length_text(distance_of_distinct(grasps.mesh), 2)
-        near = f"all others that may hold are nearer than {apart} to one of these"
+        near = f"every other S or M grasp is nearer than {apart} to one of these"
         report.line(f"{requested} were requested; {near}")
 
 
@@ -205,7 +202,7 @@ def print_labels(report: Report, labels: SurfaceLabels) -> None:
     report.mesh(mesh, escaped(", ".join(_settings(labels))))
     report.lines(mesh.region_notes)
     if labels.scene is not None:
-        report.line(f"area, of {REACHED_CONTACTS}:")
+        report.line("labels of the best contacts within the gripper's reach, if whole pads touch:")
     report.letters("label", {"area": lambda code: percent_text(fractions[code.name])})
     if labels.sampling is not None:
         report.line(f"[bold]{escaped(str(verdict_of(labels)))}[/]")
@@ -213,7 +210,7 @@ def print_labels(report: Report, labels: SurfaceLabels) -> None:
         report.line(load_line(found.case))
     if labels.scene is None:
         if labels.sampling is not None and (causes := causes_text(labels)):
-            report.line(f"U, of the area: {escaped(causes)}")
+            report.line(f"reasons for U, by area: {escaped(causes)}")
         if found is not None and found.remedy and np.isfinite(found.grip_force_largest).any():
             report.line(f"most grasps hold nothing: {escaped(found.remedy)}")  # else the verdict
         shown = ((one, one.values_of(labels)) for one in QUANTILES if one.heading)
@@ -222,7 +219,7 @@ def print_labels(report: Report, labels: SurfaceLabels) -> None:
             for one, values in shown
             if values is not None
         ]
-        report.line(f"{PERCENTS} of the area: {'; '.join(texts)}")
+        report.line(f"{PERCENTS} quantiles by area: {'; '.join(texts)}")
     report.lines(map(str, mesh.report.repairs), "repaired:")
     report.warnings(labels.warnings)
 

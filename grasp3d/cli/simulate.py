@@ -46,7 +46,7 @@ def _simulate(command: Simulate, report: Report) -> GraspPoses:
     else:
         for name in ("object_pose", "frame"):
             if getattr(command, name) is not None:
-                raise SettingError(f"{name} is that of given poses; name their file with --grasps")
+                raise SettingError(f"{name} applies to given poses; name their file with --grasps")
         mesh = load_mesh(command.file, command.mesh)
     if not command.force:
         refuse_lengths(mesh, model, command.simulation)

@@ -34,7 +34,7 @@ MAX_VALUES = 10_000
 MAX_SHOWN = 6
 """Meshes up to which each of them is drawn; of more the mean."""
 
-REQUIRED = "required: resolution below which so much of the area is S; --max-edge narrows creases"
+REQUIRED = "required: resolution below which this share of area is S; --max-edge narrows creases"
 
 COLUMNS = 5
 """Resolutions whose area fractions are printed."""

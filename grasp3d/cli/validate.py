@@ -67,7 +67,7 @@ def print_validation(report: Report, found: Validation) -> None:
         f"{counted(found.objects, 'objects')}: {held:,} held "
         f"({percent_text(held / found.size)}){left_out}"
     )
-    report.lines(f"labels, margins and forces at {model}" for model in models)
+    report.lines(f"labels, margins and forces for {model}" for model in models)
     report.lines([*sources[:MOST_FILES], *more])
     no_grasp = "the hand does not close on the mesh: U, with the worst value of every score"
     report.line(f"at {counted(missing, 'poses')} {no_grasp}")

@@ -240,7 +240,7 @@ class Contacts:
         largest = np.abs(n).max(axis=-1, keepdims=True)
         if not (largest > 0.0).all():
             where = tuple(int(i) for i in np.argwhere(largest[..., 0] == 0.0)[0])
-            raise ContactError(f"the normal of contact {where} has no direction: its length is 0")
+            raise ContactError(f"the normal of contact {where} has length 0")
         n = n / largest  # squares of very large or small numbers would overflow or underflow
         lengths = np.linalg.norm(n, axis=-1, keepdims=True)
         object.__setattr__(self, "points", locked(p))

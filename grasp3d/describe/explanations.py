@@ -42,7 +42,7 @@ class Cause(StrEnum):
     EXCLUDED = "outside --region"
     UNSTABLE = "the best grasp needs more friction"
     FORCE = "the force at hand does not hold the load"
-    COLLIDES = "at no pose is the object held without a collision"
+    COLLIDES = "no pose holds the object without a collision"
 
 
 _STATES = {
@@ -203,7 +203,7 @@ def load_sentence(load_result: LoadResult, row: int) -> str:
         return ""
     mass = f" of {case.to_hold}" if case.by_mass else ""
     if largest > case.available:
-        of = "at some of the normals within the sensor resolution only"
+        of = "only at some of the normals within the sensor resolution"
         if least > case.available:
             of = "at none of the normals within the sensor resolution"
     return f"With {case.at_hand} the load{mass} is held {of}."

@@ -51,14 +51,14 @@ _CHANGES = {
 
 
 _WRONG = {
-    MISSED: "its jaws close on nothing where the pose is wrong",
-    OFF_PADS: "contacts may leave the pads where the pose is wrong",
-    UNSURE: "no grasp is sure where the pose is wrong",
+    MISSED: "within the pose error its jaws may close on nothing",
+    OFF_PADS: "within the pose error contacts may leave the pads",
+    UNSURE: "no grasp is sure within the pose error",
 }
 
 
-_NONE = "there is no grasp that may be stable"
-_NOWHERE = "no grasp holds at all poses that the pose error allows"
+_NONE = "no grasp was found that may be stable"
+_NOWHERE = "no grasp holds at every pose within the pose error"
 
 
 @dataclass(frozen=True)

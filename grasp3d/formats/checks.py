@@ -70,7 +70,7 @@ def load_yaml(path: Path) -> Any:
         return yaml.load(text, loader)
     except (yaml.YAMLError, *HEADER_ERRORS, AttributeError) as error:
         # Also of dates such as 2026-13-45, numbers of thousands of digits, keys that are lists.
-        raise ContactError(f"is no YAML: {reason_of(error)}") from error
+        raise ContactError(f"is not valid YAML: {reason_of(error)}") from error
 
 
 MOST_NUMBERS = 200_000_000
@@ -82,7 +82,7 @@ def load_array(path: Path) -> npt.NDArray[Any]:
     try:
         array: npt.NDArray[Any] = np.lib.format.open_memmap(path, mode="r")
     except HEADER_ERRORS as error:
-        raise ContactError(f"is no .npy file of numbers ({reason_of(error)})") from error
+        raise ContactError(f"is not a .npy file of numbers ({reason_of(error)})") from error
     if array.size > MOST_NUMBERS:
         raise ContactError(f"has more than {MOST_NUMBERS:,} numbers")
     return array
@@ -326,5 +326,5 @@ def write_rows(path: Path, header: Mapping[str, Any], columns: Mapping[str, Any]
         lines = ",\n".join(json.dumps(row, allow_nan=False) for row in rows)
         start = f'{{"grasp3d": {json.dumps(header, allow_nan=False)},\n"grasps": [\n'
     except (TypeError, ValueError) as error:
-        raise OutputError(f"{path}: its settings are no JSON: {error}") from error
+        raise OutputError(f"{path}: its settings are not JSON: {error}") from error
     write_text(path, [start, lines, "\n]}\n"])

@@ -122,7 +122,7 @@ def stored_objects(path: Path) -> list[Any] | None:
     except RefusedError:
         raise
     except (*HEADER_ERRORS, pickle.PickleError, LookupError, AttributeError, SystemError) as error:
-        raise RefusedError(f"is no .npy file, or damaged ({reason_of(error)})") from error
+        raise RefusedError(f"is damaged, or not a .npy file ({reason_of(error)})") from error
     if not isinstance(stored, np.ndarray) or stored.dtype != object:
         raise RefusedError("has no objects")
     return list(np.asarray(stored).ravel())

@@ -42,7 +42,7 @@ def missing_of_hand(hand: Hand | str | None, form: Format, *, joints: bool) -> s
     name = getattr(hand, "name", hand)
     if joints and form.joints and isinstance(hand, ParallelGripper) and not hand.joint_names:
         said = f"{form.title} files have joint values, but gripper {name!r} has no joint_names"
-        return f"{said}: give it joint_names, joint_scale and joint_closed, or take another format"
+        return f"{said}: give it joint_names, joint_scale and joint_closed, or use another format"
     if not form.hands or any(isinstance(hand, KINDS[kind]) for kind in form.hands):
         return ""
     needed = "the pose of the hand's base, so they need the lengths of the gripper: give it"

@@ -456,7 +456,7 @@ def in_stated_scale(mesh: ObjectMesh, grasps: GraspPoses | Floats) -> ObjectMesh
     if mesh.file_unit is not None:
         assert isinstance(grasps, GraspPoses)
         return _checked_scale(mesh, mesh.file_unit, scale, grasps.object_file)
-    step = RepairStep(SCALED, len(mesh.vertices), f"vertices scaled by {scale:g}: the poses say so")
+    step = RepairStep(SCALED, len(mesh.vertices), f"vertices scaled by {scale:g}, as the poses say")
     repairs = (*mesh.report.repairs, step)
     if unit := next((one for one, metres in METRES.items() if math.isclose(metres, scale)), None):
         mesh = mesh.with_unit(unit)

@@ -53,7 +53,7 @@ FORCE_RTOL = 1e-2
 
 WHY = {
     OF_LINKS: "the weight of the links alone is too much for the motors",
-    OF_LINE: "point contacts on one line leave the turn about it free",
+    OF_LINE: "point contacts on one line resist no torque about it",
 }
 """Limits with which nothing is held, as sentences."""
 

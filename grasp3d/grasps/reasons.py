@@ -73,9 +73,9 @@ PARTS = ("finger 1", "finger 2", "palm")
 """Parts of a gripper by their numbers."""
 
 MISSED, OFF_PADS, UNSURE = (
-    "closes on nothing where the pose is wrong",
+    "may close on nothing within the pose error",
     "contacts may leave the pads",
-    "not sure where the pose is wrong",
+    "not sure within the pose error",
 )
 """Reasons that only the error of a pose gives."""
 

@@ -185,7 +185,7 @@ class GripperFrame:
             return _of_matrix(parse_json(value) if isinstance(value, str) else value)
         if value in {AUTO, ""}:
             raise SettingError(
-                f"{value!r} is no frame of its own; auto is for poses that are read with an object "
+                f"{value!r} is not a frame itself; auto is for poses that are read with an object "
                 "(evaluate, validate, simulate; in Python results.reading.applied(poses))"
             )
         return FRAMES.get(value) or GripperFrame(link=value)

@@ -104,11 +104,11 @@ def read_hand(
     suffix, folder = path.suffix.lower(), is_folder(path)
     if name in NAMES:
         raise SettingError(
-            f"{name} is a hand with joints, known without its links: name the URDF that you "
-            f"have of it: grasp3d hand FILE.urdf -o {name}.json"
+            f"{name} is a hand with joints, whose links are not shipped; describe it from its URDF "
+            f"first: grasp3d hand FILE.urdf -o {name}.json"
         )
     if given and suffix not in MODELS:
-        raise SettingError(printable(f"{given}: for URDF and MuJoCo files; {name!r} is none"))
+        raise SettingError(printable(f"{given}: for URDF and MuJoCo files only, unlike {name!r}"))
     is_file_name = suffix in SUFFIXES or len(path.parts) > 1 or is_file(path) or folder
     if name in {"", *PRESETS, *ALIASES} or not is_file_name:
         return ParallelGripper.preset(name)
@@ -179,7 +179,7 @@ def hand_of(content: object) -> Hand:
     stated = keys.get("format", FORMAT if "max_opening" in keys else None)
     if str(stated) not in READERS:
         raise SettingError(
-            f'is no gripper or hand: expected an object with "format": "{FORMAT}", of two jaws, '
+            f'is not a gripper or hand: expected an object with "format": "{FORMAT}", of two jaws, '
             f'or "{ARTICULATED}", of fingers with joints; got {described(stated)}'
         )
     return READERS[str(stated)](keys)

@@ -202,7 +202,7 @@ class Jaws:
             SettingError: They are not two.
         """
         if count != 2:
-            raise SettingError(f"gripper {self.name!r} has two fingers, not {count}: leave it out")
+            raise SettingError(f"gripper {self.name!r} has two fingers, not {count}: omit fingers")
 
     @property
     def touch_area(self) -> float:

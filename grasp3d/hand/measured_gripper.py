@@ -121,7 +121,7 @@ def measured_gripper(
     assumed = [
         "the inner sides are flat, and nothing else of a finger touches",
         *([f"the TCP is {at}"] if at else []),
-        "the palm is as wide as the stroke at least",
+        "the palm is at least as wide as the stroke",
         "compliance and clearance are the defaults, the force is not known",
     ]
     where = f"boxes around {fingers[0]}, {fingers[1]} and the palm of {Path(tree.source).name}"

@@ -56,7 +56,7 @@ def read_urdf(path: Path) -> Urdf:
     except OSError as error:
         reason = f"cannot be read ({error.strerror or error})"
     except (ParseError, LookupError) as error:
-        reason = f"is no XML: {error}"
+        reason = f"is not valid XML: {error}"
     except (ValueError, RecursionError) as error:
         reason = str(error)
     raise SettingError(printable(f"{path}: {reason}"))
@@ -65,7 +65,7 @@ def read_urdf(path: Path) -> Urdf:
 def _prepared(root: Element) -> Urdf:
     """What is in a URDF. Raises ValueError."""
     if root.tag != "robot":
-        raise ValueError(f"is no URDF: its first element is {root.tag[:40]}, and must be robot")
+        raise ValueError(f"is not a URDF: its first element is {root.tag[:40]}, and must be robot")
     found, robot = Urdf(), Element("robot", name="robot")
     SubElement(SubElement(robot, "mujoco"), "compiler", fusestatic="false")  # links stay links
     links, joints = (_by_name(root, kind) for kind in ("link", "joint"))
@@ -355,7 +355,7 @@ class _Reader:
         elif kind == "mjGEOM_ELLIPSOID":
             triangles = np.asarray(creation.icosphere().triangles * size)
         else:  # a plane or a height field
-            problem = f"{self.path}: collision geometry of {link} is of no finite shape"
+            problem = f"{self.path}: collision geometry of {link} has no finite shape"
             raise SettingError(printable(problem))
         return LinkShape("mesh", pose, surface=locked(triangles))
 

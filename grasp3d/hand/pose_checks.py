@@ -209,7 +209,7 @@ def pose_warning(poses: Floats, mesh: "ObjectMesh", *, reach: float = 0.0) -> st
     small = 0.0 < extent < NEAR > origin
     if unit and small and (other := _likely_units(points, mesh, unit)):
         return (
-            f"the positions of these poses differ by {extent:.2g} object sizes only: if their "
+            f"the positions of these poses differ by {extent:.2g} object sizes: if their "
             f"lengths are in {other}, not in {unit}, {GIVE_UNIT}"
         )
     return None

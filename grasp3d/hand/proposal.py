@@ -187,7 +187,7 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
         source=known.get("source", ""),
     )
     if not hand.joint_names:
-        raise tree.error("no joint moves anything, so that it is no hand")
+        raise tree.error("no joint moves anything, so it is not a hand")
     return _Proposal(hand, known, assumed).hand()
 
 
@@ -258,7 +258,7 @@ class _Proposal:
         preshapes = self._preshapes(closing)
         approach = self._approach(preshapes["open"])
         if tree.unseen:
-            what = "links that are only seen, without collision geometry, touch nothing"
+            what = "links without collision geometry, which are only seen, touch nothing"
             self.assumed.append(f"{what}: {', '.join(tree.unseen)}")
         if endless := self._named(np.isinf(self.limits).any(axis=1)):
             self.assumed.append(f"joints without limits: {', '.join(endless)}")
@@ -352,8 +352,8 @@ class _Proposal:
             for one in self._in_fingers(halfway)
         ]
         self.assumed.append(
-            "joints close it that turn about nearly the same axis as the last one of their finger, "
-            "in the direction in which it comes nearer to where the fingertips meet"
+            "the joints that close it turn about nearly the same axis as the last joint of their "
+            "finger, in the direction that brings it nearer to where the fingertips meet"
         )
         return np.where(bends, np.sign(toward), 0.0)
 
@@ -408,7 +408,7 @@ class _Proposal:
             others = ", ".join(self._named(turned))
             self.assumed.append(
                 "open: joints are at 0, or at the limit nearest to 0"
-                + (f", but as where the fingertips meet: {others}" if others else "")
+                + (f", but as they are where the fingertips meet: {others}" if others else "")
             )
         return found
 
@@ -475,7 +475,7 @@ class _Proposal:
                 why = f"{name!r} is no joint of a posture; known: {', '.join(self.names)}"
                 if joint is not None and joint.follows is not None:
                     first = joint.follows[0]
-                    why = f"{name} follows {first}, and has no value of its own: take it out"
+                    why = f"{name} follows {first}, and has no value of its own: leave it out"
                 raise self.tree.error(f"{what}: {why}")
             found[self.names.index(name)] = value
         return found

@@ -40,7 +40,7 @@ def made_of(path: Path, make: Callable[..., T], *arguments: Any) -> T:
         raise SettingError(printable(f"{path}: {problem}"))
     if path.suffix.lower() not in SUFFIXES:
         known = " ".join(SUFFIXES)
-        raise SettingError(printable(f"{path} is no URDF or MuJoCo model: supported are {known}"))
+        raise SettingError(printable(f"{path} is not a URDF or MuJoCo model; known are {known}"))
     made: T = read_file(_make, path, make, *arguments)
     return made
 

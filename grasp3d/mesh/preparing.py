@@ -370,7 +370,7 @@ def read_source(source: MeshSource) -> RawMesh:
     reader = _LIBRARIES.get(name)
     if reader is None:
         raise MeshError(
-            f"an object of type {name.removeprefix('builtins.')} is no mesh; give a path, an "
+            f"an object of type {name.removeprefix('builtins.')} is not a mesh; give a path, an "
             "ObjectMesh, a trimesh Trimesh or Scene, a PyVista PolyData, an Open3D TriangleMesh, "
             "or a pair (vertices, faces)"
         )

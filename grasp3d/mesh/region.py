@@ -100,7 +100,7 @@ def _on_paint(mesh: ObjectMesh, mask: Mask) -> Bools:
     nearest, _, gaps = nearest_surface_points(surface, mesh.vertices[used], limit=reach)
     if np.isinf(gaps).any():
         raise SettingError(
-            f"{where}: is no mask of {mesh.report.source}, of which vertices are farther than "
+            f"{where}: is not a mask of {mesh.report.source}, of which vertices are farther than "
             f"{reach:.4g} away from it; {_extent(mesh)}"
         )
     inside = np.zeros(len(mesh.vertices), dtype=bool)

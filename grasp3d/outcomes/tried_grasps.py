@@ -167,7 +167,7 @@ def _checked(
         path, poses, name = None, source.with_outcomes(stated["outcome"]), "poses"
         for name_of, value in stated.items():
             if value is not None and name_of != "outcome":
-                raise SettingError(f"{name_of} is that of files; poses in memory have their own")
+                raise SettingError(f"{name_of} applies to files; poses in memory have their own")
     else:
         path, name = Path(source), str(source)
         poses = read_poses(path, hand=hand, **stated)

@@ -217,7 +217,7 @@ class Weight(ForceAtCenter):
         vector = _vector("the direction of gravity", self.direction, 3)
         length = float(np.linalg.norm(vector))
         if not length > 0.0:
-            raise SettingError("the direction of gravity has no direction: its length is 0")
+            raise SettingError("the direction of gravity has length 0")
         object.__setattr__(self, "direction", tuple((vector / length).tolist()))
         if not 0.0 <= self.within <= math.pi / 2.0:
             raise SettingError(

@@ -227,7 +227,7 @@ ANGLES = (CRITICAL_ANGLE, CRITICAL_ANGLE_BEST, MAX_RESOLUTION, MARGIN)
 DECIDED = (LABEL, *ANGLES)
 EPSILONS = (
     EPSILON,
-    replace(EPSILON, name="epsilon_min", heading="ε_min", meaning="that at the worst normals"),
+    replace(EPSILON, name="epsilon_min", heading="ε_min", meaning="ε at the worst normals"),
     replace(EPSILON, name="epsilon_max", heading="", listed="ε_max"),
 )
 OPENING = Field("opening", LENGTH, (), POSITIVE_OR_NAN, ply=FLOAT, heading="opening")
@@ -374,7 +374,7 @@ HAND_GRASPS = (
               heading=heading, meaning=meaning)
         for name, unit, heading, meaning in (
             ("payload", KILOGRAMS, "payload", "what the motors hold at the worst normals"),
-            ("load_fraction", "", "load", "the mass over that"),
+            ("load_fraction", "", "load", "the mass divided by that"),
         )
     ),
     Field("limit", kind="U", of=of_part("motors", "limit"), when="load",

@@ -103,9 +103,9 @@ def parse_json(text: str | bytes, *, finite: bool = False) -> Any:
         text = text if isinstance(text, str) else text.decode("utf-8-sig")
         content = json.loads(text, parse_int=_whole, parse_constant=_refuse if finite else None)
     except RecursionError as error:
-        raise ValueError("is no JSON that is read: it is nested too deeply") from error
+        raise ValueError("is JSON that is nested too deeply") from error
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"is no JSON: {error}") from error
+        raise ValueError(f"is not valid JSON: {error}") from error
     if _ESCAPED_SURROGATE.search(text):
         check_text(json.dumps(content, ensure_ascii=False))
     return content
@@ -143,7 +143,7 @@ def typed(value: Any, hint: Any) -> Any:
     kinds = get_args(hint)
     if get_origin(hint) is tuple:
         if type(value) not in {list, tuple} or (... not in kinds and len(value) != len(kinds)):
-            raise TypeError(f"{value!r:.50} is no list of so many values")
+            raise TypeError(f"{value!r:.50} is not a list of that many values")
         return tuple(typed(item, kinds[0]) for item in value)
     if type(value) is dict and get_origin(hint) is dict:
         return {name: typed(one, kinds[1]) for name, one in value.items()}
@@ -170,7 +170,7 @@ def described(value: object) -> str:
 
 
 def _refuse(name: str) -> None:
-    raise ValueError(f"is no JSON: {name} is no finite number")
+    raise ValueError(f"is not valid JSON: {name} is not a finite number")
 
 
 def _whole(text: str) -> int:

@@ -212,7 +212,7 @@ def _head_of_csv(path: Path) -> tuple[list[str], str]:
     if not head:
         raise ValueError("the file is empty")
     if "\0" in head or data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise ValueError("it is no text in UTF-8; write it in that encoding")
+        raise ValueError("it is not text in UTF-8; write it in that encoding")
     delimiter = max(",;\t", key=_QUOTED.sub("", head).count)
     return next(csv.reader([head], delimiter=delimiter)), delimiter
 

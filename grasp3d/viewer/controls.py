@@ -68,7 +68,7 @@ class Control:
         try:
             self.write(session, value)
         except (TypeError, ValueError, OverflowError):
-            raise SettingError(f"{self.text}: {value!r} is no valid value") from None
+            raise SettingError(f"{self.text}: {value!r} is not valid") from None
 
 
 def handle_key(session: Session, key: str) -> bool:

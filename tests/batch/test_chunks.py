@@ -154,7 +154,7 @@ def test_rows_are_read_as_written(tmp_path: Path) -> None:
     for read, name, message in (
         (library.table, ["weight"], "has no column weight"),
         (library.labels, "other.ply", r"other\.ply is not in this library"),
-        (library.labels, "open.ply", "its surface is missing in all-00000"),
+        (library.labels, "open.ply", "its surface is missing from all-00000"),
         (none.labels, "a", "no surface here; label it with --surfaces ply"),
     ):
         with pytest.raises(GraspError, match=message):

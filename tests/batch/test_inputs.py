@@ -74,7 +74,7 @@ def test_patterns_name_files_but_existing_files_take_precedence(tmp_path: Path) 
         assert names_of(tmp_path / pattern) == names
     (tmp_path / "void").mkdir()
     for name, message in {
-        "lib/*.off": r"a pattern names mesh files, as lib/\*\*/\*\.stl",
+        "lib/*.off": r"a pattern names mesh files, such as lib/\*\*/\*\.stl",
         "gone/*.off": "there is no such folder", "lib/a.txt/b.stl": "there is no such file",
         "void": r"void: no mesh in it; files named .*\.stl", "lib/a.csv": "there is no such file",
     }.items():  # fmt: skip

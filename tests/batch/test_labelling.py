@@ -136,7 +136,7 @@ def test_what_has_no_grasp_has_a_row_that_says_why(tmp_path: Path) -> None:
     assert (row.outcome, row.grasps, row.volume) == (Outcome.LABELLED, (), None)
     assert row.no_grasp_found == pytest.approx(1.0)
     assert (row.required_resolution_50, row.critical_angle_p50) == (0.0, math.inf)
-    with pytest.raises(SettingError, match="a pose error tries wrong poses of the best grasps"):
+    with pytest.raises(SettingError, match="a pose error applies to the best grasps"):
         BatchSettings(reach=replace(reach, pose_error=PoseError.of("2mm")), best=0)
 
 

@@ -325,7 +325,10 @@ def test_damaged_chunks_are_labelled_again_but_not_those_that_cannot_be_read_now
 def test_files_of_others_are_left_alone_and_results_are_no_inputs(tmp_path: Path) -> None:
     source = mesh(tmp_path / "in" / "a.ply").parent
     mine = mesh(tmp_path / "out" / "labels" / "mine.parquet.ply")
-    with unchanged(tmp_path), pytest.raises(OutputError, match="is not of grasp3d batch; name an"):
+    with (
+        unchanged(tmp_path),
+        pytest.raises(OutputError, match="grasp3d batch did not write it; name an"),
+    ):
         label(source, tmp_path / "out")
     label(source, tmp_path / "good")
     (tmp_path / "good" / "labels" / "all-mine.parquet").write_bytes(mine.read_bytes())
@@ -340,5 +343,5 @@ def test_files_of_others_are_left_alone_and_results_are_no_inputs(tmp_path: Path
 def test_no_mesh_has_two_rows(tmp_path: Path) -> None:
     mesh(tmp_path / "egg.ply")
     (tmp_path / "t.csv").write_text("path\negg.ply\n", encoding="ascii")
-    with pytest.raises(MeshError, match=r"egg\.ply: is given twice, by a table and beside it"):
+    with pytest.raises(MeshError, match=r"egg\.ply: is given twice: in a table and by itself"):
         label_library([tmp_path / "t.csv", tmp_path / "egg.ply"], tmp_path / "both", QUICK)

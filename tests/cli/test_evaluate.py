@@ -133,13 +133,14 @@ def test_reasons_say_what_is_wrong_with_poses_and_what_wrong_poses_do(tmp_path: 
     assert found[2]["reason"] == "finger 1 is 3 mm inside the object"
     assert [one["opening"] for one in found] == [pytest.approx(0.04)] * 2 + [None] * 2
     text, found = evaluate("--pose-error", "5mm,3deg")
+    assert re.search(r"^box.stl: .*, poses wrong by up to 5 mm and 3 deg$", text, re.MULTILINE)
     assert 0.0 < found[1]["closing_share"] < 1.0
     for row, one in zip(printed_rows(text), found, strict=True):
         assert row[2:4] == [one["label"], f"{one['score']:.3f}"]
         assert " ".join(row).endswith(one["reason"])
     assert [one["label"] for one in found] == ["S", "U", "M", "U"]
     assert found[2]["shift"] == pytest.approx(-0.00375)
-    assert "1 of 4: closes on nothing where the pose is wrong" in text
+    assert "1 of 4: may close on nothing within the pose error" in text
 
 
 TURN = Rotation.from_euler("xz", [20.0, 90.0], degrees=True).as_quat().tolist()

@@ -28,8 +28,8 @@ label box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not know
 label box.stl --hand franka | hands and grippers are given in metres, but the unit of box.stl
 label box.stl --unit mm --table as-is | applies to grippers only
 label box.stl --task pushes.csv | torques of the task are in N m, but the unit of box
-label ball.ply --region mask.ply:grip | mask.ply: is no mask of ball.ply, of which vertices are
-batch ball.ply -o out --region mask.ply | mask.ply is of one mesh; a library takes a box
+label ball.ply --region mask.ply:grip | mask.ply: is not a mask of ball.ply, of which vertices are
+batch ball.ply -o out --region mask.ply | mask.ply belongs to one mesh; a library takes a box
 label box.stl -o notes.ply | notes.ply: exists; name another file, or replace it with --overwrite
 label ball.ply --best 1 --grasps notes.csv | notes.csv: exists; name another file
 label drawn.stl --best 1 | drawn_grasps.png: exists; name another file
@@ -93,7 +93,7 @@ check ball.ply --repair all | --repair must be one of none, safe, full; got 'all
 TRIED = """
 label ball.ply --hand frank | --hand: no gripper is called 'frank' (did you mean franka?)
 label ball.ply --hand missing.json | --hand: missing.json: there is no such file
-label ball.ply --hand leap | --hand: leap is a hand with joints, known without its links
+label ball.ply --hand leap | --hand: leap is a hand with joints, whose links are not shipped
 label ball.ply --hand notes.csv | unsupported gripper format .csv
 label ball.ply --unit feet | --unit must be one of m, cm, mm, in, guess; got 'feet'
 label ball.ply --density 1000 --mass 1 | mass and density exclude each other

@@ -50,7 +50,7 @@ def test_it_prints_how_well_scores_predict_and_writes_a_table_and_a_figure(folde
     start = f"120 grasps with an outcome on 1 object: {held} held ({100.0 * held / COUNT:.1f} %)"
     assert text.startswith(start)
     for line in (
-        "labels, margins and forces at μ 0.5, α 22.6°",
+        "labels, margins and forces for μ 0.5, α 22.6°",
         "gripper franka, as given; mass not known, so no grip force",
         "the hand does not close on the mesh: U, with the worst value",
         "intervals at 95 %, for this object",
@@ -62,7 +62,7 @@ def test_it_prints_how_well_scores_predict_and_writes_a_table_and_a_figure(folde
     assert {path.name for path in folder.iterdir()} == {"body.ply", "log.csv"}
     words = ("-o", "out.csv", "--friction", "0.8", "--mass", "20g")
     text = printed("validate", "log.csv", *GIVEN, *words, cwd=folder)
-    assert "labels, margins and forces at μ 0.8, α 22.6°" in text
+    assert "labels, margins and forces for μ 0.8, α 22.6°" in text
     assert "mass 0.02 kg, as given" in text
     assert "written: out.csv, out.svg" in text
     np.testing.assert_array_equal(read_columns(folder / "out.csv")["outcome"], tried().outcome)

@@ -103,7 +103,7 @@ CASES = [
         best("not", load_result=replace(nothing, reason=HARD_FINGERS)),
         f"no force suffices to {TO_HOLD}: {HARD_FINGERS}.",
     ),
-    (best("not", lost=True), "once the jaws close, there is no grasp that may be stable."),
+    (best("not", lost=True), "once the jaws close, no grasp was found that may be stable."),
     (
         Verdict("not", "franka", causes={Cause.TABLE: 0.9, Cause.BLOCKED: 0.1}),
         "the table is in the way on 90 % of the surface.",
@@ -293,7 +293,7 @@ def test_collisions_and_errors_of_poses_are_no_matter_of_force() -> None:
     assert below.jaws.closed.all()
     assert not below.reachable.any()
     assert str(verdict_of(below)) == (
-        "Not held by franka: at no pose is the object held without a collision."
+        "Not held by franka: no pose holds the object without a collision."
     )
     above = np.diag([1.0, -1.0, -1.0, 1.0])
     found = [
@@ -303,8 +303,8 @@ def test_collisions_and_errors_of_poses_are_no_matter_of_force() -> None:
     for text, start in zip(found, ("Surely held", "Perhaps held", "Not held"), strict=True):
         assert text.startswith(f"{start} by franka: ")
         assert "too little" not in text
-    assert "contacts may leave the pads where the pos" in found[1]
-    assert "its jaws close on nothing where the pose is" in found[2]
+    assert "within the pose error contacts may leave" in found[1]
+    assert "within the pose error its jaws may close on" in found[2]
 
 
 @pytest.mark.slow
@@ -315,7 +315,7 @@ def test_where_no_pose_is_left_the_verdict_blames_neither_the_surface_nor_the_fo
     assert labels.fractions()["M"] > 0.9
     verdict = verdict_of(labels)
     assert (verdict.word, verdict.causes) == ("not", {})
-    assert "once the jaws close, there is no grasp that may be stable" in str(verdict)
+    assert "once the jaws close, no grasp was found that may be stable" in str(verdict)
 
 
 LOAD = Load(mass=0.5, grip_force=20.0)

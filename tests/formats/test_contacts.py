@@ -137,7 +137,7 @@ BAD: dict[str, tuple[str, str, str]] = {
     "word": ("csv", f"{HEAD}\n1,2,3,4,5,6\n1,2,3,4,far,6\n", "y2 must be a number; got 'far'"),
     "empty cell": ("csv", f"{HEAD}\n1,2,3,4,5,6\n1,2,,4,5,6\n", "grasp 2: contact 1 is not"),
     "ragged": ("csv", f"{HEAD}\n1,2,3\n", "Expected 6 columns, got 3"),
-    "no json": ("json", "[[[1, 2", "is no JSON"),
+    "no json": ("json", "[[[1, 2", "is not valid JSON"),
     "object": ("json", '{"contacts": []}', "its grasps, each a list of contacts [x, y, z], must"),
     "one grasp": (
         "json",
@@ -148,7 +148,7 @@ BAD: dict[str, tuple[str, str, str]] = {
     "huge": ("json", f"[[[0, 0, 1], [0, 1{'0' * 400}, 2]]]", "has 401 digits, and at most 300 are"),
     "one contact": ("json", "[[[0, 0, 1]]]", "a grasp has 2 to 32 contacts; got 1"),
     "different": ("json", json.dumps([GRASPS[0], GRASPS[1][:2]]), "grasp 2: its contacts, as many"),
-    "deep": ("json", "[" * 100_000, "is no JSON|recursion"),
+    "deep": ("json", "[" * 100_000, "nested too deeply"),
 }
 
 

@@ -518,7 +518,7 @@ BOMB = "\n".join(
     ("file", "content", "message"),
     [
         ("a.txt", "", r"unsupported pose format \.txt: supported are"),
-        ("a.json", "", "is no JSON"),
+        ("a.json", "", "is not valid JSON"),
         ("a.json", '{"grasps": []}', "there are no grasps in it"),
         ("a.json", "[[[0, 0, 1], [0, 0, 0]]]", "contains no poses: expected"),
         ("a.json", '{"grasps": [{"pose": 1}]}', "grasp 1: pose must be 4 x 4 numbers"),
@@ -529,7 +529,7 @@ BOMB = "\n".join(
         ("a.csv", "px,py,pz,qx,qy,qz,qw\n1,2,3,0,0,0,2\n", "must have length 1; got"),
         ("a.csv", "px,py,pz,qx,qy,qz,qw\n1,,3,0,0,0,1\n", "its position is not finite"),
         ("a.parquet", "PAR1", "a.parquet: "),
-        ("a.yaml", "a: [", "is no YAML"),
+        ("a.yaml", "a: [", "is not valid YAML"),
         ("a.yaml", "format: isaac_grasp\nformat_version: 2.0\ngrasps: {}", "must be 1.0; got 2"),
         ("a.yaml", PLACED.replace("AT", "[0.1, .nan, 0]"), "position is not finite"),
         ("a.yaml", BOMB, "position must be a list of 3 numbers; got a list of"),
@@ -539,9 +539,9 @@ BOMB = "\n".join(
         (
             "a.yaml",
             "a: !!python/object/apply:os.system [echo]",
-            "is no YAML: could not determine a constructor",
+            "is not valid YAML: could not determine a constructor",
         ),
-        ("a.npy", "no array", r"is no \.npy file"),
+        ("a.npy", "no array", r"not a \.npy file"),
     ],
 )
 def test_what_holds_no_poses_is_refused_in_one_sentence(
@@ -607,7 +607,7 @@ def test_wrong_data_sets_are_named(changes: dict[str, Any], message: str, tmp_pa
             np.zeros((3, 16)),
             r"an array with 17 numbers in each row .*got float64 of shape \(3, 16\)",
         ),
-        (np.zeros((0, 17)), r"there are no grasps|is no \.npy file"),
+        (np.zeros((0, 17)), r"there are no grasps|not a \.npy file"),
         (np.full((2, 17), np.nan), "grasp 1 has numbers that are not finite"),
         (np.zeros((1, 17)), "one of its axes has the length 0"),
         (np.array(1.0), r"a\.npy: contains no poses"),
@@ -624,7 +624,7 @@ def test_arrays_of_huge_declared_size_are_refused(tmp_path: Path) -> None:
         np.lib.format.write_array_header_1_0(
             stream, {"descr": "<f8", "fortran_order": False, "shape": (10**14, 17)}
         )
-    with pytest.raises(ContactError, match=r"is no \.npy file of numbers"):
+    with pytest.raises(ContactError, match=r"is not a \.npy file of numbers"):
         read_poses(tmp_path / "b.npy", hand=HAND)
 
 

@@ -319,5 +319,5 @@ def test_two_point_contacts_are_said_to_leave_the_turn_about_their_line_free(
     assert found.motors is not None
     assert found.motors.payload[0] == 0.0
     assert found.motors.limit[0] == "the turn about the line of the contacts"
-    said = "point contacts on one line leave the turn about it free"
+    said = "point contacts on one line resist no torque about it"
     assert found.reason[0].endswith(f"holds 0 kg at most: {said}")

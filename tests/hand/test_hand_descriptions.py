@@ -40,8 +40,8 @@ def test_a_hand_is_proposed_from_its_links(tmp_path: Path) -> None:
     np.testing.assert_array_equal(hand.torques, np.full(6, 0.5))
     assert hand.sensors == {}
     said = "\n".join(hand.assumed)
-    for words in ("fingertips are", "the palm is palm", "joints close it", "open: ", "+z of palm",
-                  "torques are the efforts"):  # fmt: skip
+    for words in ("fingertips are", "the palm is palm", "joints that close it", "open: ",
+                  "+z of palm", "torques are the efforts"):  # fmt: skip
         assert words in said
 
 
@@ -122,7 +122,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "a joint": ({"closing": {"wrist": 1.0}}, "closing: 'wrist' is no joint of a posture; known"),
     "a joint that follows": (
         {**coupled("bend0", "bend1"), "closing": {"bend0": 1, "bend1": 1}},
-        "bend1 follows bend0, and has no value of its own: take it out",
+        "bend1 follows bend0, and has no value of its own: leave it out",
     ),
     "degrees": (
         {"preshapes": {"open": {"bend0": -20}}},
@@ -190,7 +190,7 @@ def test_links_that_are_only_seen_and_odd_meshes_are_named(tmp_path: Path) -> No
     fixed = '<joint name="end" type="fixed"><parent link="outer0"/><child link="tip"/></joint>'
     path = three_fingers(tmp_path, more=f'<link name="tip">{ball}</link>{fixed}')
     said = "\n".join(read(path).assumed)
-    assert "are only seen, without collision geometry, touch nothing: tip" in said
+    assert "without collision geometry, which are only seen, touch nothing: tip" in said
     text = path.read_text(encoding="utf-8").replace("collision", "visual")
     path.write_text(text, encoding="utf-8")
     with pytest.raises(SettingError, match=r"ends with a link .*; only seen are palm, inner0,"):
@@ -291,5 +291,5 @@ def test_a_prefix_of_all_names_is_found(tmp_path: Path) -> None:
 
 def test_names_of_known_hands_need_a_file() -> None:
     for name in NAMES:
-        with pytest.raises(SettingError, match=f"{name} is a hand with joints, known without"):
+        with pytest.raises(SettingError, match=f"{name} is a hand with joints, whose links are"):
             read_hand(name)

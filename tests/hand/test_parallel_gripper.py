@@ -188,7 +188,7 @@ def changed(folder: Path, **values: Any) -> Path:
         ({"max_openning": 0.08}, "no key is called 'max_openning' (did you mean max_opening?)"),
         ({"max_opening": "80 mm"}, 'max_opening must be a number; got "80 mm"'),
         ({"max_opening": 80}, "is it in millimetres?"),
-        ({"pad_width": math.nan}, "is no JSON: NaN is no finite number"),
+        ({"pad_width": math.nan}, "is not valid JSON: NaN is not a finite number"),
     ],
 )
 def test_wrong_contents_are_refused_in_one_sentence(

@@ -200,7 +200,7 @@ def test_geometry_that_collides_in_pairs_is_read(tmp_path: Path) -> None:
 
 def test_what_is_no_model_and_endless_shapes_are_refused(tmp_path: Path) -> None:
     path = with_palm(mjcf(tmp_path), CAMERA[mjcf], 'type="plane" size="1 1 1"')
-    with pytest.raises(SettingError, match="of camera is of no finite shape"):
+    with pytest.raises(SettingError, match="of camera has no finite shape"):
         read_hand(path, fingers=FINGERS)
     for text in ("<robot>", "", '<!DOCTYPE a [<!ENTITY b SYSTEM "a.txt">]><mujoco>&b;</mujoco>'):
         path.write_text(text, encoding="utf-8")
@@ -302,8 +302,8 @@ FAULTS: dict[str, tuple[str | None, str, str]] = {
     ),
     "no mesh": (BOX, '<mesh filename="f.stl"/>', "there is no mesh f.stl of link left"),
     "no geometry": (LEFT, "", "left has no collision geometry"),
-    "no XML": ("</robot>", "", "is no XML"),
-    "nothing": (None, "", "is no XML"),
+    "no XML": ("</robot>", "", "is not valid XML"),
+    "nothing": (None, "", "is not valid XML"),
     "another root": (None, "<other/>", "no"),
     "foreign entities": (None, '<!DOCTYPE a [<!ENTITY b SYSTEM "a.txt">]><robot>&b;</robot>', "no"),
 }  # fmt: skip

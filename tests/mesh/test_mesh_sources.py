@@ -150,12 +150,15 @@ def quads() -> Any:
 
 
 WRONG: dict[str, tuple[Callable[[], Any], str]] = {
-    "nothing": (lambda: None, "type NoneType is no mesh; give a path, an ObjectMesh, a trimesh"),
+    "nothing": (lambda: None, "type NoneType is not a mesh; give a path, an ObjectMesh, a trimesh"),
     "a list of paths": (lambda: ["a.stl", "b.stl"], "vertices must be real numbers of shape"),
-    "vertices alone": (lambda: shapes.box()[0], "an object of type numpy.ndarray is no mesh"),
+    "vertices alone": (lambda: shapes.box()[0], "an object of type numpy.ndarray is not a mesh"),
     "quadrilaterals": (quads, r"of shape \(F, 3\), the corners of triangles; got int64 \(6, 4\)"),
-    "a tensor": (Tensor, "an object of type torch.Tensor is no mesh"),
-    "a point cloud": (lambda: trimesh.PointCloud(np.eye(3)), "type trimesh.PointCloud is no mesh"),
+    "a tensor": (Tensor, "an object of type torch.Tensor is not a mesh"),
+    "a point cloud": (
+        lambda: trimesh.PointCloud(np.eye(3)),
+        "type trimesh.PointCloud is not a mesh",
+    ),
     "an empty scene": (trimesh.Scene, "trimesh.Scene: holds no triangles"),
     "lines": (lambda: pyvista.lines_from_points(np.eye(3)), "points and lines alone are no mesh"),
     "bad corners": (
@@ -164,7 +167,7 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "open3d: a point cloud": (
         lambda: open3d_object("geometry.PointCloud"),
-        "type open3d.PointCloud is no mesh",
+        "type open3d.PointCloud is not a mesh",
     ),
 }
 

@@ -231,5 +231,5 @@ def test_a_painted_mask_is_the_part_that_is_painted(tmp_path: Path, kind: str) -
     write_ply_columns(path, columns, fine.faces, {})
     part = load_mesh(mesh, region=f"{path}:grip" if kind == "scalar" else str(path))
     np.testing.assert_array_equal(part.allowed, mesh.vertices[:, 2] > 0.001)
-    with pytest.raises(SettingError, match=r"is no mask of arrays, .* farther than 0\.0\d+ away"):
+    with pytest.raises(SettingError, match=r"is not a mask of arrays, .* farther than 0\.0\d+"):
         load_mesh((mesh.vertices + 0.02, mesh.faces), region=f"{path}:{list(columns)[-1]}")

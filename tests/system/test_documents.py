@@ -86,7 +86,7 @@ NEST = "[" * 100_000 + "]" * 100_000
         (r'["a\ud800b"]', r"has a text with half a character, '\ud800'"),
         (NEST, "nested too deeply"),
         ("1" * (LONGEST_NUMBER + 1), "a number has 301 digits"),
-        ("{", "is no JSON: "),
+        ("{", "is not valid JSON: "),
     ],
 )
 def test_json_of_which_nothing_can_be_made_is_refused(

@@ -150,7 +150,7 @@ def test_objects_of_a_file_are_read_and_numbers_are_left_to_numpy(tmp_path: Path
     np.save(tmp_path / "c.npy", np.eye(3))
     assert stored_objects(tmp_path / "c.npy") is None
     (tmp_path / "d.npy").write_bytes(b"\x93NUMPY\x01\x00v\x00garbage")
-    with pytest.raises(RefusedError, match=r"is no \.npy file"):
+    with pytest.raises(RefusedError, match=r"not a \.npy file"):
         stored_objects(tmp_path / "d.npy")
 
 

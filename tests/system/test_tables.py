@@ -56,7 +56,7 @@ def test_decimal_points_and_commas_in_one_file_are_not_guessed() -> None:
         ("0,0,0.1\n1,2,3\n", "its first line must be names of columns; found 0 0 0.1"),
         ("0,5;0,5;1e-3\n", "its first line must be names of columns"),
         ("a,b\n1\n", "Expected 2 columns, got 1"),
-        ("a\0,b\n", "no text in UTF-8"),
+        ("a\0,b\n", "not text in UTF-8"),
         ("a,b,a\n1,2,3\n", "two columns are called 'a'"),
     ],
 )

@@ -74,12 +74,12 @@ def read(path: Path, given: Given) -> GraspPoses:
     """Poses in the order of the file. Raises ContactError, OSError."""
     h5py = library("h5py", "h5py")
     if not h5py.is_hdf5(path):
-        raise ContactError("is no HDF5 file")
+        raise ContactError("is not an HDF5 file")
     try:
         with h5py.File(path, "r") as file:
             return _read(file, given)
     except (OSError, RuntimeError, KeyError, TypeError, OverflowError) as error:
-        raise ContactError(f"is damaged, or no such HDF5 file ({reason_of(error)})") from error
+        raise ContactError(f"is damaged, or not such an HDF5 file ({reason_of(error)})") from error
 
 
 def _read(file: Any, given: Given) -> GraspPoses:
