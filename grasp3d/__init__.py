@@ -2,7 +2,7 @@
 
 Conventions: positions in the mesh's frame, lengths in metres, angles in radians, normals inward.
 
-The names here are those of everyday use; `__init__.pyi` lists them. The others are imported from
+This module exports the names for everyday use, which `__init__.pyi` lists. Import the others from
 their packages: `grasp3d.contact`, `quality`, `stability`, `mesh`, `surface`, `grasps`, `diagnosis`,
 `planar`, `sweeps`, `formats`, `batch`, `viewer` and `errors`.
 """
@@ -11,7 +11,7 @@ from lazy_loader import attach_stub
 
 from grasp3d.system.documents import package_version
 
-# Names are imported when they are first used, so that `grasp3d --help` stays quick.
+# Names are imported when they are first used, which keeps `grasp3d --help` fast.
 _public_name, _, __all__ = attach_stub(__name__, __file__)
 __all__ += ["__version__"]
 

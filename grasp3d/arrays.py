@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 else:
 
     class ArrayLike:
-        """What NumPy makes an array of: numbers, lists of them, arrays; `numpy.typing.ArrayLike`.
+        """What NumPy turns into an array: numbers, their lists, arrays (`numpy.typing.ArrayLike`).
 
-        The alias itself would fill the signatures that `help` and documentation show.
+        The alias itself would fill the signatures that `help` and the documentation show.
         """
 
 
@@ -38,19 +38,19 @@ HEADER_ERRORS = (
     ValueError, TypeError, OverflowError, EOFError, SyntaxError, MemoryError, RecursionError,
     TokenError,
 )  # fmt: skip
-"""What NumPy raises for headers of its files, which are the text of a Python dictionary."""
+"""Exceptions that NumPy raises for headers of its files, which are texts of Python dictionaries."""
 
 ARCHIVE_ERRORS = (
     *HEADER_ERRORS, zipfile.BadZipFile, zlib.error, OSError, RuntimeError, LookupError,
 )  # fmt: skip
-"""What NumPy raises for damaged archives of arrays."""
+"""Exceptions that NumPy raises for damaged archives of arrays."""
 
 
 def text_of(array: npt.NDArray[Any]) -> str:
-    """The text that an array holds; NumPy's own conversion may end with a SystemError.
+    """Return the text that an array holds; NumPy's own conversion may end with a SystemError.
 
     Raises:
-        ValueError: It is no text.
+        ValueError: The array holds no text.
     """
     if not isinstance(array, np.ndarray) or array.dtype.kind != "U":
         raise ValueError("it is not text")
@@ -59,7 +59,7 @@ def text_of(array: npt.NDArray[Any]) -> str:
 
 
 def locked(array: ArrayLike, dtype: npt.DTypeLike | None = None) -> npt.NDArray[Any]:
-    """Return a read-only C-contiguous copy, or the array where it is one already."""
+    """Return a read-only C-contiguous copy, or the array itself if it already is one."""
     if (
         type(array) is np.ndarray and array.base is None and array.flags.c_contiguous
         and not array.flags.writeable and dtype in (None, array.dtype)
@@ -90,23 +90,23 @@ def angles_between(a: Floats, b: Floats) -> Floats:
 
 
 def used_indices(indices: Ints) -> Ints:
-    """Distinct indices, 0 or more, in ascending order; in time linear in the largest."""
+    """Distinct indices, 0 or more, in ascending order; takes time linear in the largest index."""
     used = np.zeros(int(indices.max(initial=-1)) + 1, dtype=np.bool_)
     used[indices.ravel()] = True
     return np.flatnonzero(used)
 
 
 def first_at_position(vertices: Floats) -> Ints:
-    """Number of the first vertex with exactly the same position, for each vertex, shape (V,)."""
+    """Index of the first vertex with exactly the same position, for each vertex, shape (V,)."""
     first, same = first_alike(vertices)
     return first[same]
 
 
 def first_alike(rows: Floats | Ints) -> tuple[Ints, Ints]:
-    """First of each set of equal rows (b, k), and the number of its set for each row.
+    """Find the first of each set of equal rows (b, k), and for each row the number of its set.
 
-    Sets are in the order of their values. `numpy.unique`, which compares rows as records, takes
-    several times as long.
+    Sets are sorted by their values. `numpy.unique`, which compares rows as records, takes several
+    times as long.
     """
     order = np.lexsort(rows.T[::-1])
     ordered, begins = rows[order], np.ones(len(rows), dtype=np.bool_)
@@ -117,12 +117,12 @@ def first_alike(rows: Floats | Ints) -> tuple[Ints, Ints]:
 
 
 def chosen_rows(which: Bools, one: Any, other: Any) -> Any:
-    """Rows of one value where `which`, else those of another one of the same type.
+    """Take rows of one value where `which` is true, and of another of the same type elsewhere.
 
     Args:
-        which: Rows of `one`, shape (b,).
-        one: An array (b, ...), or a dataclass of such values, whose other fields the result has.
-        other: The same.
+        which: Rows to take from `one`, shape (b,).
+        one: An array (b, ...), or a dataclass of such values, whose other fields the result keeps.
+        other: The same, for the other rows.
     """
     if one is other:
         return one
@@ -136,7 +136,7 @@ def chosen_rows(which: Bools, one: Any, other: Any) -> Any:
 
 
 def short_repr(instance: Any) -> str:
-    """Representation of a dataclass of arrays, in at most three lines.
+    """Represent a dataclass of arrays as text of at most three lines.
 
     Arrays are shown by type and shape, other dataclasses by their name.
     """
@@ -161,10 +161,10 @@ def _short(value: object) -> str:
 
 
 class computed(cached_property[ValueT]):  # noqa: N801, a decorator
-    """A property that takes long and is computed once, possibly by another thread.
+    """A property that takes long to compute and is computed once, possibly by another thread.
 
-    Before Python 3.12 a `cached_property` has one lock for all instances: whoever reads that of one
-    would wait while it is computed for another.
+    Before Python 3.12 a `cached_property` has one lock for all instances, so reading it on one
+    instance would wait for its computation on another.
     """
 
     def __init__(self, function: Callable[[Any], ValueT]) -> None:

@@ -1,4 +1,4 @@
-"""Labelled libraries for training: the objects of a library one by one, as arrays."""
+"""Labelled libraries for training: the objects of a library, one by one, as arrays."""
 
 import io
 from pathlib import Path
@@ -13,27 +13,27 @@ from grasp3d.stability.label import Label
 from grasp3d.surface.fields import Array
 
 CHUNKS = 16
-"""Chunks of a library that are kept in memory."""
+"""Number of chunks of a library that are kept in memory."""
 
 _GRASPS = ("label", "score", "critical_angle", "epsilon", "opening", "points", "normals", "pose")
-"""Fields of the best grasps that items have."""
+"""Fields of the best grasps that items contain."""
 
 
 class LabelledObjects:
     """The labelled objects of a library, as a map-style data set of PyTorch.
 
-    An item is a dict. Of the vertices of the surface: `points` [m] and outward `normals`, shape
+    An item is a dict. For the vertices of the surface: `points` [m] and outward `normals`, shape
     (V, 3), if the library has surfaces; `label` (0 U, 1 M, 2 S), `critical_angle` and `margin`
-    [rad], shape (V,). Of the best grasps, in the order of their score: `grasp_label`,
+    [rad], shape (V,). For the best grasps, in the order of their scores: `grasp_label`,
     `grasp_score`, `grasp_critical_angle`, `grasp_epsilon`, `grasp_opening` [m], shape (k,);
     `grasp_points` and outward `grasp_normals`, shape (k, n, 3); `grasp_pose`, shape (k, 4, 4), from
-    the gripper's frame to the mesh's, nan without a gripper. And `mesh`, its name.
+    the gripper's frame to the mesh's, nan without a gripper. Also `mesh`, the object's name.
 
-    Surfaces are quickest read from a library with `--surfaces tar`.
+    Surfaces are read fastest from a library made with `--surfaces tar`.
 
     Args:
         folder: Folder of the results of `label_library`, or its address.
-        tensors: Whether items have tensors of PyTorch instead of arrays.
+        tensors: Whether items contain PyTorch tensors instead of arrays.
 
     Raises:
         OutputError: There are no labels.
@@ -56,7 +56,7 @@ class LabelledObjects:
     def __init__(self, folder: str | Path, *, tensors: bool = False) -> None:
         self._library, self._tensor = open_library(folder), _from_numpy() if tensors else None
         meshes, table = self._library.meshes, self._library.table(["mesh", "outcome"])
-        self._where = sorted(  # in the order of the files, each of which is then read once
+        self._where = sorted(  # in the order of the files, so that each is read once
             meshes[mesh]
             for mesh, outcome in zip(*table.to_pydict().values(), strict=True)
             if outcome == "labelled"
@@ -68,7 +68,7 @@ class LabelledObjects:
         return len(self._where)
 
     def __getitem__(self, index: int) -> dict[str, Any]:
-        """One object, see the class."""
+        """Return one object as a dict, see the class."""
         number, row = self._where[index]
         chunk = self._library.chunks[number]
         if number not in self._loaded:
@@ -94,13 +94,13 @@ class LabelledObjects:
         }
 
     def shuffled(self, seed: int) -> list[int]:
-        """The numbers of the objects in a random order that reads each file once.
+        """Return the objects' indices in a random order that reads each file once.
 
-        A `Sampler` of PyTorch may be this list: the files are in random order, and so are the
-        objects of each.
+        The list can serve as a PyTorch `Sampler`: the files are in random order, and so are the
+        objects of each file.
 
         Args:
-            seed: Of the order.
+            seed: Seed of the random order.
         """
         keys = np.random.default_rng(seed).random((len(self._library.chunks) + len(self), 1))[:, 0]
         files, objects = np.split(keys, [len(self._library.chunks)])
@@ -109,7 +109,7 @@ class LabelledObjects:
 
 
 def _items_of(chunk: Chunk) -> list[dict[str, Any]]:
-    """What an item has of each row of a chunk, and the name and unit of its surface."""
+    """Contents of an item for each row of a chunk, and the name and unit of its surface."""
     names = ["mesh", "surface", "file_unit"]
     table = chunk.read([*names, *(f"vertex_{name}" for name in VERTICES), "grasps"])
     grasps = table["grasps"].combine_chunks()
@@ -128,7 +128,7 @@ def _split(lists: Any) -> list[Array]:
 
 
 def _grasp_values(grasps: Any, name: str) -> Array:
-    """A field of grasps, a row each."""
+    """Values of one field of grasps, one row per grasp."""
     values, count = grasps.field(name), len(grasps)
     if name == "label":
         return np.array([Label[text] for text in values.to_pylist()], dtype=np.int8)

@@ -2,7 +2,7 @@
 
 
 class GraspError(Exception):
-    """Base class: an error that a user can cause and correct; printed in one line."""
+    """Base class of errors that a user can cause and correct; printed in one line."""
 
 
 class SettingError(GraspError):
@@ -10,7 +10,7 @@ class SettingError(GraspError):
 
 
 class ContactError(GraspError):
-    """Contacts or wrenches that are no grasp: wrong shapes, or values that are not finite."""
+    """Contacts or wrenches that do not form a grasp: wrong shapes or non-finite values."""
 
 
 class MeshError(GraspError):
@@ -18,15 +18,15 @@ class MeshError(GraspError):
 
 
 class FileUnreadError(GraspError):
-    """A file that could not be read this time, for a reason that need not lie in the file."""
+    """A file that could not be read this time, for a reason that may lie outside the file."""
 
 
 class SearchCoverageError(GraspError):
-    """A result that would need grasps outside the cone that was searched."""
+    """A result that would need grasps outside the searched cone."""
 
 
 class WarningError(GraspError):
-    """What is a warning otherwise, where warnings are errors: `running(strict=True)`, --strict."""
+    """A warning raised as an error, by `running(strict=True)` or --strict."""
 
 
 class OutputError(GraspError):

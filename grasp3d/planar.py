@@ -1,8 +1,8 @@
 """The circle and the square of Wan & Howe 2018 (Sec. III-B), with one finger fixed on them.
 
-The second finger is scanned along the outline: fractions of the perimeter come in closed form,
-curves of epsilon from planar wrench hulls. The square has the fixed finger in the middle of its
-bottom side. Lengths are in radii of the circle, and in half sides of the square.
+The second finger is scanned along the outline. Fractions of the perimeter are in closed form,
+curves of epsilon come from planar wrench hulls. On the square the fixed finger is in the middle of
+the bottom side. Lengths are in radii of the circle and in half sides of the square.
 """
 
 import math
@@ -28,13 +28,13 @@ TIE = 1e-10
 """
 
 TINY = 1e-12
-"""Fraction of a perimeter within which a contact is at a corner."""
+"""Fraction of a perimeter within which a contact counts as at a corner."""
 
 SAME = 1e-12
-"""Normals closer than this are one [rad]."""
+"""Normals closer than this count as the same [rad]."""
 
 MOST_NORMALS = 64
-"""Largest number of normals of one contact, all combined with those of the other."""
+"""Largest number of normals of one contact; each is combined with every normal of the other."""
 
 RANK = 3
 """Dimensions of planar wrenches; a hull of lower rank is not force-closed."""
@@ -43,20 +43,20 @@ FEWEST_POINTS = 8
 FEWEST_EDGES = 2
 
 NormalChoice = Callable[[float], Floats]
-"""From the half-range of a contact's normals to the angles about their middle to evaluate [rad]."""
+"""Function from a contact's half-range of normals to angles about their middle to test [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineContacts:
-    """Contact points on an outline and the inward normals possible there."""
+    """Contact points on an outline, and the inward normals that are possible there."""
 
     points: Floats
-    """Relative to the centre of mass, shape (k, 2)."""
+    """Positions relative to the centre of mass, shape (k, 2)."""
     middle: Floats
-    """Polar angles of the normals, at corners halfway between those on both sides [rad], (k,)."""
+    """Polar angles of the normals; at a corner, halfway between those on both sides [rad], (k,)."""
     half_range: Floats
-    """Angle from there to the normals on both sides [rad], shape (k,); 0 except at corners, where
-    any normal between the two is possible."""
+    """Angle from the middle to the normals on both sides [rad], shape (k,); 0 except at corners,
+    where any normal between the two is possible."""
 
     __repr__ = short_repr
 
@@ -69,9 +69,9 @@ def turn_between(first: Floats, second: Floats) -> Floats:
 class Outline(AngleDistribution):
     """A closed counter-clockwise curve about its centre of mass, with one finger fixed on it.
 
-    As a distribution it gives fractions of its perimeter, along which the second finger may be, by
-    critical friction angle, in closed form. Arc lengths begin at the fixed finger, the middle of
-    the lowest points.
+    As a distribution it gives, in closed form, the fractions of the perimeter at which a second
+    finger makes grasps up to a critical friction angle. Arc lengths begin at the fixed finger, the
+    middle of the lowest points.
     """
 
     name: str
@@ -85,14 +85,14 @@ class Outline(AngleDistribution):
 
     @abstractmethod
     def contacts_at(self, positions: ArrayLike) -> OutlineContacts:
-        """Contacts at positions along the perimeter.
+        """Return the contacts at positions along the perimeter.
 
         Args:
             positions: Arc lengths, shape (k,), taken modulo the perimeter.
         """
 
     def best_below(self, angles: ArrayLike) -> Floats:
-        """See `AngleDistribution`: the fixed finger is at no corner, and corners have no length."""
+        """See `AngleDistribution`; the fixed finger is at no corner, and corners have no length."""
         return self.worst_below(angles)
 
 
@@ -118,23 +118,23 @@ class Circle(Outline):
         return OutlineContacts(locked(points), locked(turn + math.pi), locked(np.zeros_like(turn)))
 
     def worst_below(self, angles: ArrayLike) -> Floats:
-        """See `AngleDistribution`: 2 x / pi.
+        """See `AngleDistribution`; the value is 2 x / pi.
 
-        The line through fingers an angle t apart about the center is (pi - t) / 2 off both normals,
+        The line through fingers an angle t apart about the centre is (pi - t) / 2 off both normals,
         for every position of the fixed finger.
         """
         angle = np.clip(np.asarray(angles, dtype=np.float64), 0.0, math.pi / 2.0)
         return angle * (2.0 / math.pi)
 
     def worst_quantile(self, fraction: float) -> float:
-        """See `AngleDistribution`: the inverse."""
+        """See `AngleDistribution`; the inverse of `worst_below`."""
         check_range("a fraction", fraction, 0.0, 1.0)
         return fraction * math.pi / 2.0
 
 
 @dataclass(frozen=True)
 class Square(Outline):
-    """The paper's square, of half side 1, the fixed finger in the middle of its bottom side.
+    """The paper's square, of half side 1, with the fixed finger in the middle of the bottom side.
 
     Example:
         >>> from grasp3d.planar import Square
@@ -166,8 +166,8 @@ class Square(Outline):
     def worst_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`.
 
-        With the second finger x from the middle of the top side both angles are atan(x / 2); at the
-        height y of the others atan(y) and its complement; on the bottom side 90 degrees.
+        With the second finger on the top side, x from its middle, both angles are atan(x / 2); on
+        the other sides, at height y, atan(y) and its complement; on the bottom side 90 degrees.
         """
         angle = np.asarray(angles, dtype=np.float64)
         theta = np.clip(angle, TIE, math.pi / 2.0 - TIE)
@@ -184,14 +184,14 @@ def critical_angles(fixed: OutlineContacts, others: OutlineContacts) -> tuple[Fl
     grasp) and s = -1 (internal grasp) of max(angle(n1, s d), angle(n2, -s d)), as two planar
     contacts are force-closed when the line between them lies strictly inside both cones (Nguyen
     1988). At corners these are the largest and the smallest angle over the normals there. Up to
-    pi/2, which is all that labels need, the first is the exact maximum; above it is an upper bound.
+    pi/2, which is all that labels need, the worst angle is exact; above, it is an upper bound.
 
     Args:
-        fixed: One contact, at no corner.
+        fixed: One contact, not at a corner.
         others: The others (k,).
 
     Returns:
-        (worst, best) [rad], shape (k,), inf where both contacts are at one point.
+        (worst, best) [rad], shape (k,); inf if both contacts are at the same point.
     """
     x, y = (others.points - fixed.points).T
     toward = np.arctan2(y, x)
@@ -214,7 +214,7 @@ class EpsilonRange(NamedTuple):
     all_closed: Bools
     """Whether all combinations of normals are force-closed."""
     any_closed: Bools
-    """Whether any combination is."""
+    """Whether any combination of normals is force-closed."""
 
     @property
     def labels(self) -> Bytes:
@@ -224,16 +224,16 @@ class EpsilonRange(NamedTuple):
 
 
 def face_normals(half_range: float) -> Floats:
-    """The normals on both sides of a corner and the bisecting one; elsewhere the one normal."""
+    """Angles of the normals on both sides of a corner and of their bisector; elsewhere only 0."""
     return np.array([-half_range, 0.0, half_range]) if half_range > 0.0 else np.zeros(1)
 
 
 def tested_normals(half_range: float, tilt: float, friction_angle: float) -> Floats:
-    """Normals that are tested of those that the sensor cannot distinguish.
+    """Choose the normals to test among those that the sensor cannot distinguish.
 
     Wan & Howe 2018, Sec. III: the normals on both sides of the contact with their extreme tilts,
-    and the bisecting one. More are between them where these leave gaps, so that no possible normal
-    is farther than the friction angle from a tested one.
+    and the bisector. Where these leave gaps, more are added between them, so that no possible
+    normal is farther than the friction angle from a tested one.
 
     Args:
         half_range: Half-range of the contact's normals about their middle [rad].
@@ -266,29 +266,29 @@ def tested_normals(half_range: float, tilt: float, friction_angle: float) -> Flo
 
 @dataclass(frozen=True, eq=False)
 class PlanarScan:
-    """A finger fixed on an outline and a second one at k points along it.
+    """A finger fixed on an outline, and a second one at k points along it.
 
     The first row is the fixed finger's own point, which makes no grasp: U, epsilon 0, critical
-    angle inf. What comes from wrench hulls is computed at first use.
+    angle inf. Values from wrench hulls are computed when they are first used.
     """
 
     outline: Outline
     model: GraspModel
     edges: int
-    """Number of forces of a planar cone, evenly between its two edges."""
+    """Number of forces of a planar cone, evenly spaced between its two edges."""
     position: Floats
     """Arc length from the fixed finger, rising from 0 to less than the perimeter."""
     weights: Floats
-    """Fraction of the perimeter that is nearest to each point; 0 for corners and the fixed point.
+    """Fraction of the perimeter nearest to each point; 0 for corners and the fixed point.
     """
     contacts: OutlineContacts
     """Contacts at the points."""
     critical_angle: Floats
-    """Critical friction angle over the worst normals [rad], closed form."""
+    """Critical friction angle over the worst normals, in closed form [rad]."""
     critical_angle_best: Floats
-    """The same over the best normals; smaller at corners."""
+    """Critical friction angle over the best normals; smaller at corners."""
     label: Bytes
-    """Exact `Label` codes, from the critical angles."""
+    """Exact `Label` codes, derived from the critical angles."""
 
     __repr__ = short_repr
 
@@ -299,14 +299,14 @@ class PlanarScan:
 
     @cached_property
     def angle(self) -> Floats:
-        """Angle about the center of mass from the fixed finger, from 0 to 2 pi [rad]."""
+        """Angle about the centre of mass from the fixed finger, from 0 to 2 pi [rad]."""
         x, y = self.contacts.points.T
         turn = np.arctan2(y, x)
         return locked(np.remainder(turn - turn[0], 2.0 * math.pi))
 
     @cached_property
     def epsilon(self) -> Floats:
-        """Epsilon at the perceived normals; at corners the bisecting ones."""
+        """Epsilon at the perceived normals; at corners at their bisector."""
         return self._over(lambda _: np.zeros(1), self.model.friction_angle).lowest
 
     @cached_property
@@ -314,14 +314,14 @@ class PlanarScan:
         """Epsilon of the four combinations of extreme normals, shape (4, k).
 
         Tilts of the fixed and the scanned finger, + counter-clockwise: ++, +-, -+, --. At corners
-        the normals are the extreme ones of the whole range, exterior angle + alpha.
+        the normals are the extremes of the whole range, exterior angle + alpha.
         """
         evaluated = self._evaluated(self._extreme, self.model.friction_angle)
         return locked(np.stack([np.broadcast_to(value, 4) for value, _ in evaluated], axis=1))
 
     @cached_property
     def epsilon_effective(self) -> Floats:
-        """Epsilon at the effective friction; at corners the smallest over faces and bisector."""
+        """Epsilon at the effective friction; at corners the least over faces and bisector."""
         model = self.model
         beta = math.atan(effective_friction(model.nominal_friction, model.sensor_resolution))
         return self._over(face_normals, beta).lowest
@@ -344,7 +344,7 @@ class PlanarScan:
     def label_extremes(self) -> Bytes:
         """`Label` codes from force closure at the tested normals alone; see `epsilon_min`.
 
-        The same as `label`, except within rounding of a threshold.
+        They equal `label`, except within rounding of a threshold.
         """
         return self._tested.labels
 
@@ -352,20 +352,20 @@ class PlanarScan:
     def label_four(self) -> Bytes:
         """`Label` codes from the four combinations of extreme normals alone.
 
-        They differ from the exact ones where alpha > 2 beta: the extreme cones of a contact then
-        leave a gap between them. If the line between the contacts lies within alpha/2 - beta of a
-        perceived normal, in the gap, no combination is force-closed and the label is U, although it
-        is M wherever the line is less than alpha/2 + beta off both normals. At corners there is a
-        gap where exterior angle + alpha exceed 2 beta; where they exceed 180 degrees the label may
-        even be S, from extreme normals that point to the opposite side.
+        They differ from the exact ones where alpha > 2 beta, as the extreme cones of a contact then
+        leave a gap. If the line between the contacts lies in the gap, within alpha/2 - beta of a
+        perceived normal, no combination is force-closed and the label is U, although it is M
+        wherever the line is less than alpha/2 + beta off both normals. At corners there is a gap
+        if the exterior angle + alpha exceeds 2 beta. If it exceeds 180 degrees, the label may even
+        be S, due to extreme normals that point to the opposite side.
         """
         return self._over(self._extreme, self.model.friction_angle).labels
 
     def fractions(self, labels: Bytes | None = None) -> dict[str, float]:
-        """Fractions of the perimeter that are S, M and U, weighted with `weights`.
+        """Fractions of the perimeter that are S, M and U, by `weights`.
 
         Args:
-            labels: Other labels of the points, such as `label_four`; None: `label`.
+            labels: Other labels of the points, such as `label_four`; None for `label`.
         """
         codes = self.label if labels is None else labels
         return {
@@ -383,7 +383,7 @@ class PlanarScan:
         return self._over(lambda half_range: tested_normals(half_range, tilt, beta), beta)
 
     def _over(self, choose: NormalChoice, friction_angle: float) -> EpsilonRange:
-        """Range over all combinations of chosen normals, whose number may differ by contact."""
+        """Evaluate all combinations of chosen normals, whose number may differ between contacts."""
         rows = [
             (value.min(), value.max(), closed.all(), closed.any())
             for value, closed in self._evaluated(choose, friction_angle)
@@ -393,9 +393,9 @@ class PlanarScan:
     def _evaluated(
         self, choose: NormalChoice, friction_angle: float
     ) -> Iterator[tuple[Floats, Bools]]:
-        """Epsilon and closure of each contact, shape (combinations,); one at the fixed point.
+        """Epsilon and closure of each contact, shape (combinations,); single for the fixed point.
 
-        The scanned finger's normals run fastest.
+        The scanned finger's normals vary fastest.
         """
         points = self.contacts.points
         first = self._wrenches(0, choose, friction_angle)  # (k1, e, 3)
@@ -410,7 +410,7 @@ class PlanarScan:
             yield np.where(closed, result.value, 0.0), closed
 
     def _wrenches(self, row: int, choose: NormalChoice, beta: float) -> Floats:
-        """Wrenches (k, e, 3) of a contact, for each chosen normal: force x, y, torque / scale."""
+        """Wrenches (k, e, 3) of a contact for each chosen normal: force x, y, torque / scale."""
         contacts = self.contacts
         middles = contacts.middle[row] + choose(float(contacts.half_range[row]))
         turn = middles[:, None] + np.linspace(-beta, beta, self.edges)  # (k, e)
@@ -426,15 +426,15 @@ def scan(
 
     Args:
         outline: The circle or the square.
-        model: Friction and sensor resolution; None: the defaults.
+        model: Friction and sensor resolution; None for the defaults.
         points: Number of evenly spaced points, the fixed finger's first, at least 8; corners are
             added.
         edges: Number of unit forces of a planar friction cone, at least 2, evenly spaced from one
-            edge to the other; 2 in the paper. More approximate the arc between the edges: epsilon
-            changes, force closure does not.
+            edge to the other; 2 in the paper. More of them approximate the arc between the edges,
+            which changes epsilon but not force closure.
 
     Raises:
-        SettingError: A setting is outside its range, or the model has more than the two.
+        SettingError: A setting is out of range, or the model has more than these two settings.
 
     Example:
         >>> import grasp3d
@@ -463,7 +463,7 @@ def scan(
 
 
 def _positions(outline: Outline, points: int) -> Floats:
-    """Arc lengths from the fixed finger: evenly spaced ones and the corners, in order."""
+    """Arc lengths from the fixed finger, in order: evenly spaced ones and the corners."""
     even = np.linspace(0.0, outline.perimeter, points + 1)
     corners = np.array(outline.corner_positions)
     apart = np.abs(corners[:, None] - even).min(axis=1) > TINY * outline.perimeter
@@ -471,7 +471,7 @@ def _positions(outline: Outline, points: int) -> Floats:
 
 
 def _weights(position: Floats, contacts: OutlineContacts, perimeter: float) -> Floats:
-    """Fraction of the perimeter nearest to each point, except to corners and the fixed point."""
+    """Fraction of the perimeter nearest to each point; 0 for corners and the fixed point."""
     weighted = contacts.half_range == 0.0
     weighted[0] = False
     smooth = np.flatnonzero(weighted)

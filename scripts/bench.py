@@ -1,19 +1,19 @@
-"""Time what grasp3d does beside what else could do it, in the same run.
+"""Time grasp3d beside alternatives, in the same run.
 
     python scripts/bench.py [label epsilon multifinger gripper hands validate batch]
 
-prints one table: the time of a case, that of its reference, and how many times as long this takes,
-which holds on busy machines too. The references are
+The script prints one table: the time of each case, that of its reference, and the ratio of the
+reference to the case, which holds on busy machines, too. The references are
 
 * label: Embree, which traces 64 rays from every vertex to the first face;
-* epsilon: Qhull's whole hull of the same wrenches, and its geometric mean;
+* epsilon: Qhull's complete hull of the same wrenches, also as a geometric mean;
 * multifinger: a linear program per candidate grasp, over cones of 8 edges;
 * gripper: FCL's test of the same poses; labels without a gripper; jaws closed on a fixed object;
 * hands: letters and reasons of poses without a load;
 * validate: evaluating the same poses alone;
-* batch: reading and labelling alone, and one worker for two.
+* batch: reading and labelling alone, and one worker instead of two.
 
-Times are of the processor where one thread works, else of the clock. `hands` and `validate` need
+Times are processor times where one thread works, otherwise wall times. `hands` and `validate` need
 the hand and the grasps of `--shared`, a folder with `hands/` and `datasets/`.
 """
 
@@ -54,7 +54,7 @@ LIBRARY = ROOT / "meshes"
 MUG = LIBRARY / "mug.glb"
 RAYS = 64
 FEW = 60
-"""Hulls, programs and the like of a reference."""
+"""Number of hulls, programs and the like that time a reference."""
 
 
 class Row(NamedTuple):
@@ -66,7 +66,7 @@ class Row(NamedTuple):
 
 
 def best_time(work: Callable[[], Any], runs: int = 3, clock: Any = time.process_time) -> float:
-    """Shortest of a few runs [s], after one that is not counted, as others only lengthen it."""
+    """Shortest of a few runs [s], after a warm-up; other processes only lengthen times."""
     work()
     times = []
     for _ in range(runs):
@@ -77,7 +77,7 @@ def best_time(work: Callable[[], Any], runs: int = 3, clock: Any = time.process_
 
 
 def divided(path: Path, vertices: int) -> grasp3d.ObjectMesh:
-    """A mesh, divided until it has so many vertices."""
+    """Load a mesh and divide it until it has at least a number of vertices."""
     mesh = grasp3d.load_mesh(path)
     edge = mesh.size / 25.0 * (len(mesh.vertices) / vertices) ** 0.5
     while len(mesh.vertices) < vertices:
@@ -86,7 +86,7 @@ def divided(path: Path, vertices: int) -> grasp3d.ObjectMesh:
 
 
 def label() -> Iterator[Row]:
-    """Labels of the mug."""
+    """Label the mug."""
     for vertices in (5_000, 50_000):
         mesh = divided(MUG, vertices)
         cone = search_cone(grasp3d.GraspModel())
@@ -95,7 +95,7 @@ def label() -> Iterator[Row]:
 
 
 def embree_seconds(mesh: grasp3d.ObjectMesh, cone: float) -> float:
-    """Time in which Embree traces rays from every vertex, spread over the search cone [s]."""
+    """Time Embree takes to trace rays from every vertex, spread over the search cone [s]."""
     normals, random = mesh.normals, np.random.default_rng(0)
     across = np.cross(normals, random.normal(size=normals.shape))
     across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -113,7 +113,7 @@ def embree_seconds(mesh: grasp3d.ObjectMesh, cone: float) -> float:
 
 
 def epsilon() -> Iterator[Row]:
-    """Epsilon of force-closed grasps, and the geometric mean."""
+    """Compute epsilon of force-closed grasps, and the geometric mean of the times."""
     rows = []
     for shape in SHAPES:
         contacts = random_contacts(shape, 4000, seed=0)
@@ -129,7 +129,7 @@ def epsilon() -> Iterator[Row]:
 
 
 def multifinger() -> Iterator[Row]:
-    """Candidate grasps of the mug: those of the search, and linear programs."""
+    """Evaluate candidate grasps of the mug, by the search and by linear programs."""
     mesh = grasp3d.load_mesh(MUG)
     for fingers in (3, 4):
         cone = search_cone(grasp3d.GraspModel(fingers=fingers))
@@ -149,7 +149,7 @@ def multifinger() -> Iterator[Row]:
 
 
 def gripper() -> Iterator[Row]:
-    """Poses tested for collisions, labels with a gripper, and jaws closed."""
+    """Test poses for collisions, label with a gripper, and close jaws."""
     mesh, hand = grasp3d.load_mesh(MUG), grasp3d.ParallelGripper.preset("franka")
     yield collisions(mesh)
     table = grasp3d.Table.below(mesh)
@@ -170,7 +170,7 @@ def gripper() -> Iterator[Row]:
 
 
 def collisions(mesh: grasp3d.ObjectMesh) -> Row:
-    """Random poses about a mesh, tested by the kernel and by FCL."""
+    """Test random poses about a mesh, with the kernel and with FCL."""
     import fcl
 
     from grasp3d._kernels.jaws.gripper_parts import make_workspace
@@ -216,7 +216,7 @@ def collisions(mesh: grasp3d.ObjectMesh) -> Row:
 
 
 def hands(shared: Path) -> Iterator[Row]:
-    """Random poses of a hand around a ball, with a load and without."""
+    """Evaluate random poses of a hand around a ball, with a load and without."""
     hand: Any = grasp3d.read_hand(shared / "hands/allegro/allegro.urdf")
     mesh = grasp3d.load_mesh(trimesh.creation.icosphere(4, radius=0.035), unit="m")
     random, count = np.random.default_rng(0), 300
@@ -241,7 +241,7 @@ def hands(shared: Path) -> Iterator[Row]:
 
 
 def validate(shared: Path) -> Iterator[Row]:
-    """Published grasps held against their outcomes."""
+    """Compare published grasps with their outcomes."""
     (file,) = (shared / "datasets/acronym").rglob("*.h5")
     (mesh,) = (path for path in (shared / "datasets").rglob("*.obj"))
     poses = grasp3d.read_grasps(file)
@@ -253,7 +253,7 @@ def validate(shared: Path) -> Iterator[Row]:
 
 
 def batch() -> Iterator[Row]:
-    """Small convex meshes: what a batch costs beside labelling, and a second worker."""
+    """Label small convex meshes: cost of a batch beside labelling, and gain of a second worker."""
     random, count, times = np.random.default_rng(0), 200, dict[int, float]()
     settings = BatchSettings(mesh=grasp3d.MeshOptions(unit="cm", max_edge=10.0), best=3)
     with tempfile.TemporaryDirectory() as folder:
@@ -285,7 +285,7 @@ OF_SHARED: dict[str, Callable[[Path], Iterator[Row]]] = {"hands": hands, "valida
 
 
 def seconds_text(value: float) -> str:
-    """A time with three digits."""
+    """Write a time with three digits."""
     unit, factor = next(
         (u, f) for u, f in (("µs", 1e6), ("ms", 1e3), ("s", 1.0)) if value < 1e3 / f
     )

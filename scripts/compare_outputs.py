@@ -1,10 +1,10 @@
 """Compare what two checkouts write for the same meshes, array by array, bit for bit.
 
-`run` labels meshes with the command line of a checkout, which both checkouts have alike: two and
+`run` labels meshes with the command line of a checkout, as far as both checkouts share it: two and
 three fingers, exact labels and those at extreme normals, and a gripper with a table and a mass,
-each with its best grasps; with a program in Python, as the command line has none, scans. `compare`
-reads both folders and prints a row per setting: meshes, arrays that are equal in every bit, and
-those that differ, were dropped or added; then what differs.
+each with its best grasps. A Python program makes scans, which the command line lacks. `compare`
+reads both folders and prints a row per setting, with the numbers of meshes, of arrays equal in
+every bit, and of those that differ, were dropped or were added; then it prints the differences.
 
     python scripts/compare_outputs.py run CHECKOUT FOLDER [MESH ...] [--only SETTING ...]
     python scripts/compare_outputs.py compare BEFORE AFTER
@@ -33,25 +33,25 @@ SETTINGS: dict[str, list[str]] = {
     "franka, table, mass": ["--hand", "franka", "--mass", "0.2kg", "--table", "as-is"],
     "location error": ["--location-error", "1mm", "--friction", "0.4..0.6"],
 }
-"""Words of the command line by name of the setting."""
+"""Arguments of the command line, by name of the setting."""
 
 PROGRAMS = {
     "scan": "labels = grasp3d.scan_surface(mesh, fixed=mesh.vertices[:1])",
 }
-"""Programs by name of the setting, which make `labels` of `mesh`."""
+"""Programs that make `labels` of `mesh`, by name of the setting."""
 
 UNIT = ("--unit", "m")
-"""Of meshes that state none; the others state metres themselves."""
+"""Arguments for meshes that state no unit; the others state metres themselves."""
 
 FORMATS = ("npz", "ply", "vtp", "parquet")
 IN_EVERY_FORMAT = {"box", "mug", "wrench"}
-"""Meshes that are written in all formats, other than at extreme normals; the others as NPZ."""
+"""Meshes written in all formats, except at extreme normals; the others are written as NPZ."""
 
 Arrays = dict[str, npt.NDArray[np.generic]]
 
 
 def run(checkout: Path, folder: Path, meshes: list[Path], only: list[str]) -> None:
-    """Label the meshes with the package in a folder."""
+    """Label the meshes with the package in a checkout."""
     environment = {**os.environ, "PYTHONPATH": str(checkout)}
     start = "import sys; from grasp3d.cli import main; sys.exit(main())"
     for name in only or [*SETTINGS, *PROGRAMS]:
@@ -80,7 +80,7 @@ def run(checkout: Path, folder: Path, meshes: list[Path], only: list[str]) -> No
 
 
 def arrays_of(path: Path) -> Arrays:
-    """All arrays and settings in a written file by name."""
+    """Return all arrays and settings in a written file, by name."""
     read = {".npz": _npz, ".ply": _ply, ".vtp": _vtp, ".parquet": _parquet, ".json": _json}
     return read[path.suffix](path)
 
@@ -140,7 +140,7 @@ def same(before: npt.NDArray[np.generic], after: npt.NDArray[np.generic]) -> boo
 
 
 def widened(before: npt.NDArray[np.generic], after: npt.NDArray[np.generic]) -> bool:
-    """Whether numbers of 32 bits now have 64, which round to the same."""
+    """Whether 32-bit numbers now have 64 bits and still round to the same."""
     return (
         before.dtype == np.float32
         and after.dtype == np.float64
@@ -177,7 +177,7 @@ def compare(before: Path, after: Path) -> int:
 
 
 def differences(before: Arrays, after: Arrays) -> dict[str, str]:
-    """What became of each array by name: one of `COUNTED`."""
+    """Classify each array by name as one of `COUNTED`."""
     common = before.keys() & after.keys()
     return (
         dict.fromkeys(before.keys() - common, "dropped")

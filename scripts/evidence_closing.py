@@ -2,12 +2,12 @@
 
     python scripts/evidence_closing.py GRASPS --mesh MESH [--friction MU] [--resolution DEG]
 
-GRASPS is a file of poses with outcomes, as for `grasp3d validate`. Prints a table: rules by which a
-pose becomes two contacts, each with one step more than the one before; then the whole rule with a
-single step changed. For each the area under the ROC curve of -beta*, and the success within S, M
-and U, and the poses whose jaws do not close, which are in U. Nothing is fitted to the outcomes. For
-files of ACRONYM also the rank correlation of the angle by which the object turns with the one that
-the simulator recorded.
+GRASPS is a file of poses with outcomes, as for `grasp3d validate`. The table has the rules by which
+a pose becomes two contacts, each with one step more than the one before; then the whole rule with a
+single step changed. For each it gives the area under the ROC curve of -beta*, the success within S,
+M and U, and the number of poses whose jaws do not close, which count as U. Nothing is fitted to the
+outcomes. For files of ACRONYM there is also the rank correlation of the angle by which the object
+turns with the angle that the simulator recorded.
 """
 
 import argparse
@@ -40,7 +40,7 @@ THIN = 2e-4
 
 @contextmanager
 def changed(module: Any, name: str, value: Any) -> Iterator[None]:
-    """Change a module's constant or function, as the steps are not settings."""
+    """Change a module's constant or function temporarily, as the steps are not settings."""
     before = getattr(module, name)
     setattr(module, name, value)
     try:
@@ -56,9 +56,9 @@ class Rule:
     text: str
     hand: ParallelGripper
     friction: float | None
-    """Of a free object; None: it is fixed."""
+    """Friction with a free object; None if it is fixed."""
     footprint: float = 0.0
-    """Depth to which what is opposite a jaw makes the normal, relative to its pad's side."""
+    """Depth of the surface opposite a jaw that gives the normal, relative to the pad's side."""
     pressed: bool = True
     """Whether contacts are centres of pressure."""
 
@@ -79,12 +79,12 @@ class Rule:
 
 
 def centroids(points: Any, *_: Any) -> Any:
-    """The patches' centroids, in place of the centres of pressure."""
+    """Return the patches' centroids, in place of the centres of pressure."""
     return points
 
 
 def rules(hand: ParallelGripper, friction: float) -> Iterator[Rule]:
-    """Each with one step more; then the whole with one step changed."""
+    """Yield rules with one step more each, then the whole rule with one step changed."""
     pads = replace(hand, inner_faces=(), tip_thickness=None)
     rigid = replace(pads, compliance=0.0)
     thin = replace(rigid, pad_width=THIN, pad_height=THIN)
@@ -111,7 +111,7 @@ def rules(hand: ParallelGripper, friction: float) -> Iterator[Rule]:
 
 
 def angles_of(found: closing.ClosedJaws) -> Floats:
-    """Critical friction angles of point contacts [rad]; pi where the jaws do not close."""
+    """Critical friction angles of point contacts [rad]; pi if the jaws do not close."""
     angles = np.full(len(found.state), math.pi)
     points, normals = found.points[found.closed], found.normals[found.closed]
     angles[found.closed] = critical_friction_angle(grasp3d.Contacts(points, normals, 0.5))
@@ -119,7 +119,7 @@ def angles_of(found: closing.ClosedJaws) -> Floats:
 
 
 def row(rule: Rule, mesh: grasp3d.ObjectMesh, poses: GraspPoses, model: grasp3d.GraspModel) -> str:
-    """A row of the table."""
+    """Write a row of the table."""
     found = rule.close(mesh, poses.poses)
     angles = angles_of(found)
     held = poses.outcome == 1.0
@@ -131,12 +131,12 @@ def row(rule: Rule, mesh: grasp3d.ObjectMesh, poses: GraspPoses, model: grasp3d.
 
 
 def area_of(held: Bools, angles: Floats) -> str:
-    """The area under the ROC curve of -beta*."""
+    """Write the area under the ROC curve of -beta*."""
     return f"{roc_auc(held, -angles, np.arange(len(held)))[0]:.3f}"
 
 
 def turn_agreement(path: Path, found: closing.ClosedJaws, held: Bools) -> str:
-    """Rank correlations of the object's turn with the one that ACRONYM's simulator recorded."""
+    """Write rank correlations of the object's turn with that recorded by ACRONYM's simulator."""
     with h5py.File(path) as file:
         recorded = file["grasps/qualities/flex/object_motion_during_closing_angular"][()]
     values = [

@@ -2,8 +2,8 @@
 
     python scripts/evidence_data.py WORST PERCEIVED PICTURE
 
-WORST and PERCEIVED are tables that `grasp3d validate -o` wrote for the same grasps, the second one
-with `--sensor-resolution 0`. Epsilon is drawn beside them.
+WORST and PERCEIVED are tables that `grasp3d validate -o` wrote for the same grasps, PERCEIVED with
+`--sensor-resolution 0`. The curve of epsilon is drawn for comparison.
 """
 
 import argparse

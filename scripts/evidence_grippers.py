@@ -1,14 +1,14 @@
 """Labels and scores of whole grippers against MuJoCo: `scripts/evidence_grippers.py -o FOLDER`.
 
-For each object and gripper poses are proposed at random: pairs of opposite surface points, with the
+For each object and gripper, random poses are proposed: pairs of opposite surface points, with the
 closing axis up to 40 degrees off the normal, any approach around it, and the pair anywhere on the
-pad from its root to past its end. Of those at which the gripper closes without a collision as many
-are chosen of each label, near the pad's end and further in, with small and large areas, as there
-are. Each is simulated with a light and a heavy object, half of them as stated, half at a true pose
-drawn within the pose error. There is a file for each object, gripper, load and error, with poses,
-all evaluated columns, what was drawn, and outcomes, which `grasp3d validate` reads; files that
-exist are kept, so that a run can be continued, or split with --only. `all.parquet` has all rows.
-Needs the extra `physics`.
+pad from its root to past its end. Among those at which the gripper closes without a collision, an
+equal number is chosen, as far as available, for each label, near the pad's end and further in, with
+small and large areas. Each is simulated with a light and a heavy object, half of them as stated,
+half at a true pose drawn within the pose error. A file for each object, gripper, load and error
+holds poses, all evaluated columns, the drawn values and outcomes; `grasp3d validate` reads it.
+Existing files are kept, so that a run can be continued, or split with --only. `all.parquet` has all
+rows. The script needs the extra `physics`.
 
     python scripts/evidence_grippers.py -o FOLDER [--meshes FOLDER] [--count 36] [--only NAME ...]
 """
@@ -45,19 +45,19 @@ FOREIGN = {
     "adv_gearbox.obj": "m", "egad_G3.obj": "mm", "kit_Toothpaste_800.obj": "m",
     "cad_angle_block.STL": "in",
 }  # fmt: skip
-"""Published objects in a folder of one's own (--meshes), and the units of their files."""
+"""Published objects in a folder given by --meshes, and the units of their files."""
 
 LOADS = {"light": grasp3d.Load(mass=0.1, grip_force=40.0),
          "heavy": grasp3d.Load(mass=0.4, grip_force=40.0)}  # fmt: skip
 ERRORS = {"exact": "0deg", "wrong": "5mm,3deg"}
 SETTINGS = SimulationSettings(pull_time=0.3, time_step=2e-3, give_way="1mm", seed=11)
 PROPOSED, TILT, PAST = 3000, math.radians(40.0), 2e-3
-"""Poses that are tried; tilt of the closing axis; how far past the pad's end contacts may be [m].
+"""Number of poses tried; tilt of the closing axis; how far contacts may be past the pad's end [m].
 """
 PROBABILITIES = (0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)
-"""Borders of bins of the probability of success."""
+"""Limits of bins of the probability of success."""
 NEAR, SMALL = 7e-3, 100e-6
-"""A contact nearer to the pad's end [m], and an area below this [m^2]."""
+"""Distance to the pad's end [m] and area [m^2] below which contacts count as near and small."""
 
 
 class Case(NamedTuple):
@@ -70,12 +70,12 @@ class Case(NamedTuple):
 
     @property
     def file(self) -> str:
-        """Name of its file."""
+        """Name of the case's file."""
         return f"{Path(self.name).stem}-{self.gripper}-{self.load}-{self.error}.parquet"
 
 
 def read(path: Path) -> grasp3d.ObjectMesh:
-    """An object, closed and with a unit."""
+    """Read an object and make sure that it is closed and has a unit."""
     unit = FOREIGN.get(path.name, "m")
     mesh = grasp3d.load_mesh(path)
     if mesh.unit is None or not mesh.report.closed:
@@ -85,7 +85,7 @@ def read(path: Path) -> grasp3d.ObjectMesh:
 
 
 def pairs(mesh: grasp3d.ObjectMesh, random: np.random.Generator) -> tuple[Floats, Floats]:
-    """Middles of opposite surface points, and the axes through them, shape (k, 3) each."""
+    """Middles of pairs of opposite surface points, and the axes through them, shape (k, 3) each."""
     surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     points, faces = trimesh.sample.sample_surface(
         surface, 4 * PROPOSED, seed=int(random.integers(1 << 31))
@@ -108,7 +108,7 @@ def pairs(mesh: grasp3d.ObjectMesh, random: np.random.Generator) -> tuple[Floats
 def proposed(
     mesh: grasp3d.ObjectMesh, hand: grasp3d.ParallelGripper, random: np.random.Generator
 ) -> GraspPoses:
-    """Random poses, with any contact on the pad."""
+    """Propose random poses, with contacts anywhere on the pad."""
     middles, x = pairs(mesh, random)
     y = unit_rows(np.cross(random.standard_normal(x.shape), x))
     z = np.cross(x, y)
@@ -121,7 +121,7 @@ def proposed(
 
 
 def chosen(strata: Ints, count: int, random: np.random.Generator) -> Ints:
-    """Indices of about as many of each stratum, in random order."""
+    """Choose indices, in random order, with each stratum represented about equally."""
     shuffled = random.permutation(len(strata))
     turn = pd.Series(strata[shuffled]).groupby(strata[shuffled]).cumcount().to_numpy()
     return np.asarray(random.permutation(shuffled[np.argsort(turn, kind="stable")][:count]))
@@ -130,7 +130,7 @@ def chosen(strata: Ints, count: int, random: np.random.Generator) -> Ints:
 def poses_of(
     mesh: grasp3d.ObjectMesh, hand: grasp3d.ParallelGripper, count: int, seed: int
 ) -> GraspPoses:
-    """The poses that are simulated, with where their contacts are."""
+    """Choose the poses to simulate, and note where their contacts are."""
     random = np.random.default_rng(seed)
     found = grasp3d.evaluate_grasps(mesh, proposed(mesh, hand, random), hand=hand)
     jaws = found.jaws
@@ -151,13 +151,13 @@ def poses_of(
 
 
 def depths(hulls: list[ConvexHull], points: Floats) -> Floats:
-    """How deep points (k, 3) lie below the surface of a union of convex parts, shape (k,)."""
+    """Depths of points (k, 3) below the surface of a union of convex parts, shape (k,)."""
     planes = [hull.equations for hull in hulls]
     return np.max([-(points @ one[:, :3].T + one[:, 3]).max(axis=1) for one in planes], axis=0)
 
 
 def simulated(case: Case, mesh: grasp3d.ObjectMesh, poses: GraspPoses) -> GraspPoses:
-    """Outcomes of a case: of every other pose."""
+    """Simulate every other pose of a case; return these poses with their outcomes."""
     first = list(ERRORS).index(case.error)
     hand = poses.hand
     assert isinstance(hand, grasp3d.ParallelGripper)
@@ -182,7 +182,7 @@ def cases(objects: dict[str, Path], grippers: list[str]) -> Iterator[Case]:
 
 
 def work(path: Path, gripper: str, left: list[Case], output: Path, count: int) -> str:
-    """Simulate the cases of an object and a gripper; what to print of it."""
+    """Simulate the cases of an object and a gripper; return the text to print."""
     try:
         mesh, hand = read(path), grasp3d.ParallelGripper.preset(gripper)
         poses = poses_of(mesh, hand, count, sum(map(ord, path.name + gripper)))
@@ -198,7 +198,7 @@ def work(path: Path, gripper: str, left: list[Case], output: Path, count: int) -
 
 
 def run(options: argparse.Namespace, objects: dict[str, Path]) -> None:
-    """Simulate what has no file yet."""
+    """Simulate the cases that have no file yet."""
     grouped = itertools.groupby(cases(objects, options.grippers), lambda case: case[:2])
     with ProcessPoolExecutor(options.workers) as pool:
         jobs = []
@@ -212,7 +212,7 @@ def run(options: argparse.Namespace, objects: dict[str, Path]) -> None:
 
 
 def evaluated(case: Case, path: Path, given: Path) -> pd.DataFrame:
-    """The rows of a file, with the labels and scores of its poses for the stated error and load."""
+    """Rows of a file, with the labels and scores of its poses for the stated error and load."""
     load, hand = LOADS[case.load], grasp3d.read_hand(case.gripper)
     poses = grasp3d.read_grasps(path)
     found = grasp3d.evaluate_grasps(
@@ -227,7 +227,7 @@ def evaluated(case: Case, path: Path, given: Path) -> pd.DataFrame:
 
 
 def collected(options: argparse.Namespace, objects: dict[str, Path]) -> pd.DataFrame:
-    """All rows, evaluated."""
+    """All rows, evaluated, in one table."""
     frames = []
     for case in cases(objects, options.grippers):
         path = options.output / case.file
@@ -237,14 +237,14 @@ def collected(options: argparse.Namespace, objects: dict[str, Path]) -> pd.DataF
 
 
 def held_of(rows: pd.DataFrame) -> str:
-    """How many of some grasps held, with its interval at 95 %."""
+    """Write the share of some grasps that held, with its 95 % confidence interval."""
     rate = success_rate("", rows.outcome.to_numpy() == 1.0)
     low, high = rate.interval
     return f"{rate.count} | {rate.rate:.3f} | {low:.3f} to {high:.3f}"
 
 
 def report(rows: pd.DataFrame) -> None:
-    """Print how many of each kind held, and how well scores predict it."""
+    """Print how many grasps of each kind held, and how well scores predict it."""
     rows = rows[rows.outcome.notna()]
     print(f"\n{len(rows)} grasps of {rows.object.nunique()} objects; fates:")
     print(pd.crosstab(rows.fate, [rows.sure]).to_string())

@@ -1,12 +1,12 @@
-"""Hold labels and grip forces against MuJoCo: `python scripts/evidence_physics.py -o physics`.
+"""Compare labels and grip forces with MuJoCo: `python scripts/evidence_physics.py -o physics`.
 
-Two parts. Facets: two round tips press on two plates that are tilted at random; the tilt, and the
-friction, at which they begin to slip against the critical friction angle; and labels of the same
-pairs, as they are perceived, against hold and slip of the true ones. Forces: the smallest force
-that holds a load at random contacts, hard and soft, against `grip_force`. Whole grippers on objects
-are in `evidence_grippers.py`. Needs the extra `physics`.
+There are two parts. Facets: two round tips press on two plates that are tilted at random; the tilt
+and the friction at which they begin to slip are compared with the critical friction angle, and the
+labels of pairs as perceived with hold and slip of the true ones. Forces: the smallest force that
+holds a load at random contacts, hard and soft, is compared with `grip_force`. Whole grippers on
+objects are in `evidence_grippers.py`. The script needs the extra `physics`.
 
-Writes a CSV table of each part and `physics.md` with all tables that are printed.
+It writes a CSV table for each part, and `physics.md` with all printed tables.
 """
 
 import argparse
@@ -36,13 +36,13 @@ from tests.helpers.facets import (
 
 FRICTIONS = (0.2, 0.5, 0.8)
 RESOLUTIONS = {0.2: math.radians(10.0), 0.5: math.radians(22.6), 0.8: math.radians(22.6)}
-"""By friction: at 0.2, no grasp is S with 22.6 degrees."""
+"""Resolutions by friction: at 0.2, no grasp is S with 22.6 degrees."""
 
 OPENING = 0.05
 
 
 class Report:
-    """Lines that are printed, and kept for a file."""
+    """Lines that are printed and kept for a file."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -53,7 +53,7 @@ class Report:
         self.lines += lines
 
     def table(self, head: str, rows: Iterator[str]) -> None:
-        """Print and keep a table, cells separated by |."""
+        """Print and keep a table whose cells are separated by |."""
         self.add("", f"| {head} |", "|" + "---|" * (head.count("|") + 1))
         for row in rows:
             self.add(f"| {row} |")
@@ -96,7 +96,7 @@ def facets(report: Report, folder: Path, pairs: int) -> None:
 
 
 def _creep(report: Report) -> None:
-    """What a grasp 5 degrees within its cone does with and without dry friction."""
+    """Measure how a grasp 5 degrees within its cone creeps with and without dry friction."""
     tilt = math.atan(0.5) - math.radians(5.0)
     normals = [[math.cos(tilt), math.sin(tilt), 0.0], [-1.0, 0.0, 0.0]]
     shifts = [
@@ -110,7 +110,7 @@ def _creep(report: Report) -> None:
 
 
 def _labelled_facets(report: Report, folder: Path, random: np.random.Generator, pairs: int) -> None:
-    """Labels of perceived facets against hold and slip of the true ones."""
+    """Compare labels of perceived facets with hold and slip of the true ones."""
     rows = []
     for friction in FRICTIONS:
         for label, wanted in (("S", pairs), ("M", pairs), ("U", pairs)):
@@ -123,7 +123,7 @@ def _labelled_facets(report: Report, folder: Path, random: np.random.Generator, 
                 named, margin = _label(seen, friction)
                 if named != label:
                     continue
-                # Half of them at the rim, where the label is hardest to keep.
+                # Half of the facets are at the rim, where the label is hardest to satisfy.
                 tilts = np.full(2, tilt)
                 true = (
                     tilt_at_random(seen, tilts, random) if found % 2 else _rim(seen, tilts, random)
@@ -150,7 +150,7 @@ def _labelled_facets(report: Report, folder: Path, random: np.random.Generator, 
 
 
 def _rim(seen: np.ndarray, tilts: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Normals tilted by just the largest angle."""
+    """Normals tilted by exactly the largest angle."""
     away = tilt_at_random(seen, np.full(2, 1e-3), random) - seen
     across = away - (away * seen).sum(axis=1, keepdims=True) * seen
     across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -212,7 +212,7 @@ def forces(report: Report, folder: Path, cases: int) -> None:
 
 
 def _cell(held: np.ndarray) -> str:
-    """How many of some grasps held, with the interval at 95 %."""
+    """Write the share of some grasps that held, with its 95 % confidence interval."""
     rate = success_rate("", held)
     if not rate.count:
         return "–"
@@ -221,7 +221,7 @@ def _cell(held: np.ndarray) -> str:
 
 
 def main() -> int:
-    """Run the chosen parts, and write their tables."""
+    """Run the chosen parts and write their tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", default="physics", help="folder of the tables")
     parser.add_argument("--only", nargs="*", default=["facets", "forces"])

@@ -1,7 +1,7 @@
-"""Give every reader of files mutated ones: of each must come an answer or one sentence, soon.
+"""Give every file reader mutated files: each must soon return a result or a one-sentence error.
 
 A file is an example with some of its bytes or words changed, removed, repeated or moved. It is read
-in a child process with limits. Ends with 1 if a reader raised another error than grasp3d's.
+in a child process with limits. The exit code is 1 if a reader raises an error other than grasp3d's.
 """
 
 import argparse
@@ -86,7 +86,7 @@ def write_example(name: str, path: Path) -> None:
 
 
 def mutated(data: bytes, rng: np.random.Generator) -> bytes:
-    """An example with a few changes, of an archive in one of its members."""
+    """Mutate an example at a few places; an archive, in one of its members."""
     if data[:2] == b"PK" and rng.random() < 0.7:
         stream = io.BytesIO()
         with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(stream, "w") as new:
@@ -110,7 +110,7 @@ def mutated(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 def outcome_of(name: str, path: Path, key: list[int], example: bytes) -> str:
-    """What comes of reading a mutated file: 'read', the class of a GraspError, or 'FAILED: ...'."""
+    """Outcome of reading a mutated file: 'read', the class of a GraspError, or 'FAILED: ...'."""
     path.write_bytes(mutated(example, np.random.default_rng([zlib.crc32(name.encode()), *key])))
     try:
         with limited_reading(), warnings.catch_warnings():
@@ -124,7 +124,7 @@ def outcome_of(name: str, path: Path, key: list[int], example: bytes) -> str:
 
 
 def main() -> int:
-    """Run it, and print what came of the files of each reader."""
+    """Run the readers, and print the outcomes for each."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--reader", nargs="+", default=list(READERS), choices=READERS)
     parser.add_argument("--count", type=int, default=1000, help="files of each reader")

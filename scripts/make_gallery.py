@@ -2,10 +2,10 @@
 
     python scripts/make_gallery.py [NAME ...] [-o docs]
 
-Without names: all that need neither a browser nor files of experiments. Most need OpenGL (EGL or a
-display). `report` and `viewer` need Chromium, and the package playwright of the extra `test`;
-`physics` needs the folder that `evidence_physics.py -o physics` wrote. Commands draw the others:
-they stand in a comment above the picture.
+Without names it makes all that need neither a browser nor files of experiments. Most need OpenGL
+(EGL or a display). `report` and `viewer` need Chromium and the package playwright of the extra
+`test`; `physics` needs the folder that `evidence_physics.py -o physics` wrote. Other pictures are
+drawn by commands, which are in a comment above each picture.
 """
 
 import argparse
@@ -77,23 +77,23 @@ MESHES = ROOT / "meshes"
 SUFFIXES = {".stl", ".obj", ".ply", ".off", ".glb"}
 
 DPI = 140
-"""Pixels of most pictures in an inch."""
+"""Resolution of most pictures, in pixels per inch."""
 
 
 def fine_mesh(name: str, fineness: float = 1.0 / 100.0) -> ObjectMesh:
-    """A mesh of the library whose longest edge is a fraction of its size, for smooth borders."""
+    """Load a mesh of the library, fine relative to its size, for smooth borders."""
     path = MESHES / name
     return load_mesh(path, unit="m", max_edge=load_mesh(path).size * fineness)
 
 
 def fraction_words(labels: SurfaceLabels, digits: int = 0) -> str:
-    """The area fractions of S, M and U."""
+    """Write the area fractions of S, M and U."""
     parts = labels.fractions().items()
     return "  ".join(f"{name} {100.0 * part:.{digits}f} %" for name, part in parts)
 
 
 def graded(values: Floats) -> Bytes:
-    """Colours of values from 0 to 1, (V, 3)."""
+    """Colours of values from 0 to 1, shape (V, 3)."""
     return np.asarray(255.0 * mpl.colormaps["viridis"](values)[:, :3], dtype=np.uint8)
 
 
@@ -110,13 +110,13 @@ def add_labels(figure: Figure) -> None:
 
 
 def save_tight(figure: Figure, path: Path) -> None:
-    """Write a figure without the white around it."""
+    """Write a figure without its white margin."""
     figure.savefig(path, dpi=DPI, bbox_inches="tight", pad_inches=0.05)
 
 
 @styled
 def draw_resolutions(path: Path) -> None:
-    """One row per mesh, one column per sensor resolution, and the coarsest resolution for S."""
+    """Draw a row per mesh with a column per sensor resolution and the coarsest resolution for S."""
     friction, resolutions, cell = 0.5, (10.0, 22.6, 40.0), 1.8
     coarsest = 2.0 * math.degrees(math.atan(friction))
     names, view = ("mug.glb", "spray.glb", "banana.ply"), View()
@@ -154,7 +154,7 @@ def coarsest_picture(
 
 @styled
 def draw_grips(path: Path) -> None:
-    """One object labelled for different grippers, and the coarsest sensor for each."""
+    """Draw one object labelled for different grippers, and the coarsest sensor for each."""
     model = GraspModel(friction=0.3, sensor_resolution=math.radians(20.0))
     grippers: dict[str, tuple[int, Sampling]] = {
         "two fingers, up to 60 mm": (2, Sampling(max_opening=0.06)),
@@ -191,7 +191,7 @@ HANDLE = 0.03
 
 @styled
 def draw_reach(path: Path) -> None:
-    """A mug on a table, labelled for points and for a gripper, and grasps at two places."""
+    """Draw a mug on a table, labelled for points and for a gripper, and grasps at two vertices."""
     view, mesh = View(math.radians(-70.0), math.radians(25.0)), fine_mesh("mug.glb")
     low, high = GRIPPER.limits
     points = label_surface(mesh, MODEL, sampling=Sampling(min_opening=low, max_opening=high))
@@ -216,13 +216,13 @@ def draw_reach(path: Path) -> None:
 
 
 LOWEST = 0.1
-"""Payload of the first colour [kg]; less has it, too."""
+"""Payload of the first colour [kg], which smaller payloads share."""
 GREY = (0x9A, 0xA0, 0xA6)
 """Colour of vertices without a grasp that the gripper reaches."""
 
 
 class Loaded(NamedTuple):
-    """One object of the picture of payloads."""
+    """One object in the picture of payloads."""
 
     name: str
     view: View
@@ -230,11 +230,11 @@ class Loaded(NamedTuple):
     """Width and height of its picture [pixels]."""
     labels: SurfaceLabels
     payload: Floats
-    """[kg], shape (V,); nan: no grasp."""
+    """Payload of each vertex [kg], shape (V,); nan if there is no grasp."""
 
 
 def loaded(name: str, azimuth: float, elevation: float, width: int) -> Loaded:
-    """Label a mesh for the gripper with 40 N at hand; the view is given in degrees."""
+    """Label a mesh for the gripper with 40 N at hand; the view is in degrees."""
     labels = label_surface(
         load_mesh(MESHES / name, unit="m"), MODEL, hand=GRIPPER, load=Load(grip_force=40.0)
     )
@@ -245,9 +245,9 @@ def loaded(name: str, azimuth: float, elevation: float, width: int) -> Loaded:
 
 @styled
 def draw_payload(path: Path) -> None:
-    """The largest mass that the best grasp of each vertex holds in any orientation.
+    """Draw the largest mass that the best grasp of each vertex holds in any orientation.
 
-    Whatever the true normals are; the cross is the centre of mass.
+    The mass is held whatever the true normals are; a cross marks the centre of mass.
     """
     objects = [
         loaded("hammer.ply", 100.0, 10.0, 400),
@@ -270,7 +270,7 @@ def draw_payload(path: Path) -> None:
 
 
 def draw_loaded(axes: Axes, one: Loaded, scale: Normalize) -> None:
-    """Render an object, and mark its centre of mass."""
+    """Render an object and mark its centre of mass."""
     mesh, view, size = one.labels.mesh, one.view, one.size
     known = np.isfinite(one.payload)
     ramp = graded(np.asarray(scale(np.where(known, np.maximum(one.payload, LOWEST), LOWEST))))
@@ -296,7 +296,7 @@ CELL = (320, 280)
 """Width and height of a picture [pixels]."""
 
 CAPTION, LEGEND, EDGE = 66, 64, 16
-"""Heights of a picture's caption and of the legend, and the margin around all [pixels]."""
+"""Heights of a picture's caption and of the legend, and the margin around everything [pixels]."""
 
 INK, QUIET = "#20262D", "#5B6470"
 NAME, TEXT = ImageFont.truetype(str(BOLD), 18), ImageFont.truetype(str(PLAIN), 15)
@@ -320,7 +320,7 @@ def entry(path: Path) -> Entry:
 
 
 def draw_caption(draw: ImageDraw.ImageDraw, middle: float, top: float, one: Entry) -> None:
-    """Write a name and the area fractions below it, each after a square of its colour."""
+    """Write a name and, below it, the area fractions, each after a square of its colour."""
     draw.text((middle, top + 10), one.name, INK, NAME, anchor="mm")
     parts = [f"{letter} {100.0 * value:.0f} %" for letter, value in one.fractions.items()]
     gap, square = 16.0, 20.0
@@ -340,9 +340,9 @@ def draw_key(
 
 
 def draw_meshes(path: Path) -> None:
-    """All meshes of the library, each labelled, with its area fractions.
+    """Draw all meshes of the library, each labelled and with its area fractions.
 
-    Friction and resolution are chosen so that all three labels are on most objects.
+    With the chosen friction and resolution, most objects have all three labels.
     """
     objects = [entry(one) for one in sorted(MESHES.iterdir()) if one.suffix.lower() in SUFFIXES]
     rows = math.ceil(len(objects) / COLUMNS)
@@ -368,13 +368,13 @@ def draw_meshes(path: Path) -> None:
 
 
 def draw_paper(path: Path) -> None:
-    """Figures of Wan & Howe 2018."""
+    """Draw figures of Wan & Howe 2018."""
     for name, draw in PAPER.items():
         draw(PaperSettings()).savefig(path.with_stem(name), dpi=DPI)
 
 
 PAPER = {"paper_cones": FIGURES["figure_05"], "paper_ceilings": FIGURES["figure_11"]}
-"""Pictures, and the functions that draw them."""
+"""Functions that draw the pictures, by name."""
 
 
 OUTLINE_FRICTION = 0.5
@@ -409,9 +409,9 @@ def draw_outline(axes: Axes, outline: planar.Outline, degrees: float) -> None:
 
 @styled
 def draw_planar(path: Path) -> None:
-    """The paper's circle and square, labelled by where the second finger is.
+    """Draw the paper's circle and square, labelled by the position of the second finger.
 
-    The first is the arrow; the numbers are fractions of the perimeter in closed form.
+    The arrow is the first finger; the numbers are fractions of the perimeter in closed form.
     """
     figure = new_figure(1.45 * len(OUTLINE_RESOLUTIONS), 1.62 * len(OUTLINES) + 0.4)
     grid = figure.subplots(len(OUTLINES), len(OUTLINE_RESOLUTIONS))
@@ -425,14 +425,14 @@ def draw_planar(path: Path) -> None:
 
 
 DIRECTIONS = np.radians([80.0, 205.0, 310.0])
-"""Inward normals of the contacts, as polar angles."""
+"""Polar angles of the inward normals at the contacts."""
 FRICTION_ANGLE = math.radians(20.0)
 CONE_FORCES = 25
-"""Forces by which the arc of a cone is drawn."""
+"""Number of forces with which the arc of a cone is drawn."""
 TRIANGLE = 3
-"""Vertices of the first polytope, a triangle."""
+"""Number of vertices of the first polytope, a triangle."""
 HULL_PLANE = (0, 0)
-"""As long as the wrenches have components: two."""
+"""A tuple as long as the wrenches have components: two."""
 HULL_GOAL = (0.0, 0.0, math.inf)
 
 SPACE, FACET, NEAR, POINT = "#D9DEE3", "#0072B2", "#D55E00", "#111111"
@@ -450,7 +450,7 @@ class Step(NamedTuple):
     height: float
     """Support of the wrench space in the direction of the normal."""
     point: Floats
-    """Wrench that attains it, shape (2,)."""
+    """Wrench that attains the support, shape (2,)."""
 
 
 def cones() -> Floats:
@@ -460,7 +460,7 @@ def cones() -> Floats:
 
 
 def grown(wrenches: Floats, vertices: int) -> tuple[Polytope, float, float]:
-    """The kernel's polytope of at most so many vertices, and the bounds of epsilon."""
+    """Grow the kernel's polytope to at most `vertices` vertices; also return epsilon's bounds."""
     whole = make_polytope(256)
     polytope = whole._replace(points=whole.points[:vertices])
     axes = np.zeros((1, 6, len(wrenches)))
@@ -476,7 +476,7 @@ def grown(wrenches: Floats, vertices: int) -> tuple[Polytope, float, float]:
 
 
 def step_of(wrenches: Floats, polytope: Polytope) -> Step:
-    """Read the facets of a polytope, and find the support at the nearest."""
+    """Read the facets of a polytope and find the support at the nearest one."""
     planes, corners = polytope.planes, polytope.corners
     present = np.flatnonzero((planes[:2] != 0.0).any(axis=0) & ~np.isnan(planes[6]))
     facets = polytope.points[corners[present, :2]][..., :2]
@@ -512,11 +512,11 @@ def draw_step(axes: Axes, wrenches: Floats, shown: Step, upper: float) -> None:
 
 @styled
 def draw_hull(path: Path) -> None:
-    """How the growing hull finds epsilon, step by step.
+    """Draw how the growing hull finds epsilon, step by step.
 
-    The wrench space is that of three planar contacts, of which only the two force components are
-    drawn, so that facets are edges. The steps are those of the kernel: it is stopped each time when
-    it has reached a number of vertices, until the nearest facet is one of the wrench space.
+    The wrenches are those of three planar contacts. Only the two force components are drawn, so
+    facets are edges. The steps are those of the kernel, which is stopped at each number of
+    vertices until the nearest facet is one of the wrench space.
     """
     wrenches, steps = cones(), []
     for vertices in range(TRIANGLE, len(wrenches)):
@@ -546,19 +546,19 @@ def draw_hull(path: Path) -> None:
 
 ELLIPSE, DISC = "#0072B2", "#111111"
 MOMENT = 0.6
-"""Torsional moment at which the friction circles are compared, as a fraction of the largest."""
+"""Torsional moment at which the friction circles are compared, relative to the largest."""
 DISC_STEPS = 400
-"""Steps of the integrals over a disc along its radius, and half of those around it."""
+"""Steps of the integrals over a disc along its radius; around it there are twice as many."""
 CENTERS = np.array([0.0, 0.1, 0.25, 0.5, 0.75, 1.0, 1.3, 1.8, 3.0, 8.0])
-"""Distances of the centre of rotation from the disc's, in radii."""
+"""Distances of the centre of rotation from the disc's centre, in radii."""
 OFFSET = 1.18
-"""Height of a text above the middle."""
+"""Height of the text above the middle."""
 
 
 def disc(centers: Floats) -> tuple[Floats, Floats]:
-    """Friction force and moment of an evenly pressed disc that begins to turn about points.
+    """Friction force and moment of an evenly pressed disc that starts to turn about points.
 
-    Every part of the disc has its full friction, opposite to its velocity.
+    Every part of the disc has full friction, opposite to its velocity.
 
     Args:
         centers: Distances of the points from the disc's centre, in radii.
@@ -594,7 +594,7 @@ def draw_section(axes: Axes) -> None:
 
 
 def draw_circles(axes: Axes) -> None:
-    """Draw the tangential forces that are left beside no moment, and beside a moment."""
+    """Draw the tangential forces that remain without and with a moment."""
     turn = np.linspace(0.0, 2.0 * math.pi, 200)
     circle = np.stack([np.cos(turn), np.sin(turn)])
     left = math.sqrt(1.0 - MOMENT**2)
@@ -627,9 +627,9 @@ def draw_solid(figure: Figure, number: int) -> None:
 
 @styled
 def draw_limit_surface(path: Path) -> None:
-    """What a pad's friction resists at a given normal force.
+    """Draw what a pad's friction resists at a given normal force.
 
-    The ellipse of Howe & Cutkosky, and that of an evenly pressed disc, integrated.
+    The ellipse of Howe & Cutkosky is compared with the integral over an evenly pressed disc.
     """
     figure = new_figure(7.16, 2.9)
     draw_solid(figure, 1)
@@ -648,12 +648,12 @@ def draw_limit_surface(path: Path) -> None:
 
 
 BORDERS = np.array([-45.0, -30.0, -22.6, -17.0, -11.3, -5.7, 0.0, 4.0, 8.0, 16.0])
-"""Of the bins of the margin [degrees]."""
+"""Limits of the bins of the margin [degrees]."""
 
 
 @styled
 def draw_physics(path: Path, folder: Path) -> None:
-    """Slip of facets, success over the margin, and grip forces, as simulated."""
+    """Draw slip of facets, success over the margin, and grip forces, as simulated."""
     figure = new_figure(height=2.5)
     axes = figure.subplots(1, 3, width_ratios=(1.0, 1.7, 1.0))
     draw_facets(axes[0], read_columns(folder / "facets.csv"))
@@ -679,7 +679,7 @@ def draw_facets(axes: Axes, columns: dict[str, np.ndarray]) -> None:
 
 
 def draw_margins(axes: Axes, columns: dict[str, np.ndarray]) -> None:
-    """Draw the fractions of pairs of facets that held, over the margin of what is perceived."""
+    """Draw the fractions of pairs of facets that held, over the margin as perceived."""
     border = -math.degrees(GraspModel().sensor_resolution)
     for label, low, high in (
         (Label.U, BORDERS[0], border),
@@ -688,7 +688,7 @@ def draw_margins(axes: Axes, columns: dict[str, np.ndarray]) -> None:
     ):
         axes.axvspan(low, high, color=LABEL_COLORS[label], alpha=0.18, linewidth=0.0)
         axes.text(0.5 * (low + high), 1.06, label.name, ha="center", va="bottom")
-    mine = columns["friction"] >= 0.5  # whose resolution is that of the border
+    mine = columns["friction"] >= 0.5  # those with the resolution at the border
     margin, held = np.degrees(columns["margin"][mine]), columns["held"][mine].astype(bool)
     inside = [held[(margin >= low) & (margin < high)] for low, high in pairwise(BORDERS)]
     rates = [success_rate("", of) for of in inside]
@@ -748,14 +748,14 @@ def browser() -> Iterator[Any]:
 
 
 def click(page: Any, place: str, at: tuple[float, float]) -> None:
-    """Click a part of a page at fractions of its width and height."""
+    """Click a page's element at fractions of its width and height."""
     box = page.locator(place).first.bounding_box()
     assert box is not None
     page.mouse.click(box["x"] + at[0] * box["width"], box["y"] + at[1] * box["height"])
 
 
 def draw_report(path: Path) -> None:
-    """The report of a library."""
+    """Draw the report of a library."""
     with TemporaryDirectory() as name, browser() as started:
         label_library([MESHES], Path(name) / "results")
         page = started.new_page(viewport={"width": 1300, "height": 950})
@@ -766,7 +766,7 @@ def draw_report(path: Path) -> None:
 
 
 def compress(path: Path) -> None:
-    """Write a picture again with few colours."""
+    """Save a picture again with fewer colours."""
     with Image.open(path) as image:
         reduced = image.convert("RGB").quantize(
             method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
@@ -775,7 +775,7 @@ def compress(path: Path) -> None:
 
 
 def draw_viewer(path: Path) -> None:
-    """The viewer's page, with a vertex inspected."""
+    """Draw the viewer's page with a vertex inspected."""
     main = [sys.executable, "-c", "import sys; from grasp3d.cli import main; sys.exit(main())"]
     view = [*main, "view", str(MESHES / "spray.glb"), "--web"]
     with subprocess.Popen(view, stdout=subprocess.PIPE, text=True) as server:  # noqa: S603
@@ -790,7 +790,7 @@ def draw_viewer(path: Path) -> None:
 
 
 def photograph(page: Any, address: str, path: Path) -> None:
-    """Wait for the object, click it, and take the picture."""
+    """Wait for the object, click it, and take a screenshot."""
     page.goto(address)
     page.locator("#fractions").wait_for(timeout=60_000)
     page.wait_for_timeout(1500)
@@ -811,7 +811,7 @@ PICTURES: dict[str, Callable[[Path], None]] = {
     "payload": draw_payload,
     "limit_surface": draw_limit_surface,
 }
-"""Pictures by name, each NAME.png; `paper` is several."""
+"""Pictures by name, each NAME.png; `paper` makes several."""
 
 OF_PAGES: dict[str, Callable[[Path], None]] = {"report": draw_report, "viewer": draw_viewer}
 """Pictures that need a browser."""

@@ -1,7 +1,7 @@
 """Model the object library of `meshes/` and write its files and its README.
 
-One function models one object, in millimetres with z up. Plain primitives are meshed in a regular
-pattern; everything else is constructive solid geometry with Manifold, followed by an isotropic
+Each function models one object, in millimetres with z up. Plain primitives are meshed in a regular
+pattern. Everything else is constructive solid geometry with Manifold, followed by an isotropic
 remeshing that keeps the creases. The files are in metres.
 
     pip install '.[meshes]'
@@ -54,14 +54,14 @@ def section(outline: Iterable[tuple[float, float]]) -> CrossSection:
 
 
 def rounded(area: CrossSection, radius: float) -> CrossSection:
-    """Area with its convex and its concave corners rounded to a radius [mm]."""
+    """Area with its convex and concave corners rounded to a radius [mm]."""
     for step in (-radius, 2 * radius, -radius):
         area = area.offset(step, JoinType.Round, circular_segments=128)
     return area.simplify(0.005)
 
 
 def spun(*outline: tuple[float, float], rounding: float) -> Manifold:
-    """Turned part about z from (radius, height) points [mm] up its outline, corners rounded."""
+    """Body of revolution about z, from (radius, height) points [mm] up its outline, rounded."""
     mirrored = [(-radius, height) for radius, height in reversed(outline)]
     return rounded(section([*outline, *mirrored]), rounding).revolve()
 
@@ -108,15 +108,15 @@ def stitched(rings: Iterable[tuple[float, float, int, float]]) -> Manifold:
 
 
 def _strip(low: tuple[int, int, float], high: tuple[int, int, float]) -> list[tuple[int, int, int]]:
-    """Triangles between two rings, each (first index, number of points, shift of the first)."""
+    """Triangles between two rings, each (first index, number of points, shift of the first one)."""
     (low_start, low_count, low_shift), (high_start, high_count, high_shift) = low, high
     low_steps = low_count if low_count > 1 else 0
     high_steps = high_count if high_count > 1 else 0
     triangles, i, j = [], 0, 0
     while low_count and (i < low_steps or j < high_steps):
         a, b = low_start + i % low_count, high_start + j % high_count
-        # The ring whose next point comes first advances; cross-multiplied to keep ties exact, and
-        # on a tie the ring with fewer points, which makes every sector of a disc symmetric.
+        # The ring whose next point comes first advances; cross-multiplying keeps ties exact. In a
+        # tie it is the ring with fewer points, which makes every sector of a disc symmetric.
         low_next = ((i + 1 + low_shift) * high_count, low_count)
         high_next = ((j + 1 + high_shift) * low_count, high_count)
         if j == high_steps or (i < low_steps and low_next <= high_next):
@@ -132,7 +132,7 @@ def _strip(low: tuple[int, int, float], high: tuple[int, int, float]) -> list[tu
 
 
 def sphere() -> Manifold:
-    """Tennis ball: radius 33.5, centred; an icosahedron refined and pushed out to the sphere."""
+    """Tennis ball: radius 33.5, centred; an icosahedron, refined and projected onto the sphere."""
     golden = (1 + math.sqrt(5)) / 2
     corners = [(0.0, a, b * golden) for a in (-1, 1) for b in (-1, 1)]
     icosahedron = Manifold.hull_points([p[k:] + p[:k] for p in corners for k in range(3)])
@@ -284,7 +284,7 @@ def banana() -> Manifold:
 
 
 def bulb() -> Manifold:
-    """Light bulb upside up: height 112, glass radius 30, screw cap of radius 13 below."""
+    """Light bulb, upright: height 112, glass radius 30, screw cap of radius 13 below."""
     glass = CrossSection.circle(30).translate((0, 82))
     neck = section([(-13, 25), (13, 25), (24, 64), (-24, 64)])
     body = rounded(glass + neck, 10).revolve()
@@ -328,7 +328,7 @@ class Item:
     """One object of the library."""
 
     file: str
-    """Name of its file; the ending chooses the format."""
+    """Name of its file; the suffix chooses the format."""
     model: Callable[[], Manifold]
     """Function that models it [mm]."""
     edge: float | None
@@ -366,7 +366,7 @@ LIBRARY = (
 
 def remeshed(model: Manifold, edge: float) -> Manifold:
     """Near-equilateral mesh with creases kept: the best of five nearby edge lengths [mm]."""
-    # Mmg only repairs the slivers of a boolean when their long edges are split first.
+    # Mmg repairs the slivers of a boolean only if their long edges are split first.
     fine = model.refine_to_length(edge).to_mesh64()
     candidates = []
     for longest in edge * np.array((1.0, 0.97, 1.03, 0.94, 1.06)):
@@ -396,7 +396,7 @@ def least_angle(mesh: trimesh.Trimesh) -> float:
 
 
 def cuts(solid: Manifold) -> int:
-    """Number of triangles that pass through another one."""
+    """Number of triangles that intersect another one."""
     mesh = solid.to_mesh64()
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(mesh.vert_properties[:, :3], mesh.tri_verts))

@@ -2,13 +2,13 @@
 
 mutants.py                      all, two at a time, with a table of which were caught
 mutants.py --only force tilt    those whose names contain one of the words
-mutants.py --root FOLDER        of another checkout, such as an older one
+mutants.py --root FOLDER        in another checkout, such as an older one
 
-Each error is a text that the package contains exactly once, in whatever module, and what replaces
-it. Package and tests are copied to a temporary folder for each, with kernels compiled anew where
-the error is in one. First the quick tests of the named files run, then, if they pass, the slow
-ones. An error that no test catches has survived: a test is missing. That the same tests pass
-without any error is tested, too. Ends with 1 if one survived.
+Each error is a text that the package contains exactly once, in any module, and its replacement.
+For each error, package and tests are copied to a temporary folder, and kernels are compiled again
+if the error is in one. The quick tests of the named files run first and, if they pass, the slow
+ones. An error that no test catches survives: a test is missing. The script also tests that the same
+tests pass without any error. The exit code is 1 if an error survived.
 """
 
 import argparse
@@ -27,10 +27,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 
 LONGEST = 600.0
-"""Time of one run of tests at most [s]; an error may well make a loop endless."""
+"""Time limit of one run of tests [s]; an error may well make a loop endless."""
 
 OUTCOMES = {0: "survived", 1: "caught", 2: "caught", 5: "survived", None: "no end"}
-"""By exit codes of pytest: 2 where a module does not even import, 5 where no test is marked so."""
+"""Outcomes by exit code of pytest: 2 if a module cannot be imported, 5 if no test is so marked."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Mutant:
     text: str
     replacement: str
     tests: str
-    """Names of files of tests, anywhere below `tests/`."""
+    """Names of test files, anywhere below `tests/`."""
 
 
 MUTANTS = (
@@ -356,20 +356,20 @@ MUTANTS = (
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the tests said of an error."""
+    """Result of the tests for an error."""
 
     name: str
     place: str
     """Module and line of the error."""
     outcome: str
-    """One of OUTCOMES, or why there is none."""
+    """One of OUTCOMES, or pytest's exit code."""
     by: str
     """The test that caught it."""
     seconds: float
 
 
 def place_of(mutant: Mutant, root: Path) -> tuple[Path, int]:
-    """The module, relative to the root, and the line that has the text of a mutant."""
+    """Find the module, relative to the root, and the line with the text of a mutant."""
     places = []
     for path in sorted((root / "grasp3d").rglob("*.py")):
         before, *others = path.read_text(encoding="utf-8").split(mutant.text)
@@ -380,9 +380,9 @@ def place_of(mutant: Mutant, root: Path) -> tuple[Path, int]:
 
 
 def copy_tree(root: Path, folder: Path) -> None:
-    """Copy what tests need of a checkout; pages and meshes, which they only read, are linked.
+    """Copy what tests need from a checkout; link pages and meshes, which they only read.
 
-    Machine code is copied, which is that of the kernels unless one of these is changed.
+    Machine code is copied, too; it stays valid unless a kernel is changed.
     """
     for name in ("grasp3d", "tests", "scripts"):
         shutil.copytree(root / name, folder / name, ignore=shutil.ignore_patterns("*.pyc"))
@@ -422,7 +422,7 @@ def judge(mutant: Mutant, root: Path) -> Verdict:
         planted.write_text(text.replace(mutant.text, mutant.replacement), encoding="utf-8")
         for marked in ("not slow", "slow"):
             code, by = run_tests(folder, mutant.tests.split(), marked)
-            if code not in {0, 5}:  # 5: none has this mark
+            if code not in {0, 5}:  # 5: no test has this mark
                 break
     outcome = OUTCOMES.get(code, f"pytest: {code}")
     place = f"{module.relative_to('grasp3d')}:{line}"
@@ -430,7 +430,7 @@ def judge(mutant: Mutant, root: Path) -> Verdict:
 
 
 def check_without(mutants: Sequence[Mutant], root: Path) -> None:
-    """End with a message if the tests fail without any error."""
+    """Exit with a message if the tests fail without any error planted."""
     files = sorted({name for mutant in mutants for name in mutant.tests.split()})
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary, "grasp3d")

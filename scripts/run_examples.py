@@ -1,17 +1,17 @@
-"""Run the examples of pages: blocks of Python and shell, compared with what they print.
+"""Run the examples in pages, blocks of Python and shell, and compare them with shown output.
 
-The blocks of a page run in order, in one folder that contains `meshes/` and with the same
-variables. A block of `text` that follows, with at most one line such as "prints" between, is the
-expected output, in which `...` matches anything. Numbers may differ by what another processor
-changes: by two units of the last digit shown; whole numbers by 1 %, so that those below 100 may
-not, or by one where a unit follows. `<!-- skip: next "the reason" -->` skips a block.
+The blocks of a page run in order, in one folder that contains `meshes/`, and share variables. A
+block of `text` that follows, with at most one line such as "prints" between, is the expected
+output, in which `...` matches anything. Numbers may differ by what another processor changes: two
+units of the last digit shown. Whole numbers may differ by 1 % (so those below 100 may not), or by
+one if a unit follows. `<!-- skip: next "the reason" -->` skips a block.
 
-Shell runs in bash. Blocks of nothing but `grasp3d` commands run in this process, as a new one for
-each would take seconds, except on the page that users follow first.
+Shell blocks run in bash. Those with only `grasp3d` commands run in this process, as starting a new
+one for each would take seconds, except on the page that users follow first.
 
     python scripts/run_examples.py [--write] [PAGE ...]
 
-prints what differs, or writes the outputs into the pages, where a change of results is meant.
+prints what differs, or writes the outputs into the pages, for intended changes of results.
 """
 
 import argparse
@@ -44,7 +44,7 @@ from grasp3d import cli
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARY = ROOT / "meshes"
 GENERATED = {"_build", "commands", "files"}
-"""Folders of pages that are made from the program."""
+"""Folders of generated pages."""
 PAGES = (
     ROOT / "README.md",
     LIBRARY / "README.md",
@@ -59,21 +59,21 @@ OUTPUT = re.compile(
     r"\n(?:\s*\n[^\n`#|<>]{1,80}\n)?\s*\n```text\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
 )
 OF_BASH = re.compile(r"[|&;<>$`(){}*?\[\]~#!]")
-"""What bash would expand, redirect or leave out, where it is not quoted."""
+"""Characters that bash would expand, redirect or remove unless they are quoted."""
 FLAGS = doctest.ELLIPSIS | doctest.REPORT_NDIFF
 NUMBER = re.compile(
     r"(?<![\w.,])(?P<value>-?\d+(?:,\d{3})*(?:\.\d+)?(?:e[+-]?\d+)?)"
     r"(?P<unit>(?:°| ?(?:%|N|mm|cm|m|kg|g)(?!\w))?)(?![\w.,]?\d)"
 )
-"""A number that stands alone, and the unit that follows it."""
+"""A number that stands alone, and the unit after it."""
 MOST_SECONDS = 300.0
-"""Time limit of a block in bash; one in this process has that of the test."""
+"""Time limit of a block in bash [s]; the test limits blocks in this process."""
 
 ALL_IN_BASH = ROOT / "README.md"
-"""The page whose commands are run as users run them."""
+"""The page whose commands are run exactly as users run them."""
 
 ENVIRONMENT = {"COLUMNS": "80", "NO_COLOR": "1"}
-"""What commands print does not depend on the terminal."""
+"""Variables that make the output of commands independent of the terminal."""
 
 
 @dataclass
@@ -82,11 +82,11 @@ class Block:
 
     source: Lexeme
     expected: re.Match[str] | None
-    """What it prints, where the page shows it."""
+    """Output of the block, if the page shows it."""
     printed: str = ""
 
     def difference(self) -> str | None:
-        """What differs from the expected output, or None."""
+        """Return what differs from the expected output, or None."""
         if self.expected is None:
             return None
         want, got = unpadded(self.expected["text"]), unpadded(self.printed)
@@ -102,21 +102,21 @@ class Block:
 
 @dataclass
 class Ran:
-    """What became of the blocks of a page."""
+    """Results of the blocks of a page."""
 
     blocks: int = 0
     skipped: list[str] = field(default_factory=list)
-    """Reasons."""
+    """Reasons for skipping blocks."""
     failures: list[str] = field(default_factory=list)
 
 
 def read_page(path: Path) -> Document:
-    """A page, whose examples are its blocks, and comments on skipping them."""
+    """Read a page, whose examples are its blocks and its comments on skipping them."""
     return Document.parse(str(path), blocks_of, SkipParser())
 
 
 def blocks_of(document: Document) -> Iterator[Region]:
-    """The blocks of a page that are run."""
+    """Yield the blocks of a page that are run."""
     for language, evaluate in (("python", run_python), ("sh", run_shell)):
         for found in FencedCodeBlockLexer(language)(document):
             expected = OUTPUT.match(document.text, found.end)
@@ -125,7 +125,7 @@ def blocks_of(document: Document) -> Iterator[Region]:
 
 
 def run_page(document: Document) -> Ran:
-    """Run the blocks of a page in this folder, up to one of Python that raises an exception."""
+    """Run the blocks of a page in this folder, up to a Python block that raises an exception."""
     ran = Ran()
     document.namespace["__name__"] = "page"
     for example in document.examples():
@@ -145,7 +145,7 @@ def run_page(document: Document) -> Ran:
 
 
 def run_python(example: Example) -> str | None:
-    """Run a block with the variables of the page; returns what differs."""
+    """Run a block with the variables of the page; return what differs."""
     block: Block = example.parsed
     out = io.StringIO()
     code = Example(example.document, example.line, example.column, example.region, {})
@@ -157,9 +157,9 @@ def run_python(example: Example) -> str | None:
 
 
 def run_shell(example: Example) -> str | None:
-    """Run a block as bash does, up to the first command that fails; returns what differs.
+    """Run a block like bash, up to the first command that fails; return what differs.
 
-    A command may fail where the page shows what it prints, on standard error too.
+    A command may fail if the page shows its output, including standard error.
     """
     block: Block = example.parsed
     commands = [] if Path(example.path) == ALL_IN_BASH else commands_of(block.source)
@@ -183,7 +183,7 @@ def run_in_bash(source: str) -> subprocess.CompletedProcess[str]:
 
 
 def commands_of(source: str) -> list[list[str]]:
-    """The words of each command of a script of `grasp3d` alone; empty: the script needs bash."""
+    """Words of each command in a script of only `grasp3d` commands; empty if it needs bash."""
     lines = source.replace("\\\n", " ").splitlines()
     alone = all(re.match(r"grasp3d\b", line) for line in lines)
     return [shlex.split(line) for line in lines] if alone and not OF_BASH.search(source) else []
@@ -197,7 +197,7 @@ def run_here(commands: list[list[str]]) -> subprocess.CompletedProcess[str]:
         for _, *words in commands:
             try:
                 code = cli.main(words)
-            except SystemExit as ended:  # errors of usage
+            except SystemExit as ended:  # usage errors
                 code = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
             if code:
                 break
@@ -205,18 +205,18 @@ def run_here(commands: list[list[str]]) -> subprocess.CompletedProcess[str]:
 
 
 def printed_to(stream: io.TextIOWrapper) -> str:
-    """What was printed to a stream in memory."""
+    """Return what was printed to a stream in memory."""
     stream.seek(0)
     return stream.read()
 
 
 def path_with_commands() -> str:
-    """The search path of programs, with those of this environment first."""
+    """Search path for programs, beginning with those of this environment."""
     return os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
 
 
 def agree(want: str, got: str) -> bool:
-    """Whether two outputs are alike but for spaces and numbers within their tolerance."""
+    """Whether two outputs agree, except for spaces and numbers within their tolerance."""
     parts, numbers, end = list[str](), list[re.Match[str]](), 0
     for number in NUMBER.finditer(want):
         parts += [_pattern(want[end : number.start()]), r"(\S+?)"]
@@ -229,13 +229,13 @@ def agree(want: str, got: str) -> bool:
 
 
 def _pattern(text: str) -> str:
-    """A pattern for text without numbers: `...` is anything, and spaces may be more or fewer."""
+    """Pattern for text without numbers: `...` matches anything; runs of spaces may differ."""
     words = (re.sub(r"(?:\\ )+", r" +", re.escape(one)) for one in text.split("..."))
     return ".*?".join(words)
 
 
 def is_near(number: re.Match[str], other: str) -> bool:
-    """Whether another number is as near to a shown one as its digits allow."""
+    """Whether another number is as near to a shown one as the shown digits allow."""
     try:
         want, got = (Decimal(one.replace(",", "")) for one in (number["value"], other))
     except InvalidOperation:
@@ -250,12 +250,12 @@ def is_near(number: re.Match[str], other: str) -> bool:
 
 
 def unpadded(text: str) -> str:
-    """Text without spaces at the ends of lines, and with one newline at its end."""
+    """Strip spaces at the ends of lines, and end the text with one newline."""
     return "\n".join(line.rstrip() for line in text.strip("\n").splitlines()) + "\n"
 
 
 def with_outputs(document: Document) -> str:
-    """The text of a page in which outputs that differ are replaced."""
+    """Text of a page with differing outputs replaced."""
     text = document.text
     for example in reversed(list(document.examples())):
         block = example.parsed
@@ -266,7 +266,7 @@ def with_outputs(document: Document) -> str:
 
 
 def main() -> int:
-    """Run the examples of pages; returns the exit code."""
+    """Run the examples of pages; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else "")
     parser.add_argument("pages", nargs="*", type=Path, default=PAGES)
     parser.add_argument("--write", action="store_true", help="write outputs into the pages")

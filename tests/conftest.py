@@ -1,4 +1,4 @@
-"""What all tests share: kernels compiled once, files whose libraries are missing passed over."""
+"""Set-up for all tests: kernels are compiled once; files without their libraries are skipped."""
 
 import os
 import subprocess
@@ -13,13 +13,13 @@ import pytest
 pytest_plugins = ["tests.helpers.browsers"]
 
 LIBRARIES = {"duckdb", "fcl", "h5py", "nbformat", "pandas", "plyfile", "polars", "sybil", "yaml"}
-"""What files of tests import, of the extra `test`; without it they are passed over, not in CI."""
+"""Libraries of the extra `test`; files that import a missing one are skipped, but not in CI."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile the kernels before there are workers, unless the installation has left them here.
+    """Compile the kernels before the workers start, unless the installation has done so.
 
-    Otherwise every worker, and every command that a test starts, would compile the same ones.
+    Otherwise every worker, and every command started by a test, would compile the same kernels.
     """
     if not hasattr(config, "workerinput") and config.getoption("numprocesses", None):
         words = [sys.executable, "-m", "grasp3d._kernels.ahead"]
@@ -28,7 +28,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 class PassedOver(pytest.Module):
-    """A file of tests, passed over where one of the LIBRARIES is missing."""
+    """A file of tests that is skipped if one of the LIBRARIES is missing."""
 
     def collect(self) -> Iterable[pytest.Item | pytest.Collector]:
         try:
@@ -46,11 +46,11 @@ def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Give each worker half of the files, and to one that is ready tests of the other.
+    """Give each worker half of the files, and an idle worker tests of the other one.
 
-    By default workers take the tests of a file in turns, and both make what its tests need.
+    By default workers take the tests of a file in turns, and both create what its tests need.
     """
-    if config.getoption("dist") != "load":  # another was asked for
+    if config.getoption("dist") != "load":  # another mode was requested
         return None
     from xdist.scheduler import WorkStealingScheduling
 

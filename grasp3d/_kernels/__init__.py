@@ -3,5 +3,5 @@
 import logging
 
 compilations = logging.getLogger("grasp3d.compiling")
-"""Where it is said that kernels are compiled: Python writes that to standard error where no logging
-is configured."""
+"""Logger that reports the compilation of kernels. Where no logging is configured, Python writes its
+messages to standard error."""

@@ -1,9 +1,9 @@
-"""Compiling all kernels before they are needed, in several processes.
+"""Compile all kernels before they are needed, in several processes.
 
-`python -m grasp3d._kernels.ahead` compiles those that are not compiled yet, and prints the folder
-of the package with their machine code; the build of the package runs it. Nothing else than NumPy,
-Numba and what this package imports has to be installed for it. With names of kernels it compiles
-these, in this process.
+`python -m grasp3d._kernels.ahead` compiles the kernels that are not compiled yet and prints the
+folder in the package that holds their machine code. The build of the package runs it. Only NumPy,
+Numba and what this package imports have to be installed. With names of kernels as arguments, it
+compiles those kernels in its own process.
 """
 
 import logging
@@ -28,22 +28,22 @@ from grasp3d.errors import OutputError
 from grasp3d.system.context import available_processors
 
 MOST_PROCESSES = 8
-"""Each takes some 450 MB, and compiles again what kernels have in common."""
+"""Each takes about 450 MB, and compiles its own copy of what several kernels call."""
 
 
 def warmup() -> None:
-    """Compile all kernels that are not compiled yet, so that nothing later waits for it.
+    """Compile all kernels that are not compiled yet, so that nothing waits for compilation later.
 
-    An installation brings them compiled for the processor and the version of Numba with which it is
-    made. Elsewhere kernels are compiled when they are first needed, once, on one processor; this
-    function, and runs over many meshes, compile all of them before, on several. A line about it
-    goes to the logger `grasp3d.compiling`: to standard error, where no logging is configured.
+    An installation includes kernels compiled for the processor and the version of Numba that built
+    it. Elsewhere each kernel is compiled once, on one processor, when it is first needed. This
+    function compiles all of them in advance, on several processors, as do runs over many meshes. It
+    logs one line to `grasp3d.compiling`, which goes to standard error if no logging is configured.
 
-    Machine code is read from three folders: that of the package, that which NUMBA_CACHE_DIR names,
-    and the user's cache. It is written to the first of them that can be written.
+    Machine code is read from three folders: that of the package, the one that NUMBA_CACHE_DIR
+    names, and the user's cache. It is written to the first of them that is writable.
 
     Raises:
-        OutputError: A process that compiles ended before it was done.
+        OutputError: A compiling process failed.
     """
     names = [name for name, (one, ways) in kernels().items() if not is_compiled(one, ways)]
     if names:
@@ -54,22 +54,22 @@ def warmup() -> None:
     try:
         for start in range(count):
             own = names[start::count]
-            # Then what others have left, from its end.
+            # Then the kernels left by other processes, last ones first.
             dealt = own + [name for name in reversed(names) if name not in own]
             words = [sys.executable, "-m", "grasp3d._kernels.ahead", *dealt]
             children.append(subprocess.Popen(words, env=environment))  # noqa: S603, Python
         for child in children:
             if child.wait():
                 raise OutputError("the kernels were not compiled: see the lines above")
-    finally:  # after an interruption or a failure; else all have ended
+    finally:  # stops them after an interruption or a failure; otherwise all have ended
         for child in children:
             child.kill()
             child.wait()
 
 
 def compile_named(names: Sequence[str]) -> None:
-    """Compile the kernels of such names that are not compiled meanwhile, without a word."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that began this one ends it
+    """Compile the named kernels that are still not compiled, without logging it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent process ends this one
     _kernels.compilations.setLevel(logging.ERROR)
     for one, ways in map(kernels().__getitem__, names):
         if not is_compiled(one, ways):
@@ -79,7 +79,7 @@ def compile_named(names: Sequence[str]) -> None:
 
 @cache
 def kernels() -> dict[str, tuple[Any, list[tuple[types.Type, ...]]]]:
-    """Kernels that Python calls, with the types of the arguments in every way that it does."""
+    """Kernels that Python calls, each with every combination of argument types used there."""
     names: dict[str, Any] = {}
     for module in pkgutil.walk_packages(_kernels.__path__, f"{_kernels.__name__}."):
         names |= vars(import_module(module.name))
@@ -91,7 +91,7 @@ def kernels() -> dict[str, tuple[Any, list[tuple[types.Type, ...]]]]:
 
 
 def _numba_types(annotation: Any) -> list[Any]:
-    """Types of an argument in every way that it is annotated."""
+    """Numba types of an argument, one for each member of an annotated union."""
     union = get_origin(annotation) in (Union, UnionType)
     return list(map(_numba_type, get_args(annotation) if union else [annotation]))
 
@@ -108,7 +108,7 @@ def _numba_type(annotation: Any) -> Any:
 
 
 def is_compiled(one: Any, ways: Sequence[tuple[types.Type, ...]]) -> bool:
-    """Whether one of the folders has machine code of a kernel for all types of arguments."""
+    """Whether one of the folders has machine code of a kernel for each combination of types."""
     one.targetctx.refresh()
     files, codegen = vars(one)["_cache"].files, one.targetctx.codegen()
     return all(any(file.exists() for file in files(way, codegen)) for way in ways)

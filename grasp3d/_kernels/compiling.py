@@ -1,15 +1,15 @@
-"""Compilation of kernels with Numba, and where their machine code is kept.
+"""Compile kernels with Numba, cache their machine code, and define the types of their arrays.
 
-**Parts** are functions that are compiled into the kernels that call them, and nothing else. Numba
-optimises each function that a kernel calls, generates its machine code and a wrapper for Python,
-and does so again for the caller, which contains it. For parts only the last of these is done: they
-are typed and lowered, and optimised within the kernel that Python calls.
+**Parts** are functions that are compiled only into the kernels that call them. For other functions
+Numba optimises the code, generates machine code and a wrapper for Python, and then repeats this for
+each caller, which contains the function. A part is only typed and lowered; it is optimised within
+the kernel that Python calls.
 
-Array types of the kernels, as annotations and as Numba compiles them.
+The array types serve both as annotations and as the types that Numba compiles for.
 
-The number at the end of a name is that of the dimensions; arrays are C-contiguous. Numba compiles a
-kernel separately for arrays that cannot be written, as those of a mesh and of contacts: their names
-begin with Fixed.
+The number at the end of a name is the number of dimensions; arrays are C-contiguous. Names that
+begin with Fixed stand for read-only arrays, such as those of a mesh and of contacts, for which
+Numba compiles a kernel separately.
 """
 
 import hashlib
@@ -41,7 +41,7 @@ from grasp3d.errors import OutputError
 from grasp3d.system.files import atomic_write
 
 SIGNATURES: dict[Any, str] = {}
-"""Kernels, and the types of their arguments as they are declared; empty: only kernels call it."""
+"""Kernels and the declared types of their arguments; empty if only kernels call them."""
 
 _config: Any = numba.config
 _HERE = Path(__file__).parent
@@ -50,8 +50,8 @@ MAX_AGE = 30 * 24 * 3600.0
 """Age at which the machine code of other versions of the sources is removed [s]."""
 
 _FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-"""Kernels run without the GIL and with IEEE semantics, so that a NaN reaches the caller. None is
-passed to another one, nor to C: a wrapper for that would only be compiled."""
+"""Kernels run without the GIL and with IEEE semantics, so that a NaN reaches the caller. They are
+never passed to another kernel or to C, and need no wrapper for that."""
 
 _SCRATCH: dict[str, Any] = {"_nrt": False}
 """Numba then rejects allocations and omits reference counting."""
@@ -59,10 +59,10 @@ _SCRATCH: dict[str, Any] = {"_nrt": False}
 
 @cache
 def code_folders() -> tuple[Path, ...]:
-    """Folders for machine code of these sources, in the order in which they are read and written.
+    """Folders for machine code of these sources, in the order in which they are tried.
 
-    The package's own comes first, to which an installation brings machine code; then that which
-    NUMBA_CACHE_DIR names, and the user's cache. What only compiles ahead is not among the sources.
+    The package's own folder comes first: an installation fills it. The one that NUMBA_CACHE_DIR
+    names and the user's cache follow. `ahead.py` only compiles ahead and is not among the sources.
     """
     digest = hashlib.sha256()
     for source in sorted({*_HERE.rglob("*.py")} - {_HERE / "ahead.py"}):
@@ -81,7 +81,7 @@ def _possible_roots() -> Iterator[Path]:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder for machine code, in place of those of other versions that are old."""
+    """Make a folder for machine code and remove old folders of other versions."""
     folder.mkdir(parents=True, exist_ok=True)
     for other in folder.parent.glob("grasp3d-kernels-*"):
         with suppress(OSError):  # another process may be removing it
@@ -90,12 +90,12 @@ def make_folder(folder: Path) -> None:
 
 
 class KernelCache(NullCache):
-    """A kernel's machine code: read where it is first found, written where it first can be.
+    """Machine code of a kernel, read where it is first found, written to the first writable folder.
 
     Numba's own cache would separate copies of the same sources, such as an installed package and
     its checkout, by their paths. It also detects a change only in a kernel's own file, so a caller
-    would keep the old machine code of kernels in other files; here each version of all sources has
-    a folder.
+    would keep the old machine code of kernels in other files. Here each version of the sources as a
+    whole has its own folder.
     """
 
     def __init__(self, function: Any) -> None:
@@ -103,11 +103,11 @@ class KernelCache(NullCache):
 
     @property
     def cache_path(self) -> str:
-        """The folder that is read first."""
+        """The folder that is tried first."""
         return str(code_folders()[0])
 
     def files(self, sig: Any, codegen: Any) -> list[Path]:
-        """Where the machine code for a signature may be."""
+        """Files that may hold the machine code for a signature."""
         code = self._function.__code__
         key = (sig, codegen.magic_tuple(), numba.__version__, sys.version, code.co_firstlineno)
         digest = hashlib.sha256(f"{self._function.__module__} {key}".encode() + code.co_code)
@@ -115,10 +115,10 @@ class KernelCache(NullCache):
         return [folder / name for folder in code_folders()]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Load machine code for a signature; None: there is none."""
+        """Load the machine code for a signature; return None if there is none."""
         target_context.refresh()
         for file in self.files(sig, target_context.codegen()):
-            # Whatever a damaged file raises, it is as if it were missing.
+            # A damaged file counts as missing, whatever it raises.
             with suppress(Exception):
                 parts = pickle.loads(file.read_bytes())  # noqa: S301, of this program
                 return CompileResult._rebuild(target_context, *parts)  # noqa: SLF001
@@ -126,7 +126,7 @@ class KernelCache(NullCache):
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Save machine code for a signature, if any folder can be written."""
+        """Save the machine code for a signature if any folder is writable."""
         content = dumps(data._reduce())  # noqa: SLF001
         for file in self.files(sig, data.codegen):
             with suppress(OSError, OutputError):
@@ -139,7 +139,7 @@ class KernelCache(NullCache):
 
 @cache
 def _report_unsaved() -> None:
-    """Say once that each process compiles again."""
+    """Report once that each process has to compile again."""
     compilations.warning(
         "grasp3d: compiled for this process only: no folder can be written (set NUMBA_CACHE_DIR)"
     )
@@ -147,7 +147,7 @@ def _report_unsaved() -> None:
 
 @cache
 def announce() -> None:
-    """Say once that kernels are going to be compiled."""
+    """Report once that kernels are about to be compiled."""
     compilations.warning("grasp3d: compiling, once for this processor and version of Numba")
 
 
@@ -157,11 +157,11 @@ def name_of(function: Any) -> str:
 
 
 def kernel(signature: str = "", **flags: Any) -> Callable[[Callable[..., object]], Any]:
-    """Compile with Numba and cache the machine code, unless that depends on another function's.
+    """Compile with Numba and cache the machine code, unless the function is a closure.
 
     Args:
-        signature: Types of the arguments with which Python calls the kernel, in a row, as they
-            would annotate them; with them it is compiled ahead. Empty: only kernels call it.
+        signature: Types of the arguments with which Python calls the kernel, separated by commas
+            and written as annotations; used to compile it ahead. Empty if only kernels call it.
         flags: Options of `numba.njit`.
     """
 
@@ -178,33 +178,33 @@ def kernel(signature: str = "", **flags: Any) -> Callable[[Callable[..., object]
 def scratch_kernel(signature: str = "") -> Callable[[Callable[..., object]], Any]:
     """Compile a kernel that works in the arrays it is given and allocates nothing.
 
-    Reference counting would cost more time than a small support function itself. It returns
-    numbers: an array that it returned to a kernel would be released there.
+    Reference counting would take longer than a small support function itself. Such a kernel
+    returns only numbers: its caller would release an array that it returned.
     """
     return kernel(signature, **_SCRATCH)
 
 
 def part(function: Callable[..., object], **flags: Any) -> Any:
-    """Compile a scratch kernel that only kernels call, into these."""
+    """Compile a scratch kernel into the kernels that call it; Python does not call it."""
     return _without_literals(part_for_constants(function, **flags))
 
 
 def part_for_constants(function: Callable[..., object], **flags: Any) -> Any:
-    """As `part`, compiled again for each constant in a call, where that pays in the run time."""
+    """Like `part`, but compiled separately for each constant argument, which saves run time."""
     if _config.DISABLE_JIT:
         return function
     return Part(function, {**_FLAGS, **_SCRATCH, **flags})
 
 
 def merged(function: Callable[..., object]) -> Any:
-    """Inline a part of a scratch kernel into the machine code of its callers (by LLVM)."""
+    """Compile a part that LLVM inlines into the machine code of its callers."""
     return part(function, forceinline=True)
 
 
 def _without_literals(compiling: Any) -> Any:
-    """Type a constant in a call like a variable.
+    """Treat a constant in a call like a variable.
 
-    Numba would compile a kernel again for every constant that other kernels pass to it.
+    Otherwise Numba would compile a kernel again for every constant that other kernels pass to it.
     """
     if not isinstance(compiling, Dispatcher):  # compilation is switched off
         return compiling
@@ -219,10 +219,10 @@ def _without_literals(compiling: Any) -> Any:
 
 
 class _PartLibrary(JITCodeLibrary):
-    """Code of a part for LLVM, to be linked into that of its callers."""
+    """LLVM code of a part, to be linked into the code of its callers."""
 
     def _optimize_final_module(self) -> None:
-        """Leave it to the callers."""
+        """Leave optimisation to the callers."""
 
     def _finalize_final_module(self) -> None:
         """Generate no machine code."""
@@ -230,13 +230,13 @@ class _PartLibrary(JITCodeLibrary):
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002, Numba's interface
-        """Address of the wrapper for Python, which does not exist."""
+        """Return 0: a part has no wrapper for Python."""
         self._ensure_finalized()
         return 0
 
     @property
     def codegen(self) -> "_PartLibrary":
-        """Where Numba sets the addresses of Python objects that machine code uses."""
+        """The object on which Numba sets the addresses of Python objects used by machine code."""
         return self
 
     def set_env(self, env_name: str, env: object) -> None:
@@ -244,7 +244,7 @@ class _PartLibrary(JITCodeLibrary):
 
 
 class _PartCompiler(Compiler):
-    """Numba's compiler, but for its library."""
+    """Numba's compiler with the library of a part."""
 
     def compile_extra(self, func: Callable[..., object]) -> Any:
         self.state.library = _PartLibrary(self.state.targetctx.codegen(), func.__qualname__)
@@ -253,7 +253,7 @@ class _PartCompiler(Compiler):
 
 
 class Part(CPUDispatcher):
-    """A function that kernels call; where Python calls it, as in tests, a kernel itself."""
+    """A function that kernels call; when called from Python, as in tests, it runs as a kernel."""
 
     def __init__(self, function: Callable[..., object], flags: dict[str, Any]) -> None:
         options = {"nopython": True, "boundscheck": None, "no_cpython_wrapper": True, **flags}
@@ -261,7 +261,7 @@ class Part(CPUDispatcher):
 
     @cached_property
     def kernel(self) -> Any:
-        """The same function with machine code of its own."""
+        """The same function, compiled on its own."""
         return scratch_kernel()(self.py_func)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Libraries of meshes: labelled by many processes, stored in chunks, read again."""
+"""Libraries of meshes: labelled by many processes, stored in chunks, and read again."""
 
 from lazy_loader import attach_stub
 

@@ -18,23 +18,23 @@ OF_TABLES = {
     "scale": "mesh", "unit": "mesh", "max_edge": "mesh", "repair": "mesh", "center_of_mass": "mesh",
     "friction": "model", "hand": "reach", "table": "reach", "up": "reach", "mass": "load",
 }  # fmt: skip
-"""Settings that a table of meshes may state for each of them, and which settings they are of."""
+"""Settings that a table of meshes may state for each mesh, and the group of each setting."""
 
 
 @dataclass(frozen=True)
 class BatchSettings:
     """Settings with which all meshes are labelled, or for which they are checked.
 
-    Each may also be a dict of fields, and the load a mass, '0.5kg'.
+    Each group of settings may also be a dict of fields, and the load a mass, '0.5kg'.
 
     Attributes:
-        sampling: How grasps are searched for.
+        sampling: Settings of the search for grasps.
         reach: The gripper that must reach each grasp, and the table.
         load: What each grasp must hold, and with which force; None: nothing.
-        more_hands: Further hands; each mesh is labelled for that of `reach` and for every one of
+        more_hands: Further hands; each mesh is labelled for the hand of `reach` and for each of
             these. Rows and files are named after hand and mesh, 'franka/mug.stl'.
         best: Number of best distinct grasps that the row of each mesh keeps; 0: none, and no
-            verdict, for which the jaws close on hundreds of poses.
+            verdict, for which the jaws close at hundreds of poses.
     """
 
     model: GraspModel = field(default_factory=GraspModel)
@@ -75,13 +75,13 @@ class BatchSettings:
         return tuple(filter(None, (self.reach.hand, *self.more_hands)))
 
     def of_mesh(self, own: Mapping[str, Any]) -> "BatchSettings":
-        """The settings of one mesh.
+        """Return the settings of one mesh.
 
         Args:
-            own: What is stated of it alone, by the names of `OF_TABLES`.
+            own: Settings stated for this mesh alone, by the names in `OF_TABLES`.
 
         Raises:
-            SettingError: A value is not valid, or not with the other settings.
+            SettingError: A value is invalid, or contradicts the other settings.
         """
         changed = {name: getattr(self, name) for name in {OF_TABLES[key] for key in own}}
         for name, settings in changed.items():

@@ -1,8 +1,8 @@
-"""Labels of a library on disk: files of rows, each written once and whole.
+"""Labels of a library on disk: files of rows, each written once and as a whole.
 
 A chunk is `labels/NAME.parquet`, with a row for each of its meshes, and `surfaces/NAME.tar` with
-their labelled surfaces, unless these are files of their own. What is in a chunk is done. Of two
-rows of a mesh, as a run that is killed may leave them, the one that was written later holds.
+their labelled surfaces, unless these have their own files. A mesh with a row in a chunk is done. If
+a mesh has two rows, which a killed run may leave, the one written later counts.
 """
 
 import io
@@ -37,20 +37,20 @@ if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels
 
 NAME = r"(all|\d+of\d+)-\d{5,}\.parquet"
-"""Names of chunks, as a regular expression."""
+"""Regular expression for the names of chunks."""
 
 SECONDS = 60.0
-"""Time after which rows are written, however few [s]."""
+"""Time after which waiting rows are written, even if they are few [s]."""
 
 MOST_BYTES = 100e6
-"""Size of the surfaces at which they are written, however few."""
+"""Total size of waiting surfaces at which they are written, even if they are few [bytes]."""
 
 VERTICES = {"label": pa.int8(), "critical_angle": pa.float32(), "margin": pa.float32()}
-"""Columns of each vertex of a surface, lists in the columns `vertex_NAME`, and their types."""
+"""Values at each vertex of a surface, stored as lists in the columns `vertex_NAME`; and types."""
 
 
 class DamagedError(OutputError):
-    """A file of results that cannot be read."""
+    """Error of a file of results that is damaged."""
 
     def __init__(self, path: UPath, reason: str) -> None:
         self.path, self.is_chunk = path, bool(re.fullmatch(NAME, path.name))
@@ -67,28 +67,28 @@ class DamagedError(OutputError):
 
 @dataclass(frozen=True)
 class LabelledMesh:
-    """All that is stored of one mesh."""
+    """All data that are stored for one mesh."""
 
     row: Row
     vertices: Mapping[str, "Array"]
-    """By the names of `VERTICES`, shape (V,) each; empty: the mesh was not labelled."""
+    """Values by the names in `VERTICES`, shape (V,) each; empty: the mesh was not labelled."""
     files: Mapping[str, bytes]
-    """Contents of its files in the report, by path below the output folder."""
+    """Contents of the mesh's files in the report, by path below the output folder."""
     surface: bytes = b""
-    """Its labelled surface, a PLY of its own or an NPZ for the .tar of the chunk; empty: none."""
+    """The labelled surface as a PLY, or as an NPZ for the chunk's .tar; empty: it is not stored."""
 
 
 class ChunkWriter:
-    """Collects labelled meshes and writes them, a chunk when there are enough."""
+    """Writer that collects labelled meshes, and writes a chunk when there are enough."""
 
     def __init__(self, folder: UPath, prefix: str, head: Mapping[str, Any], most: int) -> None:
-        """Write nothing yet.
+        """Prepare the writer; nothing is written yet.
 
         Args:
             folder: Folder of the results.
-            prefix: Beginning of the names of chunks; no other run has the same at the same time.
-            head: What the chunks have in common, for their metadata.
-            most: Rows of a chunk, at most.
+            prefix: Beginning of the chunks' names; no other run may use it at the same time.
+            head: Metadata that all chunks share.
+            most: Largest number of rows in a chunk.
         """
         self._folder, self._prefix, self._head, self._most = folder, prefix, head, most
         paths = _found(folder, f"labels/{prefix}-*.parquet")
@@ -99,14 +99,14 @@ class ChunkWriter:
 
     @property
     def waits(self) -> bool:
-        """Whether meshes wait to be written."""
+        """Whether meshes are waiting to be written."""
         return bool(self._waiting)
 
     def add(self, done: LabelledMesh) -> None:
         """Store a labelled mesh; its row is written a little later.
 
         Raises:
-            OutputError: It cannot be written.
+            OutputError: The mesh cannot be written.
         """
         files = dict(done.files)
         if done.row.surface.endswith(".ply"):
@@ -123,10 +123,10 @@ class ChunkWriter:
             self.write()
 
     def write(self) -> None:
-        """Write the meshes that wait; without any an empty chunk.
+        """Write the waiting meshes; if there are none, write an empty chunk.
 
         Raises:
-            OutputError: They cannot be written.
+            OutputError: The meshes cannot be written.
         """
         meshes = sorted(self._waiting, key=lambda one: one.row.mesh)
         surfaces = [(one.row.surface, one.surface) for one in meshes if one.surface]
@@ -134,10 +134,10 @@ class ChunkWriter:
         self._waiting, self._bytes = [], 0
 
     def merge(self) -> None:
-        """Join small chunks of these names, and remove rows that hold no more.
+        """Join small chunks with this prefix, and remove superseded rows.
 
         Raises:
-            OutputError: They cannot be written.
+            OutputError: The chunks cannot be written.
         """
         library = current(self._folder)
         own = [one for one in library.chunks if one.path.stem.startswith(f"{self._prefix}-")]
@@ -167,7 +167,7 @@ class ChunkWriter:
                     tar.unlink()
 
     def _join(self, chunks: Sequence["Chunk"], last: Mapping[str, str]) -> None:
-        """Write the rows of several chunks as one, without those that hold no more."""
+        """Write the rows of several chunks as one, without superseded rows."""
         tables = []
         for chunk in chunks:
             table = chunk.read(None)
@@ -191,7 +191,7 @@ class ChunkWriter:
         surfaces: Iterable[tuple[str, bytes]] | None,
         written: int | None = None,
     ) -> None:
-        """Write a chunk: its surfaces first, since what is in its table is done."""
+        """Write a chunk: surfaces first, since a row in the table means that its mesh is done."""
         self._number += 1
         name = f"{self._prefix}-{self._number:05d}"
         if surfaces is not None:
@@ -213,7 +213,7 @@ def _found(folder: UPath, pattern: str) -> list[UPath]:
 
 
 def _table(meshes: Sequence[LabelledMesh]) -> pa.Table:
-    """The rows of meshes, with the values of their vertices."""
+    """Return the rows of meshes, with the values at their vertices."""
     table = table_of_records([one.row for one in meshes], Row, {})
     for name, kind in VERTICES.items():
         lists = [one.vertices.get(name) for one in meshes]
@@ -222,9 +222,9 @@ def _table(meshes: Sequence[LabelledMesh]) -> pa.Table:
 
 
 def _described(schema: pa.Schema) -> pa.Schema:
-    """A schema whose columns say what they mean, and in which unit; `unit` is that of the row.
+    """Return a schema whose columns state their meaning and unit; `unit` means that of the row.
 
-    Fractions have none: people read them in per cent.
+    Fractions have no unit: only the report shows them in per cent.
     """
     said = {name: (one.meaning, one.unit.replace("%", "")) for name, one in COLUMNS.items()}
     of_vertices = {"label": "", "critical_angle": "rad", "margin": "rad"}
@@ -238,19 +238,19 @@ def _described(schema: pa.Schema) -> pa.Schema:
 
 @dataclass(frozen=True)
 class Chunk:
-    """A chunk that is on disk."""
+    """A chunk on disk."""
 
     path: UPath
     head: Mapping[str, Any]
-    """What it says of itself: version, settings, when it was written."""
+    """Metadata of the chunk: version, settings, and time of writing."""
     rows: int
 
     @classmethod
     def at(cls, path: UPath) -> "Chunk":
-        """Read what a chunk says of itself.
+        """Read the metadata of a chunk.
 
         Raises:
-            OutputError: It is damaged, or was not written by grasp3d, or by a newer version.
+            OutputError: The chunk is damaged, or is not from this or an older version of grasp3d.
         """
         with _undamaged(path), path.open("rb") as file:
             parquet = pq.ParquetFile(file)
@@ -262,36 +262,36 @@ class Chunk:
 
     @property
     def tar(self) -> UPath:
-        """File of its surfaces, if there is one."""
+        """File with the surfaces of the chunk, which may not exist."""
         return self.path.parent.parent / "surfaces" / f"{self.path.stem}.tar"
 
     def read(self, columns: Collection[str] | None) -> pa.Table:
-        """Read columns, those of them that it has; none: all.
+        """Read the given columns, if they exist, or all columns if None.
 
         Raises:
-            OutputError: It is damaged.
+            OutputError: The chunk is damaged.
         """
         with _undamaged(self.path), self.path.open("rb") as file:
             parquet = pq.ParquetFile(file, page_checksum_verification=True)
             there = parquet.schema_arrow.names
             wanted = None if columns is None else [one for one in columns if one in there]
-            # Arrow's threads would release parts of a Python file when the interpreter has ended,
+            # Arrow's threads would release parts of a Python file after the interpreter has ended,
             # which aborts the process.
             return parquet.read(wanted, use_threads=False)
 
     @cached_property
     def members(self) -> dict[str, tuple[int, int]]:
-        """Position and size of each surface in the file of them [bytes], by name."""
+        """Position and size of each surface in the .tar file [bytes], by name."""
         if not self.tar.exists():
             return {}
         with _undamaged(self.tar), self.tar.open("rb") as file, tarfile.open(fileobj=file) as tar:
             return {one.name: (one.offset_data, one.size) for one in tar}
 
     def surfaces(self, names: Collection[str]) -> Iterator[tuple[str, bytes]]:
-        """Names and contents of surfaces, those of them that there are.
+        """Yield names and contents of the given surfaces, if they exist.
 
         Raises:
-            OutputError: Their file is damaged.
+            OutputError: The .tar file is damaged.
         """
         if there := [name for name in names if name in self.members]:
             with _undamaged(self.tar), self.tar.open("rb") as file:
@@ -303,9 +303,9 @@ class Chunk:
 
 @contextmanager
 def _undamaged(path: UPath) -> Iterator[None]:
-    """Raise a DamagedError for what is wrong with a file, an OutputError for what is with its disk.
+    """Raise a DamagedError for a bad file, and an OutputError for a fault of its disk.
 
-    Arrow raises an OSError without a number for the former; a batch removes damaged files.
+    Arrow reports bad files by an OSError without a number; a batch removes damaged files.
     """
     damage = pa.ArrowException, tarfile.TarError, ValueError, TypeError, LookupError
     with converted(path, OutputError, "read"):
@@ -320,21 +320,21 @@ def _undamaged(path: UPath) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Library:
-    """A library of labelled meshes, as `label_library` has written it."""
+    """A library of labelled meshes, as written by `label_library`."""
 
     folder: UPath
     chunks: tuple[Chunk, ...]
     only: frozenset[str] | None = None
-    """Names of the meshes that it is restricted to; none: all."""
+    """Names of the meshes to which it is restricted; None: all meshes."""
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The settings with which all its meshes were labelled."""
+        """The settings with which all meshes were labelled."""
         return dict(self.chunks[-1].head["settings"])
 
     @cached_property
     def meshes(self) -> dict[str, tuple[int, int]]:
-        """Number of the chunk of each mesh and of the row in it, by its name, in their order."""
+        """Number of each mesh's chunk, and of its row in the chunk, sorted by name of the mesh."""
         found = {
             name: (number, row)
             for number, chunk in enumerate(self.chunks)
@@ -344,7 +344,7 @@ class Library:
         return {name: found[name] for name in sorted(found) if name in only}
 
     def table(self, columns: Iterable[str] | None = None) -> pa.Table:
-        """The rows as a table, a row per mesh in the order of their names.
+        """Return the rows as a table, sorted by the names of the meshes.
 
         Args:
             columns: Names of the columns; None: all but those of vertices (`vertex_label`,
@@ -359,7 +359,7 @@ class Library:
         except DamagedError as error:
             if error.path.exists():
                 raise
-            return replace(current(self.folder), only=self.only).table(names)  # joined since
+            return replace(current(self.folder), only=self.only).table(names)  # chunks were joined
         table = pa.concat_tables(tables, promote_options="permissive")
         if missing := [name for name in names if name not in table.column_names]:
             raise OutputError(f"{printable(str(self.folder))}: has no column {missing[0]}")
@@ -370,10 +370,10 @@ class Library:
         return table.take(pa.array(rows, pa.int64())).select(names)
 
     def rows(self, columns: Iterable[str] | None = None) -> list[Row]:
-        """The rows as records, in the order of the meshes' names.
+        """Return the rows as records, sorted by the names of the meshes.
 
         Args:
-            columns: Names of the columns that are read, others have their defaults; None: all.
+            columns: Names of the columns to read; others get their defaults. None: all.
 
         Raises:
             OutputError: A file is damaged.
@@ -381,16 +381,16 @@ class Library:
         return records_of_table(self.table(columns), Row)
 
     def labels(self, mesh: str, *, unit: Unit | None = None) -> "SurfaceLabels":
-        """The labelled surface of a mesh, with its grasps and settings.
+        """Return the labelled surface of a mesh, with its grasps and settings.
 
         Args:
             mesh: Name of the mesh.
-            unit: Unit of the mesh, for files that state none.
+            unit: Unit of the mesh, for files that do not state one.
 
         Raises:
             MeshError: There is no such mesh, or its surface is not stored.
         """
-        from grasp3d.formats import read_labels  # rows are read without it
+        from grasp3d.formats import read_labels  # not needed for rows
 
         where = printable(f"{self.folder}: {mesh}")
         if mesh not in self.meshes:
@@ -413,7 +413,7 @@ class Library:
 
 
 def current(folder: UPath) -> Library:
-    """What is in a folder of labels; the chunk that was written last is at the end.
+    """Return the library in a folder of labels; the chunk that was written last is at the end.
 
     Raises:
         OutputError: A chunk is damaged, or was written by a newer version.
@@ -425,7 +425,7 @@ def current(folder: UPath) -> Library:
     except DamagedError as error:
         if error.path in _found(folder, "labels/*.parquet"):
             raise
-        return current(folder)  # another part of the run has just joined it with others
+        return current(folder)  # another part of the run has just joined the chunk with others
     return library
 
 
@@ -436,7 +436,7 @@ def open_library(folder: str | Path) -> Library:
         folder: Folder of the results of `label_library` or `grasp3d batch`, or its address.
 
     Raises:
-        OutputError: It has no labels, or they are damaged, or of a newer version.
+        OutputError: The folder has no labels, or they are damaged or from a newer version.
 
     Example:
         >>> import grasp3d

@@ -22,11 +22,11 @@ from grasp3d.system.tables import SUFFIXES as TABLES
 from grasp3d.system.tables import read_columns
 
 RESULT = "_labeled.ply"
-"""Suffix of results of `grasp3d label`, which are not inputs."""
+"""End of the names of results of `grasp3d label`, which are not inputs."""
 
 STAMPS = ("ETag", "etag", "md5Hash", "content_md5", "LastModified", "last_modified", "mtime",
           "updated", "modified", "created")  # fmt: skip
-"""Names of metadata that change when a file changes, in order of preference."""
+"""Keys of metadata that change when a file changes, in order of preference."""
 
 _MAGIC = re.compile(r"[*?\[]")
 
@@ -36,39 +36,39 @@ class MeshFile:
     """One input mesh."""
 
     name: str
-    """Path below the input folder, or below the folder of the table; for a file given directly, its
-    file name. Names are unique: where they would be equal, meshes are named by their source."""
+    """Path below the input folder, or below the folder of the table, or the name of a file given
+    directly. Names are unique: where they would be equal, meshes are named by their source."""
     source: str
     """Path or address of the file, as given."""
     size: int = 0
-    """Bytes."""
+    """Size of the file [bytes]."""
     stamp: str = ""
-    """Changes when the file changes; empty: unknown, as for a .gltf, whose data are in other
-    files."""
+    """Text that changes when the file changes; empty: unknown, as for a .gltf, whose data are in
+    other files."""
     own: Mapping[str, Any] = field(default_factory=dict)
     """Settings of this mesh alone, from its row of a table, by name."""
 
 
 def find_meshes(inputs: Iterable[str], *, results: str | None = None) -> list[MeshFile]:
-    """List the input meshes, each once.
+    """List the input meshes, each only once.
 
     An input is a mesh file, a folder that is searched recursively, a pattern for files such as
-    `lib/**/*.stl`, a table (.csv or .parquet) with a row per mesh, or the address of one of these
+    `lib/**/*.stl`, a table (.csv or .parquet) with a row per mesh, or the address of one of these,
     such as s3://bucket/lib. A table has a column `path`, relative to its folder, and may have
-    `name` and the columns of `OF_TABLES`. An existing file whose name looks like a pattern is that
-    file. In folders and patterns hidden files, results of `grasp3d label`, and folders of labels
-    are left out.
+    `name` and the columns in `OF_TABLES`. If a file exists whose name looks like a pattern, the
+    input is that file. Folders and patterns leave out hidden files, results of `grasp3d label`, and
+    folders of labels.
 
     Args:
         inputs: Paths and addresses.
-        results: Folder for results, left out where it is below a folder that is searched.
+        results: Folder of the results; it is left out of searched folders.
 
     Returns:
-        In alphabetical order of the names.
+        The meshes, sorted by name.
 
     Raises:
-        MeshError: An input is missing or cannot be opened, there is no mesh among them, or a row of
-            a table is wrong.
+        MeshError: An input is missing or cannot be opened, the inputs have no mesh, or a row of a
+            table is invalid.
     """
     inputs = list(inputs)
     found: dict[object, MeshFile] = {}
@@ -93,7 +93,7 @@ def find_meshes(inputs: Iterable[str], *, results: str | None = None) -> list[Me
 
 
 def _of_place(item: str, results: str | None) -> Iterator[tuple[str, MeshFile]]:
-    """Meshes at a path, an address, or of a pattern, each with its real path."""
+    """Yield the meshes at a path or address, or of a pattern, each after its real path."""
     where = place(item)
     with converted(item, MeshError, "opened"):
         exists, is_folder = where.exists(), where.is_dir()
@@ -133,7 +133,7 @@ def _of_place(item: str, results: str | None) -> Iterator[tuple[str, MeshFile]]:
 
 
 def _fixed(where: UPath) -> tuple[UPath, str]:
-    """The folder before the first part of a pattern, and the pattern below it."""
+    """Return the folder before the first part with a wildcard, and the pattern below it."""
     parts = [*where.parts]
     first = next(number for number, part in enumerate(parts) if _MAGIC.search(part))
     folder = where
@@ -143,14 +143,14 @@ def _fixed(where: UPath) -> tuple[UPath, str]:
 
 
 def _real(where: UPath) -> str:
-    """Path in its file system, links resolved, equal for all ways to one folder or file."""
+    """Return a path in its file system with links resolved, unique for each folder or file."""
     if isinstance(where, Path):
         return os.path.realpath(where).replace(os.sep, "/")
     return str(where.path).rstrip("/")
 
 
 def _is_result(root: str, name: str, own: str, has_labels: Callable[[str], bool]) -> bool:
-    """Whether a file below a folder is in that of the results, or among others of a batch."""
+    """Whether a file below a folder is among the results of this or of another batch."""
     path = root
     for part in name.split("/"):
         if part in {"surfaces", "report"} and has_labels(path):
@@ -162,9 +162,9 @@ def _is_result(root: str, name: str, own: str, has_labels: Callable[[str], bool]
 
 
 def _found(source: str, name: str, info: Mapping[str, Any]) -> tuple[str, MeshFile]:
-    """A mesh, from the entry of its file in a listing, after its real path."""
+    """Return a mesh from the entry of its file in a listing, after its real path."""
     size, path = int(info.get("size") or 0), str(info["name"])
-    if "ino" in info:  # a local file, whose ctime changes even if a copy keeps its mtime
+    if "ino" in info:  # a local file; its ctime changes even if a copy keeps the mtime
         stamp = f"{size}-{info['mtime']}-{info['created']}"
     else:
         state = next((info[key] for key in STAMPS if info.get(key)), "")
@@ -176,7 +176,7 @@ def _found(source: str, name: str, info: Mapping[str, Any]) -> tuple[str, MeshFi
 
 
 def _of_table(item: str) -> Iterator[tuple[str, MeshFile]]:
-    """Meshes of a table, whose files need not exist: those that are missing fail singly."""
+    """Yield the meshes of a table; missing files are not an error here, but fail one by one."""
     with local_copy(item) as path:
         try:
             columns = read_columns(path)
@@ -213,13 +213,13 @@ def _of_table(item: str) -> Iterator[tuple[str, MeshFile]]:
 
 @contextmanager
 def local_copy(source: str) -> Iterator[Path]:
-    """Yield a local path of a mesh file; the copy of a remote one is deleted at the end.
+    """Yield a local path of a mesh file; a copy of a remote file is deleted at the end.
 
-    The side files of a glTF in its folder or below are copied too. In the message of a `GraspError`
-    that is raised inside the context, the path of the copy is replaced by the source.
+    The side files of a glTF in its folder or below are copied, too. The message of a `GraspError`
+    from inside the context names the source instead of the copy.
 
     Raises:
-        MeshError: It is missing, or cannot be downloaded.
+        MeshError: The file is missing, or cannot be downloaded.
     """
     where = place(source)
     if isinstance(where, Path):
@@ -237,7 +237,7 @@ def local_copy(source: str) -> Iterator[Path]:
                 if target == copy or not target.resolve().is_relative_to(copy.parent.resolve()):
                     continue
                 target.parent.mkdir(parents=True, exist_ok=True)
-                with suppress(FileNotFoundError):  # it is reported when the glTF is read
+                with suppress(FileNotFoundError):  # reported when the glTF is read
                     where.fs.get_file(f"{where.parent.path}/{name}", str(target))
         try:
             yield copy

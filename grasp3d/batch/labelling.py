@@ -1,6 +1,6 @@
-"""Labelling one mesh of a batch, for each hand: a pure function of the file and the settings.
+"""Labelling of one mesh of a batch, for each hand: a pure function of file and settings.
 
-The content of the mesh, the settings and the version of the method identify a result.
+A result is identified by the content of the mesh, the settings and the version of the method.
 """
 
 import hashlib
@@ -37,11 +37,11 @@ if TYPE_CHECKING:
 
 
 METHOD = 8
-"""Version of the method; to be increased when labels or the row of the same mesh change."""
+"""Version of the method; increase it when labels or rows of an unchanged mesh change."""
 
 
 def content_hash(path: Path) -> str:
-    """SHA-256 of a mesh file, and of the files with the data of a glTF.
+    """SHA-256 of a mesh file, and of the data files of a glTF.
 
     Args:
         path: Local file.
@@ -61,12 +61,12 @@ def content_hash(path: Path) -> str:
 
 
 def mesh_key(content: str, settings: BatchSettings, own: Mapping[str, Any]) -> str:
-    """SHA-256 of all that determines the results of a mesh; where it differs, label again.
+    """SHA-256 of everything that determines a mesh's results; if it differs, label again.
 
     Args:
-        content: From `content_hash`.
+        content: Hash from `content_hash`.
         settings: Settings of the labels of all meshes.
-        own: Those of this mesh alone, as a table states them.
+        own: Settings of this mesh alone, as stated in a table.
     """
     mine = json.dumps(_canonical({name: plain(one) for name, one in own.items()}), sort_keys=True)
     return hashlib.sha256(
@@ -81,9 +81,9 @@ def settings_key(settings: BatchSettings) -> str:
 
 
 def settings_text(settings: BatchSettings) -> str:
-    """Settings as canonical JSON: sorted, whole numbers without a decimal point, inf as null."""
+    """Return settings as canonical JSON: sorted, whole numbers without decimals, inf as null."""
     values = plain_values(settings)
-    values["reach"]["gripper"] = values["reach"].pop("hand")  # the name that it has in files
+    values["reach"]["gripper"] = values["reach"].pop("hand")  # the name in files
     return json.dumps(_canonical(values), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
@@ -105,30 +105,30 @@ def _digest(path: Path) -> str:
 
 
 def _side_digest(path: Path, name: str) -> str:
-    """Digest of a side file; a file that is missing or outside the folder is not read."""
+    """Digest of a side file; files that are missing or outside the folder are not read."""
     folder = path.parent.resolve()
     side = (folder / name).resolve()
     return _digest(side) if side.is_relative_to(folder) and side.is_file() else "missing"
 
 
 KEPT = 16
-"""Results that a process keeps: files with the same content are labelled once."""
+"""Number of results that a process keeps: files with the same content are labelled once."""
 
 
 NUMBERS = ("score", "critical_angle", "max_resolution", "epsilon", "opening")
-"""Numbers of a grasp that are known of all."""
+"""Numbers that are known for every grasp."""
 
 
 @dataclass(frozen=True)
 class JobSettings:
-    """What all jobs of a run have in common."""
+    """Settings that all jobs of a run share."""
 
     labels: BatchSettings
     surfaces: Surfaces
     has_pages: bool
     """Whether each mesh gets pictures, and a page of its own in the report."""
     force: bool
-    """Whether lengths are accepted that cannot be meant for an object of a mesh's size."""
+    """Whether lengths are accepted that are implausible for an object of a mesh's size."""
 
 
 @dataclass(frozen=True)
@@ -137,26 +137,26 @@ class Job:
 
     mesh: MeshFile
     path: str
-    """Path of its results without their suffix, below their folders."""
+    """Path of the results without suffix, below their folders."""
     surface: str
-    """Name of its surface, as its row has it; empty: none is stored."""
+    """Name of the surface, as stated in its row; empty: it is not stored."""
 
 
 Prepared: TypeAlias = "dict[MeshOptions, ObjectMesh]"
-"""A mesh as it was prepared with each options."""
+"""A mesh, prepared with each of several options."""
 
 _finished: dict[tuple[str, Surfaces], LabelledMesh] = {}
 
 
 def label_jobs(jobs: Sequence[Job], settings: JobSettings) -> list[LabelledMesh]:
-    """Label one mesh, once for each job; it is read and prepared once.
+    """Label one mesh once for each job; the mesh is read and prepared once.
 
     Args:
-        jobs: The mesh, with settings of its own that may differ.
+        jobs: Jobs for one mesh, whose own settings may differ.
         settings: Settings of the labels and of the results.
 
     Returns:
-        All that is stored of each; where a mesh cannot be labelled a row with the reason in
+        The data to store for each job; if a mesh cannot be labelled, a row with the reason in
         `error`.
     """
     prepared: Prepared = {}
@@ -171,7 +171,7 @@ def _label(job: Job, settings: JobSettings, prepared: Prepared) -> LabelledMesh:
     try:
         with local_copy(mesh.source) as path:
             content = content_hash(path)
-            # The stamp of a file does not change when its side files do.
+            # The stamp of a file does not change when its side files change.
             stamp = "" if side_names(path) else row.stamp
             row = replace(
                 row, content=content, stamp=stamp,
@@ -179,7 +179,7 @@ def _label(job: Job, settings: JobSettings, prepared: Prepared) -> LabelledMesh:
             )  # fmt: skip
             done = _labelled(path, job, settings, row, prepared)
     except GraspError as error:
-        # Some pass by themselves; warnings are no errors for another run, which may not be strict.
+        # Some errors disappear by themselves; warnings are errors only in strict runs.
         lost = isinstance(error, OutputError | FileUnreadError)
         row = replace(
             row, outcome=Outcome.LOST if lost else Outcome.REFUSED, error=str(error), surface="",
@@ -190,11 +190,11 @@ def _label(job: Job, settings: JobSettings, prepared: Prepared) -> LabelledMesh:
 
 
 def lost_job(job: Job, reason: str) -> LabelledMesh:
-    """What is stored of a mesh whose process failed.
+    """Return the data to store for a mesh whose process failed.
 
     Args:
         job: The mesh.
-        reason: What ended the process.
+        reason: Reason why the process ended.
     """
     mesh, error = job.mesh, f"{job.mesh.source}: {reason}"
     row = Row(mesh.name, mesh.source, Outcome.LOST, error, bytes=mesh.size)
@@ -225,7 +225,7 @@ def _labelled(
 def _computed(
     path: Path, job: Job, settings: JobSettings, row: Row, prepared: Prepared
 ) -> LabelledMesh:
-    # Imported here: planning and reading rows need neither ray tracing nor the compiler.
+    # Imported here, as planning and reading rows need neither ray tracing nor the compiler.
     from grasp3d.formats import write_npz, write_ply
     from grasp3d.surface.labelling import Labelling
 
@@ -269,7 +269,7 @@ def _computed(
 
 
 def _best_of(labels: "SurfaceLabels", count: int) -> "GraspTable | JawGrasps | None":
-    """Best distinct grasps of a surface; None: there are none, or none are asked for."""
+    """Best distinct grasps of a surface; None if there are none, or none are asked for."""
     from grasp3d.grasps.best import best_grasps, has_poses
     from grasp3d.surface.vertex_fields import Reason
 
@@ -279,7 +279,7 @@ def _best_of(labels: "SurfaceLabels", count: int) -> "GraspTable | JawGrasps | N
 
 
 def _best_rows(best: "GraspTable | JawGrasps | None") -> tuple[BestGrasp, ...]:
-    """The best distinct grasps as they are stored in the row of a surface."""
+    """Return the best distinct grasps as the row of a surface stores them."""
     if best is None:
         return ()
     names = [label.name for label in sorted(Label)]
@@ -306,7 +306,7 @@ def _finite(number: Any) -> float | None:
 
 
 def _further_values(best: "GraspTable | JawGrasps") -> dict[str, Floats]:
-    """How far the approach may turn, and what is held: by name in `BestGrasp`, shape (k,) each."""
+    """Return approach margins and loads by their names in `BestGrasp`, shape (k,) each."""
     from grasp3d.describe.verdict import needed_force
 
     values = {"approach_margin": getattr(best, "approach_margin", None)}

@@ -1,4 +1,4 @@
-"""Labelling a library of meshes: planned, labelled by many processes, stored, reported."""
+"""Labelling of a library of meshes: plan, labels from many processes, results, report."""
 
 import json
 import logging
@@ -50,43 +50,43 @@ except ImportError:  # Windows
 logger = logging.getLogger(__name__)
 
 MOST_PAGES = 1000
-"""Meshes up to which each of them has pictures, a page of its own in the report, and a PLY."""
+"""Largest number of meshes for which each mesh has pictures, a report page and a PLY."""
 
 MOST_ROWS = {False: 64, True: 500}
-"""Rows of a chunk, of few meshes and of more than `MOST_PAGES`."""
+"""Largest number of rows in a chunk, for up to `MOST_PAGES` meshes and for more."""
 
 BYTES_PER_MESH = 100_000
-"""Bytes added to the size of each file: the work for a mesh is estimated by the bytes of its
+"""Bytes added to the size of each file, as the work for a mesh is estimated from the size of its
 file."""
 
 STORED = ("labels", "surfaces", "report")
 """Folders of results."""
 
 UNFINISHED = 86400.0
-"""Age of unfinished files that no run can still be writing [s]."""
+"""Age beyond which no run can still be writing an unfinished file [s]."""
 
 KNOWN = ("mesh", "source", "outcome", "stamp", "content", "key", "warnings")
-"""Columns by which it is known what is done."""
+"""Columns that show which meshes are done."""
 
 
 @dataclass(frozen=True)
 class BatchProgress:
-    """Progress of a batch, reported at its beginning and whenever a mesh is finished."""
+    """Progress of a batch, reported at the start and whenever a mesh is finished."""
 
     finished: int
-    """Meshes that an earlier batch had finished."""
+    """Number of meshes that an earlier batch had finished."""
     labelled: int
     failed: int
-    """Refused or lost."""
+    """Number of meshes that were refused or lost."""
     left: int
-    """Meshes without a row yet, including the running ones."""
+    """Number of meshes without a row yet, including those in progress."""
     fraction: float
-    """Fraction of the work that is done, estimated by the size of the files, from 0 to 1."""
+    """Finished fraction of the work, estimated from file sizes, from 0 to 1."""
     row: Row | None = None
     """Row of the mesh that has just finished."""
 
     def with_row(self, row: Row, fraction: float) -> "BatchProgress":
-        """The progress when a mesh has got a row, and that much more of the work is done."""
+        """Return the progress after one more row, with the work increased by a fraction."""
         labelled = row.outcome is Outcome.LABELLED
         return replace(
             self, labelled=self.labelled + labelled, failed=self.failed + (not labelled),
@@ -98,7 +98,7 @@ ProgressCallback = Callable[[BatchProgress], None]
 
 
 def ignore_progress(progress: BatchProgress) -> None:
-    """Do nothing with the progress of a batch."""
+    """Ignore the progress of a batch."""
 
 
 def label_library(
@@ -114,36 +114,36 @@ def label_library(
     report: bool = True,
     progress: ProgressCallback = ignore_progress,
 ) -> Library:
-    """Label every mesh of a library; resumes an earlier call.
+    """Label every mesh of a library, and resume an earlier call.
 
-    Below `output`: `labels/`, Parquet files with a row per mesh; `surfaces/`, the labelled
+    The folder `output` gets `labels/`, Parquet files with a row per mesh; `surfaces/`, the labelled
     surfaces; and `report/index.html`, with a page per mesh for up to 1,000 meshes. A mesh whose
     content, settings and version of the method equal those of its row is not labelled again. Meshes
     that fail have rows with the reason. If any process is interrupted, finished meshes stay
-    finished; if this one is killed, those of the last minute are labelled again.
+    finished; if this process is killed, those of the last minute are labelled again.
 
     Args:
         inputs: Folders, mesh files, globs, and tables of meshes (.csv, .parquet), on this machine
             or any file system that fsspec supports (s3://...).
         output: Folder for the results, on any of these file systems.
         settings: Settings of the labels.
-        cluster: Which processes label the meshes.
+        cluster: The processes that label the meshes.
         surfaces: How labelled surfaces are stored: ply, a file for each mesh; tar, a file of NPZ
-            for some hundred of them; none; auto: as in the folder, or if it is new ply for up to
+            for some hundred meshes; none; auto: as in the folder, or in a new one ply for up to
             1,000 meshes, and tar for more.
-        part: Label only so many of the meshes, 'I/N': the I-th of N parts, which may run at the
+        part: Label only one part of the meshes, 'I/N': the I-th of N parts, which may run at the
             same time and write to the same folder. None: all.
-        overwrite: Remove the results that are there, and label all meshes again.
-        force: Accept lengths that cannot be meant for an object of a mesh's size; without it such
-            a mesh fails.
+        overwrite: Remove existing results, and label all meshes again.
+        force: Accept lengths that are implausible for an object of a mesh's size; without it such a
+            mesh fails.
         report: Write the report, and the pictures for it.
-        progress: Called with the progress at the beginning and whenever a mesh is finished.
+        progress: Called with the progress at the start and whenever a mesh is finished.
 
     Returns:
         The library, restricted to these meshes.
 
     Raises:
-        MeshError: An input is missing, or there is no mesh among them, or a table is wrong.
+        MeshError: An input is missing, the inputs have no mesh, or a table is invalid.
         SettingError: The cluster cannot be reached, or the hand cannot make such grasps.
         OutputError: The results cannot be written, or `output` has results of other settings.
 
@@ -195,7 +195,7 @@ def label_library(
         each = JobSettings(settings, head["surfaces"], report and not many, force)
         writer = ChunkWriter(folder, prefix, head, MOST_ROWS[many])
         if not earlier.rows:
-            writer.write()  # marks the folder, and finds a full disk at once
+            writer.write()  # marks the folder, and detects a full disk at once
         done = run(
             partial(label_jobs, settings=each), _groups(todo), cluster=cluster, compiled=True
         )
@@ -217,7 +217,7 @@ def label_library(
 
 
 def _part(text: str | None) -> tuple[int, int]:
-    """Number of a part, and how many there are."""
+    """Return the number of a part, and the number of parts."""
     if text is None:
         return 1, 1
     found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
@@ -230,10 +230,10 @@ def _part(text: str | None) -> tuple[int, int]:
 def _settled(
     meshes: Sequence[MeshFile], settings: BatchSettings, folder: UPath
 ) -> list[list[MeshFile]]:
-    """Each mesh for each hand, with its own settings checked and its hand read.
+    """List each mesh for each hand, with its own settings checked and its hand read.
 
     Raises:
-        MeshError: Settings are wrong, or a mesh lies among the results.
+        MeshError: Settings are invalid, or a mesh lies among the results.
     """
     below = tuple(f"{_location(str(folder))}/{name}/" for name in ("surfaces", "report"))
     of_mesh, settled = cache(lambda own: settings.of_mesh(dict(own))), list[list[MeshFile]]()
@@ -246,7 +246,7 @@ def _settled(
                 raise SettingError("the table states its hand; leave out more_hands (--more-hands)")
         except GraspError as error:
             raise MeshError(f"{printable(mesh.name)}: {error}") from error
-        if "hand" in mesh.own:  # its content, which may change, as well as its name
+        if "hand" in mesh.own:  # its content counts as well as its name, as it may change
             settled.append([replace(mesh, own={**mesh.own, "hand": own.reach.hand})])
         elif settings.more_hands:
             settled.append([
@@ -259,9 +259,9 @@ def _settled(
 
 
 def _groups(jobs: Iterable[Job]) -> list[tuple[Job, ...]]:
-    """The jobs of each file together, in an order that has nothing to do with their sizes.
+    """Group the jobs of each file, in an order that is independent of file sizes.
 
-    So the work that is done tells the time that is left.
+    So the finished work is a measure of the remaining time.
     """
     groups: dict[str, list[Job]] = {}
     for job in jobs:
@@ -271,9 +271,9 @@ def _groups(jobs: Iterable[Job]) -> list[tuple[Job, ...]]:
 
 @contextmanager
 def _locked(folder: UPath, prefix: str) -> Iterator[None]:
-    """Lock the chunks of a run; the operating system releases them with the process.
+    """Lock the chunks of a run; the operating system releases the lock with the process.
 
-    An object store has no locks: there the lock has no effect.
+    An object store has no locks; there the lock has no effect.
     """
     if not isinstance(folder, Path) or fcntl is None:
         yield
@@ -296,19 +296,19 @@ def _locked(folder: UPath, prefix: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class _Earlier:
-    """What earlier runs have left in a folder."""
+    """Results that earlier runs have left in a folder."""
 
     folder: UPath
     head: Mapping[str, Any]
-    """Of its chunks; empty: there are none."""
+    """Metadata of the chunks; empty: there are no chunks."""
     rows: Mapping[str, Row]
-    """By name, with the columns of `KNOWN`."""
+    """Rows by name of the mesh, with the columns of `KNOWN`."""
 
     def has(self, mesh: MeshFile, settings: BatchSettings, *, force: bool) -> bool:
-        """Whether a mesh need not be labelled.
+        """Whether a mesh is done and need not be labelled.
 
-        One that was refused, perhaps for its lengths, is tried again if this run accepts them; one
-        with warnings if they are errors.
+        A refused mesh is tried again if this run accepts any lengths, as these may be the reason. A
+        mesh with warnings is tried again if warnings are errors.
         """
         row = self.rows.get(mesh.name)
         if row is None or row.outcome is Outcome.LOST:
@@ -324,10 +324,10 @@ class _Earlier:
 
 
 def _earlier(folder: UPath, *, remove: bool) -> _Earlier:
-    """What is in a folder of results; damaged chunks are removed.
+    """Read the results in a folder; damaged chunks are removed.
 
     Raises:
-        OutputError: It has other files, or results of a newer version.
+        OutputError: The folder has other files, or results of a newer version.
     """
     damaged = False
     while True:
@@ -339,7 +339,7 @@ def _earlier(folder: UPath, *, remove: bool) -> _Earlier:
             if not error.is_chunk:
                 raise
             logger.warning("%s", error)
-            error.path.unlink(missing_ok=True)  # another part may have replaced it by now
+            error.path.unlink(missing_ok=True)  # another part may have replaced it meanwhile
             damaged = True
     with converted(folder, OutputError, "read"):
         stored = [folder / name for name in STORED]
@@ -350,7 +350,7 @@ def _earlier(folder: UPath, *, remove: bool) -> _Earlier:
             )
         for one in others if remove else ():
             one.fs.rm(one.path, recursive=True)
-        for part in folder.glob(f"*/{TEMPORARY_PREFIX}*"):  # of runs that were killed
+        for part in folder.glob(f"*/{TEMPORARY_PREFIX}*"):  # of killed runs
             if time.time() - part.stat().st_mtime > UNFINISHED:
                 part.unlink()
     if remove or not library.chunks:
@@ -361,7 +361,7 @@ def _earlier(folder: UPath, *, remove: bool) -> _Earlier:
 def _head(
     settings: BatchSettings, surfaces: Surfaces, earlier: _Earlier, *, many: bool
 ) -> dict[str, Any]:
-    """What the chunks of a run say of themselves.
+    """Return the metadata of a run's chunks.
 
     Raises:
         OutputError: The folder has results of other settings.
@@ -392,11 +392,11 @@ def _head(
 
 
 def _job(mesh: MeshFile, row: Row | None, surfaces: Surfaces, *, is_unique: bool) -> Job:
-    """The job of a mesh, whose results are called like its file.
+    """Return the job of a mesh; its results are named after its file.
 
     Args:
         mesh: The mesh.
-        row: The row that it has in the folder; None: it has none.
+        row: Row of the mesh in the folder; None: it has no row.
         surfaces: How surfaces are stored.
         is_unique: Whether no other mesh has its name on file systems that ignore case.
 

@@ -1,4 +1,4 @@
-"""The page of one mesh: its picture, what is said of it, and its best grasps."""
+"""The report page of one mesh: its picture, facts on it, and its best grasps."""
 
 import base64
 import io
@@ -21,35 +21,35 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 
 SIZE = (720, 540)
-"""Of the picture of a page [pixels]."""
+"""Size of the picture on the page [pixels]."""
 
 SMALLER = 4
-"""How many times smaller the picture in the table is."""
+"""Factor by which the picture in the table is smaller."""
 
 MOST = 4
-"""Grasps that have a picture."""
+"""Largest number of grasps that have a picture."""
 
 QUALITY = 85
-"""Quality of the compression, from 0 to 100."""
+"""Quality of compressed pictures, from 0 to 100."""
 
 
 def write_object(
     row: Row, labels: SurfaceLabels, best: GraspTable | EvaluatedPoses | None, folder: Path,
     path: str,
 ) -> Row:  # fmt: skip
-    """Write the page of a mesh, its coloured surface, and the picture of the first page.
+    """Write the page of a mesh, its coloured surface, and its picture for the first page.
 
-    Where nothing can be rendered the page has no pictures.
+    If nothing can be rendered, the page has no pictures.
 
     Args:
         row: Row of the mesh.
         labels: The labelled surface.
         best: The best grasps; None: there are none.
-        folder: Folder below which they are written.
-        path: Path of the files below it, without a suffix.
+        folder: Folder below which the files are written.
+        path: Path of the files below the folder, without a suffix.
 
     Returns:
-        The row, with the paths of these files.
+        The row, with the paths of the files.
     """
     page, model = f"{path}.html", f"{path}.glb"
     row = replace(row, page=page)
@@ -84,12 +84,12 @@ def write_object(
 
 
 def _webp(pixels: Bytes, smaller: int = 1) -> bytes:
-    """A picture as WebP, reduced."""
+    """Compress a picture to WebP, at a reduced size."""
     file = io.BytesIO()
     Image.fromarray(pixels).reduce(smaller).save(file, "WEBP", quality=QUALITY, method=2)
     return file.getvalue()
 
 
 def _embedded(pixels: Bytes) -> str:
-    """A picture as the address of an element that contains it."""
+    """Return a picture as a data address, which an element can contain."""
     return f"data:image/webp;base64,{base64.b64encode(_webp(pixels)).decode()}"

@@ -1,4 +1,4 @@
-"""The first page of the report: a table of all meshes, which the browser sorts and filters."""
+"""The first page of the report: a table of all meshes, which a browser can sort and filter."""
 
 import base64
 import hashlib
@@ -32,11 +32,11 @@ SHOWN = (
     "no_grasp_found", "warnings", "page", "thumbnail", "surface",
     *(name for name, column in COLUMNS.items() if column.heading),
 )  # fmt: skip
-"""Columns of the rows that the page is made of."""
+"""Columns of the rows that the page needs."""
 
 
 def write_report(folder: UPath, rows: Collection[Row], settings: BatchSettings) -> None:
-    """Write the first page of a library, whose meshes have their pages already.
+    """Write the first page of a library, once the pages of its meshes exist.
 
     Args:
         folder: Folder of the results; the page goes to `report` below it.
@@ -65,7 +65,7 @@ def write_report(folder: UPath, rows: Collection[Row], settings: BatchSettings) 
 
 @cache
 def environment() -> Environment:
-    """The templates, and what all of them show; texts in them are escaped, on one line each."""
+    """Return the templates with their common values; each text is escaped, on one line."""
     found = Environment(
         loader=PackageLoader("grasp3d.batch", "report"), autoescape=True, finalize=_on_one_line,
         undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
@@ -80,17 +80,17 @@ def environment() -> Environment:
 
 
 def _on_one_line(value: object) -> object:
-    """A value as the text of an element; markup as it is."""
+    """Return a value as the text of an element; markup stays as it is."""
     return value if isinstance(value, Markup) else printable(str(value))
 
 
 def address(path: str, page: str = REPORT) -> str:
-    """Address of a file below the output folder, from a page there; empty: there is no file."""
+    """Address of a file below the output folder, from a page in it; empty if there is no file."""
     return f"{'../' * page.count('/')}{quote(path)}" if path else ""
 
 
 def _data(rows: Sequence[Row], names: Sequence[str]) -> dict[str, Any]:
-    """What the table shows, as lists with an entry for each mesh."""
+    """Return the data of the table, as lists with an entry for each mesh."""
     labelled = [row.outcome is Outcome.LABELLED for row in rows]
     return {
         "mesh": [printable(row.mesh) for row in rows],
@@ -118,7 +118,7 @@ def _data(rows: Sequence[Row], names: Sequence[str]) -> dict[str, Any]:
 
 
 def _plain(settings: BatchSettings) -> dict[str, str]:
-    """The settings as labelled files hold them."""
+    """Return the settings as in labelled files."""
     hands = ", ".join(hand.name for hand in settings.hands)
     reach = plain_values(settings.reach) | {"hand": hands} if hands else {}
     load = {} if settings.load is None else load_settings(settings.load)

@@ -1,7 +1,7 @@
-"""Rows: the results of one mesh each, whose columns are declared here alone.
+"""Rows: the results of one mesh each; this module alone declares their columns.
 
-A column is a field of `Row` with what it means, what gives its value for a labelled surface, and
-how people read it; files, the printed table, the report and the docs follow from that.
+A column is a field of `Row` with its meaning, a function that returns its value for a labelled
+surface, and the format that people read. Files, the printed table, the report and the docs use it.
 """
 
 import math
@@ -29,40 +29,40 @@ class Outcome(StrEnum):
 
     LABELLED = "labelled"
     REFUSED = "refused"
-    """The mesh cannot be labelled, and is tried again only when it or the settings change."""
+    """The mesh cannot be labelled; it is tried again only when it or the settings change."""
     LOST = "lost"
     """Its process died, or exceeded the time or memory limit; the next run tries it again."""
 
 
 class Labelled:
-    """A labelled surface, with what several columns are taken from."""
+    """A labelled surface, with values that several columns need."""
 
     def __init__(self, labels: "SurfaceLabels", *, judged: bool) -> None:
-        """Take a surface; without `judged` there is no verdict, which may close jaws for long."""
+        """Take a surface; without `judged` there is no verdict, which may take long to compute."""
         self.labels, self._judged = labels, judged
         self._quantiles: dict[str, Floats | None] = {}
 
     @cached_property
     def fractions(self) -> dict[str, float]:
-        """Area fractions S, M and U."""
+        """Area fractions of S, M and U."""
         return self.labels.fractions()
 
     @cached_property
     def verdict(self) -> "Verdict | None":
         """Whether the object is surely held."""
-        from grasp3d.describe.verdict import verdict_of  # rows are read without it
+        from grasp3d.describe.verdict import verdict_of  # not needed for reading rows
 
         return verdict_of(self.labels) if self._judged else None
 
     @cached_property
     def causes(self) -> str:
-        """Why parts of the surface are U."""
+        """Causes of U on parts of the surface."""
         from grasp3d.describe.explanations import causes_text
 
         return causes_text(self.labels)
 
     def quantile(self, name: str, percent: int) -> float | None:
-        """A quantile of a column over the surface by area; None: the labels do not have it."""
+        """Quantile of a column over the surface, by area; None: the labels lack the column."""
         if name not in self._quantiles:
             levels = [one / 100.0 for one in PERCENTS]
             self._quantiles[name] = self.labels.quantiles(name, levels)
@@ -77,7 +77,7 @@ class Labelled:
 
     @property
     def held(self) -> float | None:
-        """Area fraction of the grasps that hold the load."""
+        """Area fraction whose grasps hold the load."""
         from grasp3d.surface.sweeps import label_fractions, vertex_weights
 
         found = self.labels.load_result
@@ -87,7 +87,7 @@ class Labelled:
 
     @property
     def task(self) -> str | None:
-        """What the grasps must resist."""
+        """The task that the grasps must resist."""
         from grasp3d.quality.loads import load_settings
 
         load = self.labels.load
@@ -96,20 +96,20 @@ class Labelled:
 
 @dataclass(frozen=True)
 class Column:
-    """What a field of a row is, beside its name and its type."""
+    """Description of a field of a row, besides its name and type."""
 
     meaning: str
     of: Callable[[Labelled], Any] | None = None
-    """Its value for a labelled surface; None: it is known without."""
+    """Function that returns the value for a labelled surface; None: it is known without one."""
     heading: str = ""
-    """Of its column in the report and in the printed table; empty: it is not there."""
+    """Heading of the column in the report and the printed table; empty: it is not shown there."""
     unit: str = ""
-    """Unit of the number that people read; 'unit': that of the mesh."""
+    """Unit of the number that people read; 'unit': the unit of the mesh."""
     otherwise: str = "none"
-    """What stands for a number that is not finite."""
+    """Text instead of a number that is not finite."""
 
     def text(self, value: Any, row: "Row") -> str:
-        """A value as people read it; empty where it is not known."""
+        """Format a value for people; empty if it is unknown."""
         if value is None or math.isnan(value):  # nan: motors must hold the load
             return ""
         if not math.isfinite(value):
@@ -127,7 +127,7 @@ class Column:
 
 @dataclass(frozen=True)
 class _Resolution(Column):
-    """A sensor resolution that is required; 0: none is fine enough."""
+    """A required sensor resolution; 0: none is fine enough."""
 
     def text(self, value: Any, row: "Row") -> str:
         return super().text(value or math.inf if value is not None else None, row)
@@ -143,7 +143,7 @@ def _column(
 
 
 _UNITS = {"critical_angle": "rad", "margin": "rad", "payload": "kg"}
-"""Units of what there are quantiles of; ε has none."""
+"""Units of the columns that have quantiles; ε has none."""
 
 
 def _quantile(meaning: str, name: str, percent: int, **shown: Any) -> Any:
@@ -184,7 +184,7 @@ _PAYLOAD = (
 
 
 def _of_verdict(*names: str) -> Callable[[Labelled], Any]:
-    """An attribute of the verdict, or of what it has there; None: there is no such thing."""
+    """Return a function for an attribute of the verdict, or None where an attribute is missing."""
 
     def of(one: Labelled) -> Any:
         found: Any = one.verdict
@@ -196,7 +196,7 @@ def _of_verdict(*names: str) -> Callable[[Labelled], Any]:
 
 
 def _known(of: Callable[[Labelled], Any]) -> Callable[[Labelled], float | None]:
-    """A number, or None where it is not finite."""
+    """Return a function that replaces numbers that are not finite by None."""
 
     def value(one: Labelled) -> float | None:
         number = of(one)
@@ -212,10 +212,10 @@ class BestGrasp:
     critical_angle: float
     """Critical friction angle over the worst normals [rad]."""
     max_resolution: float
-    """Coarsest sensor resolution below which the grasp is S at the model's friction [rad]; 0:
-    none."""
+    """Coarsest sensor resolution below which the grasp is S at the model's friction [rad]; 0: none
+    is fine enough."""
     epsilon: float
-    """At the nominal normals."""
+    """Epsilon at the nominal normals."""
     opening: float
     """Largest distance between two contacts [m]."""
     points: tuple[tuple[float, float, float], ...]
@@ -223,22 +223,22 @@ class BestGrasp:
     normals: tuple[tuple[float, float, float], ...]
     """Outward unit normals at the contact points."""
     label: str = ""
-    """S, M or U, of everything that is stated."""
+    """S, M or U, with everything that is stated."""
     score: float = 0.0
-    """The one number by which grasps are sorted, from 0 to 1."""
+    """Number by which grasps are sorted, from 0 to 1."""
     pose: tuple[float, ...] = ()
     """With a gripper: the rows of the 4 x 4 matrix from its frame to the mesh's, 16 numbers."""
     approach_margin: float | None = None
-    """How far the approach may turn about the closing axis [rad]; none: no gripper."""
+    """Angle by which the approach may turn about the closing axis [rad]; None: no gripper."""
     grip_force: float | None = None
-    """Force of each finger that holds it at the worst normals [N]; none: no load, or none does."""
+    """Force of each finger that holds it at the worst normals [N]; None: no load, or none does."""
     payload: float | None = None
-    """Mass that it holds at the worst normals [kg]; none: no load, or no force at hand."""
+    """Mass that it holds at the worst normals [kg]; None: no load, or no force at hand."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """The row of a mesh; values that are unknown, as for unlabelled meshes, are none."""
+    """The row of a mesh; values that are unknown, as for unlabelled meshes, are None."""
 
     mesh: str = _column("name: path below the input folder", default="")
     source: str = _column("path or address of the file, as given", default="")
@@ -400,13 +400,13 @@ class Row:
     seconds: float = _column("time for the mesh [s]", default=0.0, heading="Seconds")
 
     def of(self, labels: "SurfaceLabels", *, judged: bool = True) -> "Row":
-        """This row, with the values of a labelled surface."""
+        """Return this row with the values of a labelled surface."""
         one = Labelled(labels, judged=judged)
         values = {name: column.of(one) for name, column in COLUMNS.items() if column.of}
         return replace(self, **values)
 
     def text(self, name: str) -> str:
-        """The value of a column as people read it; empty where there is none."""
+        """Format the value of a column for people; empty if there is none."""
         return COLUMNS[name].text(getattr(self, name), self)
 
 
@@ -415,7 +415,7 @@ COLUMNS: dict[str, Column] = {one.name: one.metadata["column"] for one in fields
 
 
 def headed(rows: Iterable[Row]) -> dict[str, Column]:
-    """Columns that people read, without those of which no mesh has a value."""
+    """Return the columns that people read, without those that have no value for any mesh."""
     labelled = [row for row in rows if row.outcome is Outcome.LABELLED]
     return {
         name: column

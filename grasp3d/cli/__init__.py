@@ -28,7 +28,7 @@ NAMES = (
 )  # fmt: skip
 
 KINDS: dict[str, Any] = {name: getattr(commands, name.capitalize()) for name in NAMES}
-"""The options of the commands, each of which the module of its name runs."""
+"""The options of the commands; the module of the same name runs each command."""
 
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -49,9 +49,9 @@ options:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; returns 0 on success, 1 if some meshes failed, 2 for bad input."""
+    """Run the command line; return 0 on success, 1 if some meshes failed, 2 for bad input."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):  # a terminal may not support all characters
+        if isinstance(stream, TextIOWrapper):  # a terminal may lack some characters
             stream.reconfigure(errors="backslashreplace")
     try:
         with limited_reading():
@@ -62,7 +62,7 @@ def main(arguments: list[str] | None = None) -> int:
     except OSError as error:
         if error.filename is not None:
             raise
-        # What could not be printed is discarded, as Python tries it again at its end.
+        # Output that could not be printed is discarded, as Python would try it again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, BrokenPipeError):  # the reader has ended: `grasp3d batch ... | head`
             return 0
@@ -110,20 +110,20 @@ def _run(arguments: list[str]) -> int:
 
 
 def _check_file(file: object) -> None:
-    """Refuse a mesh that is not there before the modules are loaded that read it: that takes 2 s.
+    """Refuse a missing mesh before the modules that read it are loaded, which takes 2 s.
 
     Raises:
-        MeshError: There is no such file; whether it is a mesh, is seen later.
+        MeshError: There is no such file. Whether it is a mesh is checked later.
     """
     if isinstance(file, Path) and (problem := problem_of_file(file)):
         raise MeshError(f"{file}: {problem}")
 
 
 def _module(command: object) -> Any:
-    """The module that runs a command.
+    """Import the module that runs a command.
 
-    What it makes is never searched for garbage, which takes a third of a second. Where pictures
-    are wanted, what tests rendering starts before, as its own imports take a second.
+    Garbage collection leaves out the imported objects, as a scan takes a third of a second. If
+    pictures are wanted, the rendering test starts first, as its own imports take a second.
     """
     if getattr(command, "best", None) and getattr(command, "file", None):
         from grasp3d.pictures.opengl import begin_render_test
@@ -133,7 +133,7 @@ def _module(command: object) -> Any:
     try:
         return import_module(f"{__name__}.{type(command).__name__.lower()}")
     finally:
-        if not gc.get_freeze_count():  # once: later there may be garbage among them
+        if not gc.get_freeze_count():  # once: later there may be garbage among the objects
             gc.freeze()
         gc.enable()
 

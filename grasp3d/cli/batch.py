@@ -1,4 +1,4 @@
-"""`grasp3d batch`: labels a library of meshes, and writes tables and a report."""
+"""The command `grasp3d batch`: labels a library of meshes, and writes tables and a report."""
 
 import logging
 import re
@@ -24,20 +24,20 @@ from grasp3d.stability.label import MEANING
 from grasp3d.system.names import counted, printable
 
 LINE_INTERVAL = 10.0
-"""Time between two lines where there is no terminal [s]."""
+"""Time between two lines of progress without a terminal [s]."""
 
 MAX_ROWS = 60
-"""Meshes up to which each of them is printed."""
+"""Largest number of meshes that are printed one by one."""
 
 MAX_MESSAGES = 20
-"""Failures, and warnings, that are printed; the others are in the labels and the report."""
+"""Largest number of failures, and of warnings, that are printed; the report has all."""
 
 MEASURED = 20.0
-"""Time after which the time that is left can be told [s]."""
+"""Time after which the remaining time can be estimated [s]."""
 
 
 def run(command: Batch, report: Report) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command, and return the exit code."""
     settings = BatchSettings(
         command.reach.touching(command.model), command.sampling, command.mesh, command.best,
         command.reach, command.load.chosen, command.more_hands,
@@ -65,9 +65,9 @@ def run(command: Batch, report: Report) -> int:
 
 @contextmanager
 def _interrupted_once() -> Iterator[None]:
-    """End the run in order at the first Ctrl-C, or the signal by which clusters end a job.
+    """Stop the run cleanly at the first Ctrl-C, or at the signal with which clusters end a job.
 
-    From then on the process, which ends, is not interrupted again.
+    Later signals do not interrupt the process while it stops.
     """
     signals = (signal.SIGINT, signal.SIGTERM)
 
@@ -86,7 +86,7 @@ def _interrupted_once() -> Iterator[None]:
 
 
 class ProgressDisplay:
-    """Shows the progress of a batch; called with each change of it."""
+    """Display of a batch's progress; called at each change."""
 
     def __init__(self, bar: Progress) -> None:
         self._bar, self._task = bar, bar.add_task("labelling", total=1.0, status="")
@@ -95,7 +95,7 @@ class ProgressDisplay:
         self.first = BatchProgress(0, 0, 0, 0, 0.0)
         """The progress at the beginning."""
         self.counts = "no mesh was started"
-        """How many meshes are done."""
+        """Number of meshes that are done, in words."""
 
     def __call__(self, progress: BatchProgress) -> None:
         """Show the progress."""
@@ -109,7 +109,7 @@ class ProgressDisplay:
         self.counts = (
             f"{progress.labelled} labelled, {progress.failed} failed, {progress.left} left"
         )
-        if progress.labelled + progress.failed == 1:  # before it the kernels may be compiled
+        if progress.labelled + progress.failed == 1:  # the kernels may be compiled before that
             self._measured_from = now, progress.fraction
         status = f"{self.counts}{self._pace(progress, now)}"
         self._bar.update(self._task, completed=progress.fraction, status=status)
@@ -121,7 +121,7 @@ class ProgressDisplay:
             console.print(status)
 
     def _pace(self, progress: BatchProgress, now: float) -> str:
-        """Meshes per minute since the first one, and the time left by the sizes of files."""
+        """Meshes per minute since the first one, and the time left, estimated from file sizes."""
         begun, before = self._measured_from
         done, seconds = progress.labelled + progress.failed - 1, now - begun
         if done < 1 or seconds < MEASURED:
@@ -131,7 +131,7 @@ class ProgressDisplay:
         return f", {60.0 * done / seconds:.3g} a minute, about {time_left} to go"
 
     def _show_failure(self, row: Row) -> None:
-        """Show the first failure of each reason at once."""
+        """Show the first failure of each kind at once."""
         text = row.error.replace(row.source, "").replace(PurePath(row.source).name, "")
         reason = re.sub(r"[-+\d.e]+", "#", text)
         if reason not in self._reasons:
@@ -140,7 +140,7 @@ class ProgressDisplay:
 
 
 class _Lines(logging.Handler):
-    """Prints warnings above a progress bar, a line each."""
+    """Log handler that prints warnings above a progress bar, a line each."""
 
     def __init__(self, bar: Progress) -> None:
         super().__init__(logging.WARNING)
@@ -153,7 +153,7 @@ class _Lines(logging.Handler):
 
 @contextmanager
 def _show_progress(report: Report) -> Iterator[ProgressDisplay]:
-    """Show the progress of a batch, and the package's log, for the duration of the context."""
+    """Show the progress of a batch, and the package's log, within the context."""
     bar = report.bar(TextColumn("{task.fields[status]}"))
     log, handler = logging.getLogger("grasp3d"), _Lines(bar)
     log.addHandler(handler)
@@ -165,13 +165,13 @@ def _show_progress(report: Report) -> Iterator[ProgressDisplay]:
 
 
 def print_library(report: Report, library: Library, failed: Sequence[Row], finished: int) -> None:
-    """Print the results of a library: a line per mesh where they are few, warnings and failures.
+    """Print the results of a library: a line per mesh if there are few, warnings and failures.
 
     Args:
         report: Where to print.
         library: From `label_library`.
-        failed: Rows of the meshes without labels.
-        finished: How many meshes were finished before.
+        failed: Rows of the meshes that have no labels.
+        finished: Number of meshes that were finished before.
     """
     count = len(library.meshes)
     rows = library.rows() if count <= MAX_ROWS else []

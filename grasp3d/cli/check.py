@@ -21,15 +21,15 @@ from grasp3d.system.names import short_number
 from grasp3d.system.places import local_path
 
 Checked = Done[MeshFile, MeshDiagnosis]
-"""The check of one mesh: its diagnosis, or the error for which it is refused."""
+"""Check of one mesh: its diagnosis, or the error with which it is refused."""
 
 COLORS = {Trust.YES: "green", Trust.CARE: "yellow", Trust.NO: "red"}
-"""Colours of the values of `Trust`."""
+"""Colours for the values of `Trust`."""
 
 LEGEND = "labels: whether they can be trusted; of a known unit extents are in mm, volumes in m³"
 
 SCALES = {"m": 1e3, None: 1.0}
-"""Factors from lengths to those that are printed: of a known unit in millimetres."""
+"""Factors from lengths to printed lengths; millimetres if the unit is known."""
 
 COLUMNS: dict[str, Callable[[MeshDiagnosis], str]] = {
     "unit": lambda one: one.file_unit or NONE,
@@ -44,7 +44,7 @@ COLUMNS: dict[str, Callable[[MeshDiagnosis], str]] = {
     "time,\ns": lambda one: f"{max(1.0, one.cost.seconds):.0f}{'+' * one.cost.more}",
     "memory,\nGB": lambda one: f"{one.cost.memory:.1f}",
 }
-"""Columns of the table of meshes, as they are after repair."""
+"""Columns of the table of meshes; they describe the meshes after repair."""
 
 
 def run(command: Check, report: Report) -> int:
@@ -62,7 +62,7 @@ def run(command: Check, report: Report) -> int:
 
 
 def _print(report: Report, meshes: Sequence[Checked]) -> None:
-    """Print a line for each mesh, then the errors, repairs and warnings."""
+    """Print a line for each mesh, then errors, repairs and warnings."""
     report.table(("mesh", "labels", *COLUMNS), map(_cells, meshes), texts=(0, 1))
     report.line(LEGEND)
     for mesh in meshes:
@@ -95,11 +95,11 @@ def check_file(mesh: MeshFile, settings: BatchSettings, *, force: bool = False) 
 
     Args:
         mesh: The file.
-        settings: Settings of the labels that the mesh is checked for.
-        force: Accept lengths that cannot be meant for an object of this size.
+        settings: Settings of the labels for which the mesh is checked.
+        force: Accept lengths that are implausible for an object of this size.
 
     Raises:
-        GraspError: It is refused.
+        GraspError: The mesh is refused.
     """
     own = settings.of_mesh(mesh.own)
     with local_copy(mesh.source) as path:
@@ -109,7 +109,7 @@ def check_file(mesh: MeshFile, settings: BatchSettings, *, force: bool = False) 
 
 
 def trust_of(checked: Checked) -> Trust:
-    """Whether labels of a mesh can be trusted; a refused mesh has no labels."""
+    """Return whether labels of a mesh can be trusted; a refused mesh has no labels."""
     return Trust.NO if checked.value is None else checked.value.trust
 
 
@@ -117,8 +117,8 @@ def write_checks(path: Path, meshes: Sequence[Checked], settings: BatchSettings)
     """Write the checks of meshes as JSON; lengths in metres, angles in radians.
 
     Args:
-        path: File to make or replace.
-        meshes: The checks; a mesh is named by its path below the input folder.
+        path: File to create or replace.
+        meshes: The checks; each mesh is named by its path below the input folder.
         settings: Settings of the check.
 
     Raises:
@@ -140,7 +140,7 @@ def write_checks(path: Path, meshes: Sequence[Checked], settings: BatchSettings)
 
 
 def _finite(value: Any) -> Any:
-    """Replace infinite limits by none, which JSON can hold."""
+    """Replace infinite limits by None, which JSON can hold."""
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     return None if value == float("inf") else value

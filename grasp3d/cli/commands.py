@@ -1,4 +1,4 @@
-"""The commands: their options."""
+"""The options of each command."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -38,7 +38,7 @@ from grasp3d.settings.grasp_model import friction_interval
 from grasp3d.settings.units import Metres, parse_lengths
 
 ModelOfJaws = Annotated[GraspModel, Without(["fingers", "method"])]
-"""A model of grasps between two jaws."""
+"""Model of grasps between two jaws."""
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ class Label(Labelling, OneMesh):
 
     @property
     def posed_hand(self) -> AnyHand | None:
-        """The hand, if it has poses for grasps of so many fingers."""
+        """The hand, if it has poses for grasps with this number of fingers."""
         hand = self.reach.hand
         return hand if hand is not None and self.model.fingers in hand.fingers else None
 
@@ -302,7 +302,7 @@ class Evaluate(Guarded, GivenPoses, OneMesh):
 
     @property
     def of_poses(self) -> dict[str, Any]:
-        """What is stated of the file of poses."""
+        """What is known of the file of poses."""
         stated = {"outcome": self.outcome, "object_scale": self.object_scale}
         return super().of_poses | stated
 
@@ -313,8 +313,8 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
 
     Closes the gripper's jaws at poses with known outcomes, and prints how well label, margin,
     epsilon, grip force and simpler scores predict them: success within S, M and U, area under the
-    ROC curve of each score, and the grasps whose outcome contradicts their label. What files state
-    of gripper and mass (also of each grasp, in a column mass) is used unless it is given.
+    ROC curve of each score, and the grasps whose outcome contradicts their label. Gripper and mass
+    (also of each grasp, in a column mass) are those that the files state, unless given.
 
     Example:
         # How well labels predict a robot's log of grasps on one object
@@ -357,8 +357,8 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
 class Simulate(Guarded, GivenPoses, OneMesh):
     """Simulate grasps of a gripper in MuJoCo: does the object stay in it?
 
-    The gripper closes at given poses, or the best ones that it has on the object, which is then
-    pulled by its weight in six directions. Needs the extra: pip install 'grasp3d[physics]'.
+    The gripper closes at given poses, or at its best ones on the object, which is then pulled by
+    its weight in six directions. Needs the extra: pip install 'grasp3d[physics]'.
 
     Example:
         # Do the best grasps of a gripper on a box hold it?
@@ -440,7 +440,7 @@ class Design:
 class Hand(Quiet, Overwriting):
     """Print, draw or write as JSON the description of a gripper or a hand with joints.
 
-    Without an argument: list those that are known by name.
+    Without an argument: list the hands that are known by name.
 
     Example:
         # Print a gripper, and draw it
@@ -458,25 +458,25 @@ class Hand(Quiet, Overwriting):
     (.xml, .mjcf)."""
 
     fingers: Annotated[tuple[str, ...], Parser("LINK")] = ()
-    """URDF and MuJoCo: names of the links, or bodies, of the two fingers that slide (default: the
-    only two that do)."""
+    """URDF and MuJoCo: names of the links, or bodies, of the two sliding fingers (default: the only
+    two that slide)."""
 
     palm: str | None = None
     """URDF and MuJoCo: name of the link that is the palm (default: the one that carries the
     fingers)."""
 
     tcp: LengthOption = None
-    """URDF and MuJoCo: from the origin of the link that carries the fingers to the tool centre
-    point, a length with a unit, or in m (default: to the middle of the pads)."""
+    """URDF and MuJoCo: distance from the origin of the link that carries the fingers to the tool
+    centre point, with a unit, or in m (default: to the middle of the pads)."""
 
     output: Path | None = None
     """JSON file for the description."""
 
     picture: Path | None = None
-    """Picture of it with its frame (.png, .svg or .pdf)."""
+    """Picture of the hand with its frame (.png, .svg or .pdf)."""
 
     frames: Path | None = None
-    """Picture of all frames in which programs give its pose, by name (.png, .svg or .pdf)."""
+    """Picture of all frames in which programs give the pose, by name (.png, .svg or .pdf)."""
 
     def __post_init__(self) -> None:
         options = ("fingers", "palm", "tcp", "output", "picture", "frames")

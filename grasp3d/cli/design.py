@@ -1,4 +1,4 @@
-"""The command `grasp3d design`: the sensor that a friction requires, and the other way round."""
+"""The command `grasp3d design`: the sensor that a friction requires, and the reverse."""
 
 from grasp3d.cli.commands import Design
 from grasp3d.cli.report import Report, exact_angle
@@ -6,7 +6,7 @@ from grasp3d.contact.contacts import effective_friction
 from grasp3d.contact.sensor import MARGIN_ROUNDING, Sensor, required_counts, resolution_limit
 
 FRICTIONS = tuple(step / 10.0 for step in range(1, 11))
-"""Coefficients of friction if neither they nor a sensor are given."""
+"""Coefficients of friction that are used if neither friction nor a sensor is given."""
 
 LIMITS = (
     "friction", "receptive field\nbelow, mm", "resolution\nbelow", "sensors,\ndiscs",
@@ -66,7 +66,7 @@ def run(command: Design, report: Report) -> int:
 
 
 def _compared(command: Design, sensor: Sensor, friction: float) -> list[str]:
-    """Cells of a friction: whether a sensor is fine enough for it, and by how much."""
+    """Cells for a friction: whether a sensor is fine enough for it, and by which margin."""
     margin = resolution_limit(friction) / 2.0 - sensor.tilt
     effective = float(effective_friction(friction, sensor.resolution))
     enough = "yes" if margin > MARGIN_ROUNDING else "no"
@@ -78,6 +78,6 @@ def _compared(command: Design, sensor: Sensor, friction: float) -> list[str]:
 
 
 def _counts(sensor: Sensor) -> list[str]:
-    """Numbers of sensors by discs and by caps."""
+    """Numbers of sensors, counted as discs and as caps."""
     numbers = (sensor.sensors_by_discs, sensor.sensors_by_caps)
     return ["inf" if number is None else str(number) for number in numbers]

@@ -43,7 +43,7 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.names import counted, safe_stem
 
 MAX_ROWS = 10
-"""Largest number of evaluated grasps in the table."""
+"""Largest number of grasps in the printed table."""
 
 
 def run(command: Evaluate, report: Report) -> int:
@@ -91,7 +91,7 @@ def _contacts(command: Evaluate, report: Report) -> Any:
     """Evaluate contacts."""
     stated = {**command.of_poses, "frame": command.frame}
     if any(given is not None for given in stated.values()):
-        read_grasps(command.contacts, **stated)  # says that it is for poses
+        read_grasps(command.contacts, **stated)  # raises: these options are for poses
     contacts, unit = contacts_in(command.contacts)
     model = with_fingers(command.model, contacts.shape[1])
     mesh = load_mesh(command.file, command.mesh)
@@ -114,7 +114,7 @@ def print_grasps(report: Report, grasps: Grasps, metrics: dict[str, Any]) -> Non
     Args:
         report: Where to print.
         grasps: Evaluated contacts, or poses of a gripper or hand.
-        metrics: Values of quality measures by name, whose quantiles are printed.
+        metrics: Values of quality measures by name; their medians are printed.
     """
     mesh, size = grasps.mesh, grasps.size
     words = [model_line(grasps.model, metres=mesh.unit is not None)]
@@ -140,14 +140,14 @@ def print_grasps(report: Report, grasps: Grasps, metrics: dict[str, Any]) -> Non
 
 
 def _kind(grasps: Grasps) -> str:
-    """How many grasps there are, and of what."""
+    """Number and kind of the grasps, in words."""
     if isinstance(grasps, GraspTable):
         return f"{counted(grasps.size, 'grasps')} of {grasps.model.fingers} fingers"
     return f"{counted(grasps.size, 'poses')} of {grasps.hand.name}"
 
 
 def _remarks(grasps: Grasps) -> Iterator[str]:
-    """What is to be said of all grasps, a line each."""
+    """Yield remarks on all grasps, a line each."""
     mesh, size = grasps.mesh, grasps.size
     if isinstance(grasps, GraspTable):
         most = float(grasps.distance.max())

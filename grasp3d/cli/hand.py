@@ -1,4 +1,4 @@
-"""The command `grasp3d hand`: prints the description of a hand, draws and writes it."""
+"""The command `grasp3d hand`: prints, draws and writes the description of a hand."""
 
 import math
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ FRAME = "the TCP, midway between pads or tips; x: closing axis, to finger 2; z: 
 
 NOT_STATED = "not stated"
 OTHER_NUMBERS = {"max_force", "sensor_resolution"}
-"""Numbers of a gripper that are no lengths."""
+"""Numbers of a gripper that are not lengths."""
 
 
 def run(command: Hand, report: Report) -> int:
@@ -34,11 +34,11 @@ def run(command: Hand, report: Report) -> int:
     from grasp3d.pictures.figures import METADATA, save_as
     from grasp3d.pictures.hands import frames_figure, gripper_figure, hand_figure
 
-    # The description that was read is replaced only with --overwrite.
+    # The description that was read is only replaced with --overwrite.
     command.check_output(command.output, [".json"], "gripper")
     for path in (command.picture, command.frames):
         command.check_output(path, METADATA, "figure")
-    fingers: Any = command.fingers or None  # two, or it is refused
+    fingers: Any = command.fingers or None  # two fingers; other numbers are refused
     hand = read_hand(command.hand, fingers=fingers, palm=command.palm, tcp=command.tcp)
     if command.frames is not None:
         if not isinstance(hand, ParallelGripper):
@@ -56,7 +56,7 @@ def run(command: Hand, report: Report) -> int:
 
 
 def print_known(report: Report) -> None:
-    """Print the grippers and the hands with joints that are known by name."""
+    """Print the grippers and hands with joints that are known by name."""
     rows = (
         (title, f"{_mm(one.min_opening)}–{_mm(one.max_opening)}", f"{one.max_force or 0.0:g}")
         for title, one in zip(preset_names(), PRESETS.values(), strict=True)
@@ -84,7 +84,7 @@ def print_hand(report: Report, hand: AnyHand) -> None:
 
 
 def _fields(gripper: ParallelGripper) -> Iterator[tuple[str, str]]:
-    """Names and values of what is known of a gripper."""
+    """Yield names and values of a gripper's known properties."""
     for name, value in gripper.description().items():
         if isinstance(value, float) and name not in OTHER_NUMBERS:
             yield name.replace("_", " "), _mm(value)
@@ -115,7 +115,7 @@ def _joints(hand: ArticulatedHand) -> Iterator[list[str]]:
 
 
 def _rows(hand: ArticulatedHand) -> Iterator[tuple[str, str]]:
-    """Names and values of what is known of a hand with joints."""
+    """Yield names and values of the known properties of a hand with joints."""
     x, y, z = np.round(hand.approach, 4) + 0.0  # without -0
     yield "frame", f"that of {hand.link_names[0]}, the base"
     yield "palm", hand.palm

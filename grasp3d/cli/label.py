@@ -73,7 +73,7 @@ def run(command: Label, report: Report) -> int:
 
 
 def _files(command: Label) -> tuple[Path, Path]:
-    """The labelled file and that of the best grasps, checked before the work."""
+    """Return the labelled file and the file of the best grasps, checked before the work."""
     name = safe_stem(command.file.stem) if command.output is None else command.output.stem
     output = command.output or Path(f"{name}_labeled.ply")
     name_of = command.grasps_format
@@ -92,7 +92,7 @@ def _files(command: Label) -> tuple[Path, Path]:
 
 
 def _check_grasp_file(command: Label, path: Path) -> None:
-    """Check before the work that the best grasps can be written to a file of that name."""
+    """Check before the work that the best grasps can be written to this file."""
     hand, name = command.posed_hand, command.grasps_format
     if name:
         check_suffix(path, format_called(name).suffixes, name)
@@ -112,7 +112,7 @@ def _check_grasp_file(command: Label, path: Path) -> None:
 
 
 def _labels(command: Label, report: Report) -> tuple[SurfaceLabels, list[int]]:
-    """Read and label the mesh; returns the labels, and the vertices that are asked for."""
+    """Read and label the mesh; return the labels, and the vertices asked for."""
     task = Labelling.read(
         command.file, command.reach.touching(command.model), command.sampling, command.reach,
         command.load.chosen, command.mesh, force=command.force,
@@ -121,7 +121,7 @@ def _labels(command: Label, report: Report) -> tuple[SurfaceLabels, list[int]]:
     vertices = [nearest_vertex(task.mesh, "at", point) for point in points]
     with report.progress(f"labelling {command.file.name}"):
         labels = task.labels()
-    with report.progress("measuring"):  # what is computed when it is first read
+    with report.progress("measuring"):  # computes what is otherwise computed on first use
         _ = labels.epsilon_range, labels.load_result
     return labels, vertices
 
@@ -132,7 +132,7 @@ def _print_at(labels: SurfaceLabels, text: str, vertex: int) -> None:
     from grasp3d.pictures.subject import subject_of
     from grasp3d.viewer.inspection import inspect
 
-    # Asked for, so it is printed also with --quiet.
+    # It is asked for, so it is printed also with --quiet.
     report, shown = Report(), inspect(subject_of(labels), vertex)
     report.heading(f"at {text}", escaped(shown.reason))
     points, approach = shown.points[1:], labels.approach
@@ -146,12 +146,12 @@ def _print_at(labels: SurfaceLabels, text: str, vertex: int) -> None:
 def _write_best(
     command: Label, report: Report, labels: SurfaceLabels, output: Path, grasps: Grasps
 ) -> list[Path]:
-    """Write and, if OpenGL is available, draw the best grasps; returns what was written."""
+    """Write and, if OpenGL is available, draw the best grasps; return the files written."""
     from grasp3d.pictures.figures import save_as
     from grasp3d.pictures.stills import draw_grasps, grasp_figure
 
     written, picture = [], output.with_suffix(".png")
-    for old in (output, picture):  # of other settings
+    for old in (output, picture):  # files with other settings
         old.unlink(missing_ok=True)
     if grasps.size or isinstance(grasps, GraspTable):  # files of poses cannot be empty
         written.append(output)
@@ -191,7 +191,7 @@ def print_best(report: Report, grasps: Grasps, requested: int) -> None:
 def print_labels(report: Report, labels: SurfaceLabels) -> None:
     """Print the settings, area fractions, verdict, repairs and warnings of a labelled surface.
 
-    Without a gripper also quantiles of angles, epsilon and forces.
+    Without a gripper quantiles of angles, epsilon and forces follow.
 
     Args:
         report: Where to print.
@@ -225,7 +225,7 @@ def print_labels(report: Report, labels: SurfaceLabels) -> None:
 
 
 def _settings(labels: SurfaceLabels) -> Iterator[str]:
-    """The model, the gripper and the table."""
+    """Yield model, gripper and table, in words."""
     mesh, model, scene = labels.mesh, labels.model, labels.scene
     yield model_line(model, metres=mesh.unit is not None)
     if model.fingers > 2:

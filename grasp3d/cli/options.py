@@ -1,7 +1,7 @@
-"""Options of the commands: their fields and those of settings, and how their words are parsed.
+"""Options of the commands: their fields and those of settings, and the parsing of their words.
 
-The options of a command are the fields of its dataclass, and those of the settings in it, with the
-docstrings as help. Angles without a unit are degrees there.
+The options of a command are the fields of its dataclass and of the settings in it. The docstrings
+of the fields are the helps. Angles without a unit are in degrees on the command line.
 """
 
 import math
@@ -30,79 +30,79 @@ from grasp3d.system.limited_reading import files_read
 
 NONE = "none"
 SMALL = math.radians(1.0)
-"""Angle below which a number without a unit is rather meant in radians."""
+"""Angle below which a number without a unit was probably meant in radians [rad]."""
 
 FORMATS = "FORMATS"
-"""What stands in helps for the names of all formats of poses."""
+"""Placeholder in helps for the names of all formats of poses."""
 
 ARGUMENT = "argument"
-"""A note on a field: it is an argument, without the name of an option."""
+"""Note on a field: it is a positional argument."""
 
 _METAVARS = {
     "scheduler": "ADDRESS|FILE", "palm": "LINK", "outcome": "NAME", "paint": "QUANTITY",
     "metrics": "all|NAME,NAME", "contacts": "CONTACTS",
 }  # fmt: skip
-"""Placeholders of the values of some settings; others have a placeholder by their type."""
+"""Placeholders for the values of some fields; for others the type has one."""
 
 _ALIASES = {"output": ("-o",), "quiet": ("-q",)}
-"""Other names of options, by the name of the field."""
+"""Short names of options, by name of the field."""
 
 
 class Without(tuple[str, ...]):
-    """A note on settings: the names of their fields that a command has no options for."""
+    """Note on settings: names of the fields for which a command has no options."""
 
     __slots__ = ()
 
 
 @dataclass(frozen=True)
 class Parser:
-    """How a word of the command line becomes a value; a note on a field, or that of its type."""
+    """Parser of a word on the command line; a note on a field, or chosen by the field's type."""
 
     metavar: str = ""
-    """Placeholder of the word; empty: there is none, as it is a flag."""
+    """Placeholder of the word; empty for a flag, which takes no word."""
     parse: Callable[[str, str], Any] = lambda _, word: word
-    """The value for an option and its word."""
+    """Function that returns the value for an option and its word."""
     text: Callable[[Any], str] = str
-    """The word for a value, to show a default."""
+    """Function that returns the word for a value, to show a default."""
     names: Callable[[], tuple[str, ...]] = tuple
-    """The words that there are, where more may become known; none: any."""
+    """Function that returns the known words, to which others may be added; empty: any word."""
 
     @property
     def placeholder(self) -> str:
-        """What stands for the word in helps."""
+        """Text that stands for the word in helps."""
         return "|".join(self.names()) or self.metavar
 
 
 @dataclass(frozen=True)
 class Option:
-    """An option or an argument of a command: a field of it, or of settings in it."""
+    """An option or argument of a command: a field of the command or of settings in it."""
 
     field: str
     """Name of the field."""
     group: str
     """Name of its group: the class of the settings."""
     parser: Parser
-    """How each of its words is parsed."""
+    """Parser of each of its words."""
     many: bool
     """Whether it takes any number of words, which become a tuple."""
     default: Any
-    """Its default; `MISSING`: none."""
+    """Default value; `MISSING`: there is no default."""
     optional: bool
-    """Whether the word `none` is None."""
+    """Whether the word `none` means None."""
     names: tuple[str, ...]
-    """What it is given with, the main one last; none: it is an argument."""
+    """Names on the command line, the main one last; none: it is an argument."""
     metavar: str
     """Placeholder of its value; empty: it takes none."""
     text: str
-    """Help."""
+    """Help text."""
 
     @property
     def name(self) -> str:
-        """What errors call it."""
+        """Name in error messages."""
         return self.names[-1] if self.names else self.field
 
     def parse(self, words: list[str]) -> Any:
-        """The value for its words; raises SettingError."""
+        """Return the value for its words; raises SettingError."""
         values = tuple(map(self._value, words))
         return values if self.many else values[0]
 
@@ -119,14 +119,14 @@ class Option:
 def members(
     kind: Any, without: Collection[str] = ()
 ) -> Iterator[tuple["Field[Any]", Any, list[Any]]]:
-    """Yield the fields of a dataclass that commands have options for, as they are given.
+    """Yield the fields of a dataclass for which commands have options, in the order given.
 
     Args:
         kind: The options of a command, or settings.
-        without: Names of fields that are left out.
+        without: Names of fields to leave out.
 
     Yields:
-        The field, its type, and the notes on that.
+        The field, its type, and the notes on the type.
     """
     hints = get_type_hints(kind, include_extras=True)
     for one in sorted(fields(kind), key=lambda one: bool(one.kw_only)):
@@ -143,9 +143,9 @@ def options_of(
 
     Args:
         kind: A dataclass.
-        without: Names of its fields that have no options.
-        group: Group of the options that are in no settings.
-        helps: Whether they have their helps, which are read from the sources.
+        without: Names of fields that have no options.
+        group: Group of the options that are not in settings.
+        helps: Whether the options have helps, which are read from the sources.
     """
     texts = _help_texts(kind) if helps else {}
     for one, base, notes in members(kind, without):
@@ -156,7 +156,7 @@ def options_of(
 
 
 def left_out(notes: Collection[Any]) -> Collection[str]:
-    """Names of the fields of settings that notes leave out."""
+    """Names of the settings fields that notes leave out."""
     return next((note for note in notes if isinstance(note, Without)), ())
 
 
@@ -186,11 +186,11 @@ def _option(field: "Field[Any]", base: Any, notes: list[Any], text: str, group: 
 
 @cache
 def _help_texts(kind: Any) -> dict[str, str]:
-    """Return the texts on the fields in the docstrings of a class, by name, in one line each.
+    """Return the help texts of a class's fields by name, each in one line.
 
-    Those of settings that it extends are in the docstrings of these.
+    The texts of inherited fields are in the docstrings of the base classes.
     """
-    import docstring_parser  # which parsing needs not
+    import docstring_parser  # parsing does not need it
 
     kinds = [base for base in reversed(kind.__mro__) if base.__module__.startswith("grasp3d.")]
     return {
@@ -201,7 +201,7 @@ def _help_texts(kind: Any) -> dict[str, str]:
 
 
 def _parser(base: Any, notes: Collection[Any] = ()) -> Parser:
-    """Return the parser of a type of field, or of the words of a tuple."""
+    """Return the parser for the type of a field, or for the words of a tuple."""
     if own := [note for note in notes if isinstance(note, Parser)]:
         return own[0]
     kinds, origin = [one for one in get_args(base) if one is not NoneType], get_origin(base)
@@ -223,7 +223,7 @@ def _one_of(words: list[str], option: str, word: str) -> str:
 
 
 def number(kind: type, option: str, word: str) -> Any:
-    """Return the number of a word; raises SettingError."""
+    """Return a word as a number; raises SettingError."""
     try:
         return kind(word)
     except ValueError as error:
@@ -232,7 +232,7 @@ def number(kind: type, option: str, word: str) -> Any:
 
 
 def typed_angle(option: str, word: str) -> float:
-    """Return the angle [rad] of a word; a small number without a unit is asked about."""
+    """Return a word as an angle [rad]; refuse a small number without a unit as ambiguous."""
     angle = parse_angle(option, word)
     if 0.0 < abs(angle) < SMALL and word[-1].isdecimal():
         raise SettingError(
@@ -246,7 +246,7 @@ def _millimetres(length: float) -> str:
 
 
 def _read(module: str, function: str) -> Callable[[str, str], Any]:
-    """A function that reads the value of a word, whose module is only imported then."""
+    """Return a function that reads the value of a word, and only then imports its module."""
     return lambda _, word: getattr(import_module(f"grasp3d.{module}"), function)(word)
 
 
@@ -272,19 +272,19 @@ _PARSERS: dict[Any, Parser] = {
     Region: Parser("BOX|FILE"),
     TaskField: Parser("TASK", lambda _, word: TaskText.of(word)),
 }
-"""Parsers by the kind of a field; texts that stay texts are parsed by the settings themselves."""
+"""Parsers by kind of field; the settings themselves parse those that remain texts."""
 
 LengthOption = Metres | float | None
-"""A length: a number, a text with a unit, or none."""
+"""Length as a number, a text with a unit, or None."""
 
 WholeMesh = Annotated[MeshOptions, Without(["region"])]
-"""Options of reading a mesh whose contacts may be anywhere."""
+"""Mesh options for commands that allow contacts anywhere on the mesh."""
 
 LoadOfJaws = Annotated[Load, Without(["torque_limits"])]
-"""A load of what has no motors in its joints."""
+"""Load of hands without motors in their joints."""
 
 PoseFormat = Parser("FORMAT", lambda _, word: format_called(word).name, names=format_names)
-"""The name of a format of poses."""
+"""Parser of the name of a format of poses."""
 
 _AnyFrame = Parser(
     "NAME|FILE|auto",
@@ -294,7 +294,7 @@ _AnyFrame = Parser(
 
 @dataclass(frozen=True, kw_only=True)
 class GivenPoses:
-    """The options of commands that read poses of a gripper."""
+    """Options of commands that read poses of a gripper."""
 
     object_pose: ObjectPose | None = None
     """Pose of the object in the frame of the poses, for poses in a robot's frame whose file does
@@ -309,22 +309,22 @@ class GivenPoses:
 
     @property
     def of_poses(self) -> dict[str, Any]:
-        """What is stated of the file, as `read_grasps` takes it; `auto` is no frame of it."""
+        """What is known of the file, as `read_grasps` takes it; without the frame `auto`."""
         frame = None if self.frame == AUTO else self.frame
         return {"object_pose": self.object_pose, "frame": frame}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Strict:
-    """The option of commands that warn."""
+    """Option of commands that warn."""
 
     strict: bool = False
-    """Treat warnings as errors: refuse what causes a warning, and write nothing of it."""
+    """Treat warnings as errors: refuse the input that causes one, and write nothing of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Overwriting:
-    """The option of commands that write files."""
+    """Option of commands that write files."""
 
     overwrite: bool = False
     """Replace existing files."""
@@ -337,17 +337,17 @@ class Overwriting:
         *,
         inputs: Iterable[Path | None] = (),
     ) -> None:
-        """Check before a long computation that an output has a known format and can be written.
+        """Check, before a long computation, that an output has a known format and can be written.
 
         Args:
             path: File to create or replace; None: nothing is written.
-            suffixes: Of the formats, in lower case; none: they are checked elsewhere.
-            what: What the file contains, for the error: a table, a figure.
-            inputs: Files that the command is going to read, which it must not replace, nor those
-                that it has read; None: no local file.
+            suffixes: Known suffixes, in lower case; none: they are checked elsewhere.
+            what: Content of the file, for the error: a table, a figure.
+            inputs: Files that the command is going to read; None: not a local file. The output must
+                not replace these, nor any file that has been read.
 
         Raises:
-            OutputError: The suffix is not known, it cannot be written, or a file is there already.
+            OutputError: The suffix is not known, the file cannot be written, or it exists already.
         """
         if path is None:
             return
@@ -365,7 +365,7 @@ class Overwriting:
 
 @dataclass(frozen=True, kw_only=True)
 class Quiet:
-    """The option of commands that print."""
+    """Option of commands that print."""
 
     quiet: bool = False
     """Print nothing but errors."""
@@ -373,7 +373,7 @@ class Quiet:
 
 @dataclass(frozen=True)
 class OneMesh:
-    """The argument of commands on one mesh."""
+    """Argument of commands on one mesh."""
 
     file: Annotated[Path, ARGUMENT]
     """Mesh (STL, OBJ, PLY, OFF, GLB, 3MF, ...)."""
@@ -381,7 +381,7 @@ class OneMesh:
 
 @dataclass(frozen=True)
 class ManyMeshes:
-    """The argument of commands on many meshes, as `batch.inputs.find_meshes` takes it."""
+    """Argument of commands on many meshes, as `batch.inputs.find_meshes` takes it."""
 
     inputs: Annotated[tuple[str, ...], ARGUMENT, Parser("PATH")]
     """Mesh files, folders, globs or tables: folders are searched recursively, globs are in quotes
@@ -391,7 +391,7 @@ class ManyMeshes:
 
 @dataclass(frozen=True, kw_only=True)
 class Guarded(Quiet, Overwriting, Strict):
-    """The options of what is accepted, replaced and printed."""
+    """Options for what is accepted, replaced and printed."""
 
     force: bool = False
     """Accept implausible lengths, such as an opening 500 times the object's size. It replaces no
@@ -400,7 +400,7 @@ class Guarded(Quiet, Overwriting, Strict):
 
 @dataclass(frozen=True, kw_only=True)
 class Searching(Guarded):
-    """The options of commands that search grasps on one mesh or many."""
+    """Options of commands that search for grasps on one mesh or many."""
 
     model: GraspModel = field(default_factory=GraspModel)
     sampling: Sampling = field(default_factory=Sampling)
@@ -408,7 +408,7 @@ class Searching(Guarded):
 
 @dataclass(frozen=True, kw_only=True)
 class Labelling(Searching):
-    """The options of commands that label meshes, also for a gripper and a load."""
+    """Options of commands that label meshes, also for a gripper and a load."""
 
     reach: ReachSettings = field(default_factory=ReachSettings)
     load: LoadOfJaws = field(default_factory=Load)

@@ -1,6 +1,6 @@
-"""Printed reports: lines, tables, and names with values, with the marks and numbers in them.
+"""Printed reports: lines, tables and named values, with their marks and numbers.
 
-While something is computed they show its progress, on standard error.
+During a computation a report shows its progress on standard error.
 """
 
 import math
@@ -49,21 +49,21 @@ WARNING, NOTE, FAILED = "[yellow]warning:[/]", "[yellow]note:[/]", "[red]failed:
 """Marks at the beginning of a message."""
 
 LEVELS = (0.1, 0.5, 0.9)
-"""Levels of the quantiles that are printed."""
+"""Levels of the printed quantiles."""
 PERCENTS = "/".join(f"{100.0 * level:.0f}" for level in LEVELS) + " %"
 
 LEAST_WIDTH = 16
-"""Characters of a text below which a narrow terminal does not fold it."""
+"""Width in characters below which a narrow terminal does not fold a text."""
 
 UNLIMITED = 10_000
-"""Characters in a line of a file or a pipe, more than any table has."""
+"""Line width of a file or a pipe in characters, more than any table needs."""
 
 
 class Report:
-    """What a command prints, in order.
+    """Output of a command, in order.
 
-    Texts have the markup of rich: what may contain brackets is `escaped`. A terminal gets lines as
-    wide as it is, a file or a pipe whole ones.
+    Texts have the markup of rich; `escaped` is applied to what may contain brackets. Lines wrap at
+    the width of a terminal, and are whole in a file or a pipe.
     """
 
     def __init__(self, *, quiet: bool = False) -> None:
@@ -77,7 +77,7 @@ class Report:
             self.console.width = UNLIMITED
 
     def bar(self, *columns: ProgressColumn) -> Progress:
-        """Make a progress bar with some columns after the bar, which only a terminal shows."""
+        """Return a progress bar with columns after the bar, which only a terminal shows."""
         quiet = self.console.quiet
         console = Console(stderr=True, quiet=quiet, soft_wrap=True, emoji=False)
         return Progress(
@@ -87,7 +87,7 @@ class Report:
 
     @contextmanager
     def progress(self, text: str) -> Iterator[None]:
-        """Show a progress bar for the computation inside."""
+        """Show a progress bar for the computation in the context."""
         with self.bar(TextColumn("{task.percentage:>3.0f} %")) as bar:
             task = bar.add_task(escaped(text), total=1.0)
             with running(progress=lambda fraction: bar.update(task, completed=fraction)):
@@ -97,19 +97,19 @@ class Report:
         self, work: Callable[..., Any], files: list["MeshFile"], settings: Any, *,
         text: str, command: Any,
     ) -> "list[Done[MeshFile, Any]]":  # fmt: skip
-        """Work on each mesh: on one here, on several in child processes; show a progress bar.
+        """Process each mesh with a progress bar: a single one here, several in child processes.
 
         Args:
             work: Called with a mesh, the settings and `force`.
             files: The meshes.
-            settings: Passed on.
-            text: What is done.
-            command: The options, with those of the processes.
+            settings: Settings, passed on.
+            text: Description of the work.
+            command: Options of the command, including those of the processes.
 
         Returns:
-            What has become of each, by name.
+            The result or error of each mesh, sorted by name.
         """
-        from grasp3d.jobs.child import LostError  # which most commands need not
+        from grasp3d.jobs.child import LostError  # most commands do not need it
         from grasp3d.jobs.running import run
 
         task, cluster = partial(work, settings=settings, force=command.force), command.cluster
@@ -132,7 +132,7 @@ class Report:
         self.console.print(text)
 
     def lines(self, texts: Iterable[str], mark: str = "") -> None:
-        """Print texts without markup, a line each, after a mark."""
+        """Print texts without markup, one per line, after a mark."""
         for text in texts:
             self.line(f"{mark} {escaped(text)}" if mark else escaped(text))
 
@@ -141,11 +141,11 @@ class Report:
         self.lines(texts, WARNING)
 
     def written(self, *paths: Path | str) -> None:
-        """Print the names of the files that were written."""
+        """Print the names of the written files."""
         self.line(f"written: {escaped(', '.join(map(str, paths)))}")
 
     def heading(self, name: str, text: str) -> None:
-        """Print a line on what has a name, which has no markup."""
+        """Print a line of text after a name, which has no markup."""
         self.line(f"[bold]{escaped(name)}[/]: {text}")
 
     def mesh(self, mesh: "ObjectMesh", text: str) -> None:
@@ -156,12 +156,12 @@ class Report:
     def table(
         self, headings: Sequence[str], rows: Iterable[Sequence[str]], *, texts: Sequence[int] = (0,)
     ) -> None:
-        """Print a table, whole also where the console is too narrow for it.
+        """Print a table, in full even if the console is too narrow for it.
 
         Args:
-            headings: Of all columns; all empty: the table has no line of headings.
+            headings: Headings of all columns; all empty: the table has no line of headings.
             rows: Cells with markup.
-            texts: Columns of texts, which a narrow terminal folds; the others are numbers.
+            texts: Numbers of the text columns, which a narrow terminal folds; others are numbers.
         """
         if self.console.quiet:
             return
@@ -186,15 +186,15 @@ class Report:
         print(*lines, sep="\n", file=self.console.file)
 
     def values(self, rows: Iterable[tuple[str, str]]) -> None:
-        """Print names and their values, which have no markup."""
+        """Print names with their values, which have no markup."""
         self.table(("", ""), ((name, escaped(value)) for name, value in rows), texts=(0, 1))
 
     def letters(self, mode: Mode, columns: Mapping[str, Callable[[Label], str]]) -> None:
         """Print a table with a line for each label.
 
         Args:
-            mode: What labels are of, which gives their meaning.
-            columns: What a label has in each further column, by its heading.
+            mode: What the labels describe, which gives their meaning.
+            columns: For each further column its heading, and its text for a label.
         """
         rows = (
             (label_name(one), MEANING[mode][one], *(cell(one) for cell in columns.values()))
@@ -203,11 +203,11 @@ class Report:
         self.table(("label", "", *columns), rows, texts=(0, 1))
 
     def rates(self, of: str, rates: Iterable[tuple[str, SuccessRate]]) -> None:
-        """Print how many of some grasps held, with the interval of the probability.
+        """Print success rates of grasps, with confidence intervals.
 
         Args:
             of: Heading of the first column.
-            rates: What is in it, with markup, and a rate each; those of no grasp are left out.
+            rates: First cells of the rows, with markup, and rates; those of no grasps are omitted.
         """
         rows = (
             (name, f"{one.count:,}", f"{100.0 * one.rate:.0f} %",
@@ -218,11 +218,11 @@ class Report:
         self.table((of, "grasps", "held", "95 %"), rows)
 
     def grasps(self, grasps: Grasps, which: Sequence[int]) -> None:
-        """Print a table of the declared columns that have a heading, and what they mean.
+        """Print a table of grasps, with the columns that have a heading and their meanings.
 
         Args:
-            grasps: The grasps; the columns that they do not have are left out.
-            which: Their rows.
+            grasps: The grasps; columns that they lack are left out.
+            which: Rows to print.
         """
         fields = GRASPS if isinstance(grasps, GraspTable) else grasps.fields
         metres = grasps.mesh.unit is not None
@@ -240,14 +240,14 @@ class Report:
 
 
 def cell(field: Field, value: Any, *, metres: bool) -> str:
-    """Format a value of a declared column, letters with their colour; see `Field.text`."""
+    """Format a value of a declared column, a label with its colour; see `Field.text`."""
     if field.texts == LETTERS:
         return label_name(Label(int(value)))
     return escaped(field.text(value, metres=metres))
 
 
 def quantiles_text(field: Field, values: Array, weights: "Floats", *, metres: bool) -> str:
-    """The quantiles of a declared column, with its heading.
+    """Format the quantiles of a declared column, with its heading.
 
     Args:
         field: The column.
@@ -281,12 +281,12 @@ def label_meaning(label: Label) -> str:
 
 
 def angle_text(angle: float) -> str:
-    """Format an angle in degrees; one that is not finite means that there is no grasp."""
+    """Format an angle in degrees; an angle that is not finite means that there is no grasp."""
     return f"{math.degrees(angle) + 0.0:.1f}°" if math.isfinite(angle) else NONE
 
 
 def exact_angle(angle: float) -> str:
-    """Format an angle in hundredths of a degree."""
+    """Format an angle in degrees with two decimals."""
     return f"{round(math.degrees(angle), 2) + 0.0:.2f}°"  # never -0.00
 
 
@@ -297,13 +297,13 @@ def length_with_unit(length: float, unit: Unit | None) -> str:
 
 
 def frame_text(pose: ObjectPose | None) -> str:
-    """Frame of the poses in a file."""
+    """State the frame of the poses in a file."""
     frame = "mesh's frame" if pose is None else f"robot's frame {pose.frame!r}"
     return f"poses in the file: in the {frame}"
 
 
 def load_line(case: LoadCase) -> str:
-    """A load, and the force at hand."""
+    """Describe a load and the force at hand."""
     mass = "mass not given" if case.mass is None else f"{short_number(case.mass)} kg"
     text = escaped(str(case.load.task))
     per_finger = f"{case.at_hand} per finger" if case.at_hand else "none given"

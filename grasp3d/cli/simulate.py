@@ -27,7 +27,7 @@ def run(command: Simulate, report: Report) -> int:
     inputs = [command.file, command.grasps]
     command.check_output(output, suffixes(), "pose", inputs=inputs)
     check_hand(format_of(output), command.hand)
-    coacd_module()  # before anything is read
+    coacd_module()  # before any file is read
     tried = _simulate(command, report)
     write_grasps(output, tried)
     if command.grasps is not None:
@@ -38,7 +38,7 @@ def run(command: Simulate, report: Report) -> int:
 
 
 def _simulate(command: Simulate, report: Report) -> GraspPoses:
-    """Read mesh and poses, and close the gripper."""
+    """Read mesh and poses, and simulate the grasps."""
     poses, model = None, touching(command.hand, command.model)
     if command.grasps is not None:
         given = {"hand": command.hand, **command.of_poses}
@@ -60,7 +60,7 @@ def _simulate(command: Simulate, report: Report) -> GraspPoses:
 
 
 def print_outcomes(report: Report, tried: GraspPoses) -> None:
-    """Print how many grasps of each label held, and what became of all."""
+    """Print how many grasps of each label held, and the fates of all grasps."""
     for setting, words in READINGS.items():
         if said := tried.settings.get(setting):
             report.line(f"{words}: {escaped(str(said))}")

@@ -29,15 +29,15 @@ from grasp3d.system.places import local_path
 from grasp3d.system.tables import SUFFIXES
 
 MAX_VALUES = 10_000
-"""Most values of a range."""
+"""Largest number of values in a range."""
 
 MAX_SHOWN = 6
-"""Meshes up to which each of them is drawn; of more the mean."""
+"""Largest number of meshes that are drawn one by one; of more only the mean is drawn."""
 
 REQUIRED = "required: resolution below which this share of area is S; --max-edge narrows creases"
 
 COLUMNS = 5
-"""Resolutions whose area fractions are printed."""
+"""Number of resolutions whose area fractions are printed."""
 
 
 SHAPES: dict[str, Callable[[], AngleDistribution]] = {
@@ -50,13 +50,13 @@ SHAPES: dict[str, Callable[[], AngleDistribution]] = {
 
 @dataclass(frozen=True)
 class SweepSettings:
-    """Frictions and sensor resolutions of a sweep, and how to label.
+    """Frictions and sensor resolutions of a sweep, and settings of the labels.
 
     Attributes:
         friction: Coulomb coefficients.
         sensor_resolution: Resolutions alpha [rad].
-        sampling: How grasps are searched for. Its search angle, if given, must cover all frictions
-            and resolutions.
+        sampling: Settings of the search. Its search angle, if given, must cover all frictions and
+            resolutions.
     """
 
     friction: tuple[float, ...]
@@ -78,7 +78,7 @@ class SweepSettings:
 
     @property
     def model(self) -> GraspModel:
-        """Largest friction and coarsest resolution, which need the widest search."""
+        """Model of largest friction and coarsest resolution, which needs the widest search."""
         return GraspModel(
             friction=max(self.friction),
             sensor_resolution=max(self.sensor_resolution),
@@ -86,7 +86,7 @@ class SweepSettings:
         )
 
     def swept(self, name: str, angles: AngleDistribution, mode: Mode) -> Fractions:
-        """The area fractions of critical angles at all frictions and resolutions."""
+        """Compute the area fractions of critical angles at all frictions and resolutions."""
         return sweep(
             angles, friction=self.friction, sensor_resolution=self.sensor_resolution, name=name,
             mode=mode,
@@ -133,17 +133,17 @@ def run(command: Sweep, report: Report) -> int:
 
 
 def find_targets(inputs: Iterable[str]) -> tuple[list[str], list[MeshFile]]:
-    """Find the shapes and meshes to sweep; the name of a shape takes precedence over a file name.
+    """Find the shapes and meshes to sweep; names of shapes take precedence over file names.
 
     Args:
         inputs: Names of shapes, or inputs of `find_meshes`; `./circle` is always a path.
 
     Returns:
-        Names of shapes, and meshes; each once.
+        Names of shapes, and meshes; each only once.
 
     Raises:
         SettingError: There is no input.
-        MeshError: A path is missing, or there is no mesh in the inputs that are no shapes.
+        MeshError: A path is missing, or the inputs other than shapes have no mesh.
     """
     distinct = list(dict.fromkeys(inputs))
     if not distinct:
@@ -162,11 +162,11 @@ def sweep_mesh(
 
     Args:
         mesh: The file.
-        settings: Frictions, sensor resolutions, and how to label.
-        force: Accept lengths that cannot be meant for an object of this size.
+        settings: Frictions, sensor resolutions, and settings of the labels.
+        force: Accept lengths that are implausible for an object of this size.
 
     Returns:
-        The sweep, and warnings.
+        The sweep and its warnings.
 
     Raises:
         GraspError: The mesh cannot be labelled.
@@ -186,8 +186,8 @@ def sweep_shape(name: str, settings: SweepSettings) -> Fractions:
     """Compute the area fractions of a shape in closed form.
 
     Args:
-        name: One of `SHAPES`.
-        settings: Frictions and sensor resolutions of two fingers.
+        name: A key of `SHAPES`.
+        settings: Frictions and sensor resolutions, for two fingers.
 
     Raises:
         SettingError: The settings are for more fingers.
@@ -200,7 +200,7 @@ def sweep_shape(name: str, settings: SweepSettings) -> Fractions:
 
 
 def _outputs(command: Sweep, shapes: list[str], meshes: list[MeshFile]) -> tuple[Path, Path]:
-    """Return the paths of table and figure, checked to be writable and not to be meshes."""
+    """Return the paths of table and figure, after checking that they can be written."""
     names = [*shapes, *(mesh.name for mesh in meshes)]
     stem = f"{safe_stem(Path(names[0]).stem)}_sweep" if len(names) == 1 else "sweep"
     table = command.output or Path(f"{stem}.csv")
@@ -216,7 +216,7 @@ def _print_sweeps(report: Report, sweeps: Sequence[Fractions], required: list[fl
 
     Args:
         report: Where to print.
-        sweeps: Of shapes and meshes, at least one.
+        sweeps: Sweeps of shapes and meshes, at least one.
         required: Area fractions of S for which the required resolution is printed.
     """
     resolutions = sweeps[0].sensor_resolution
@@ -246,7 +246,7 @@ def _percents(sweep: Fractions, row: int, column: int) -> str:
 
 
 def frictions_in(words: Iterable[str]) -> tuple[float, ...]:
-    """Return coefficients of friction; see `_values`."""
+    """Return the coefficients of friction of words; see `_values`."""
     values = _values(lambda name, word: number(float, name, word), 1.0, "--friction", words)
     for value in values[:1] + values[-1:]:
         friction_interval(f"{value:g}")
@@ -254,7 +254,7 @@ def frictions_in(words: Iterable[str]) -> tuple[float, ...]:
 
 
 def angles_in(words: Iterable[str]) -> tuple[float, ...]:
-    """Return angles [rad] of words, ranges of which are in degrees; see `_values`.
+    """Return the angles [rad] of words; ranges are in degrees; see `_values`.
 
     Example:
         >>> from grasp3d.cli.sweep import angles_in
@@ -267,16 +267,16 @@ def angles_in(words: Iterable[str]) -> tuple[float, ...]:
 def _values(
     single: Callable[[str, str], float], scale: float, option: str, words: Iterable[str]
 ) -> tuple[float, ...]:
-    """Return the values of words, sorted: single ones, and ranges FROM:TO:STEP with both ends.
+    """Return the sorted values of words: single values, and ranges FROM:TO:STEP with both ends.
 
     Args:
-        single: Parses a single one.
-        scale: Value of 1 in a range.
+        single: Function that parses a single value.
+        scale: Unit of the numbers in a range.
         option: Name of the option, for the error.
         words: The words.
 
     Raises:
-        SettingError: A word is neither, or there are too many values.
+        SettingError: A word is neither a value nor a range, or there are too many values.
     """
     values = set[float]()
     for word in words:

@@ -1,6 +1,6 @@
-"""How a command line is understood: the help of a command, its words, and errors of usage.
+"""Parsing of a command line: help of a command, its words, and usage errors.
 
-Shells complete it by a script, made of the same options.
+A completion script for shells is made from the same options.
 """
 
 import re
@@ -30,7 +30,7 @@ GROUPS = {
     "ViewSettings": "view: The initial view of the object.",
     "ClusterSettings": "processes: Which processes do the work, and their limits.",
 }
-"""Titles of the groups of options, and texts on them, in the order of the help."""
+"""Titles of the groups of options with their descriptions, in the order of the help."""
 
 MAIN = {
     "unit", "friction", "sensor_resolution", "fingers", "max_opening", "hand", "table", "mass",
@@ -38,15 +38,15 @@ MAIN = {
     "mesh", "meshes", "outcome", "count", "object_mass", "workers", "fraction",
     "paint", "web", "screenshot",
 }  # fmt: skip
-"""Fields whose options the short help lists, with the first words of their help."""
+"""Fields whose options are in the short help, with the first words of their help."""
 
 HELP, HELP_ALL = ("-h", "--help"), "--help-all"
 
 MOST_OPTIONS = 15
-"""Most options of a command whose help has all of them without being asked for."""
+"""Largest number of options of a command whose short help lists all of them."""
 
 LEAST_LIKENESS = 0.75
-"""Least ratio of `difflib` at which an option may have been meant."""
+"""Least ratio of `difflib` at which an option is suggested."""
 
 OTHER_WORDS = {
     "--gripper": "--hand",
@@ -54,30 +54,30 @@ OTHER_WORDS = {
     "--mu": "--friction",
     "--alpha": "--sensor-resolution",
 }
-"""Options that others have for what an option here is called."""
+"""Names that other programs use for options, and the names here."""
 
 WIDEST = 100
-"""Most columns of the help."""
+"""Largest number of columns of the help."""
 
 _NEGATIVE = re.compile(r"-([.\d]|([xyz]|inf|nan)$)")
-"""Words that are no options: how a negative number begins, such as -1mm, and directions."""
+"""Words that are not options: beginnings of negative numbers, such as -1mm, and directions."""
 
 _END = re.compile(r"[.;:] (?![^(]*\))| \(default|\.$")
-"""Where the first words of a help end."""
+"""End of the first words of a help."""
 
 _PAUSE = re.compile(r"[,;:]? \(|[,;:] (?![^(]*\))|$")
-"""Where they may end before, outside parentheses."""
+"""Earlier possible ends of the first words, outside parentheses."""
 
 
 def parse(kind: type, words: list[str]) -> Any:
-    """Return a command for the words of a command line.
+    """Parse the words of a command line into a command.
 
     Args:
         kind: The dataclass of its options.
-        words: What follows its name.
+        words: The words after its name.
 
     Raises:
-        SettingError: An option is not known, or a value is missing or not right.
+        SettingError: An option is not known, or a value is missing or invalid.
     """
     options, prog = list(options_of(kind, helps=False)), prog_of(kind)
     named = {name: one for one in options for name in one.names}
@@ -120,7 +120,7 @@ def parse(kind: type, words: list[str]) -> Any:
 
 
 def _made(kind: Any, values: Mapping[str, Any], without: Any = ()) -> Any:
-    """Make a command, or settings, of the given values of options by the name of their field."""
+    """Build a command, or settings, from option values by field name."""
     return kind(
         **{
             one.name: _made(base, values, left_out(notes)) if nested else values[one.name]
@@ -131,7 +131,7 @@ def _made(kind: Any, values: Mapping[str, Any], without: Any = ()) -> Any:
 
 
 def _meant(name: str, names: list[str], prog: str) -> str:
-    """Return which option may have been meant by a name, or how to find it."""
+    """Return a hint on the option that may have been meant, or on how to find it."""
     names = sorted(names, key=len)
     alike = [one for one in names if one == OTHER_WORDS.get(name)]
     alike += [one for one in names if len(name) > len("--x") and name.lstrip("-") in one]
@@ -151,7 +151,7 @@ def help_of(kind: type, *, whole: bool) -> str:
 
     Args:
         kind: The dataclass of its options.
-        whole: Whether it has all options; otherwise those that matter, if there are many.
+        whole: Whether all options are shown; otherwise only the main ones, if there are many.
     """
     from docstring_parser import parse_from_object
 
@@ -177,19 +177,19 @@ def help_of(kind: type, *, whole: bool) -> str:
 
 
 def _first_words(text: str, most: int) -> str:
-    """Return a sentence of so many letters at most, or what of it ends before a punctuation."""
+    """Return the first sentence of a text, cut at a punctuation mark to at most `most` letters."""
     sentence = _END.split(text)[0]
     ends = [pause.start() for pause in _PAUSE.finditer(sentence) if pause.start() <= most]
     return sentence[: ends[-1]] if ends else shorten(sentence, most, placeholder=" ...")
 
 
 def prog_of(kind: type) -> str:
-    """Return the words by which a command is called."""
+    """Return the words that call a command."""
     return f"grasp3d {kind.__name__.lower()}"
 
 
 def usage_of(kind: type) -> str:
-    """Return how a command is called: its arguments and required options."""
+    """Return the usage line of a command: its arguments and required options."""
     options = sorted(options_of(kind), key=lambda one: len(one.names))  # arguments first
     required = (one for one in options if one.default is MISSING or not one.names)
     words = (" ".join((*one.names[:1], one.metavar)) for one in required)
@@ -197,15 +197,15 @@ def usage_of(kind: type) -> str:
 
 
 def invocation(option: Option) -> str:
-    """Return how an option, or an argument, is given."""
+    """Return an option or argument as it is given on the command line."""
     return f"{', '.join(option.names)} {option.metavar}".strip()
 
 
 def examples_of(kind: type) -> str:
-    """Return the examples in the docstring of a command's options.
+    """Return the examples from the docstring of a command's options.
 
-    The folder `meshes` in them is the one that comes with the package, `grasps.csv` a table with
-    columns x1 y1 z1 x2 y2 z2, `tried.csv` one of poses with outcomes, `hand.urdf` a robot's hand.
+    In the examples the folder `meshes` is the one that comes with the package, `grasps.csv` a table
+    with columns x1 y1 z1 x2 y2 z2, `tried.csv` poses with outcomes, `hand.urdf` a robot's hand.
     """
     from docstring_parser import parse_from_object
 
@@ -234,7 +234,7 @@ complete -o bashdefault -o default -F _grasp3d grasp3d
 
 
 def completion_script(kinds: Mapping[str, type]) -> str:
-    """The script that `source <(grasp3d --completion)` runs; other words are names of files.
+    """Return the script that `source <(grasp3d --completion)` runs; other words complete to files.
 
     Args:
         kinds: The options of each command, by its name.

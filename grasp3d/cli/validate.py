@@ -1,4 +1,4 @@
-"""The command `grasp3d validate`: holds labels and scores against what became of grasps."""
+"""The command `grasp3d validate`: compares labels and scores of grasps with outcomes."""
 
 import math
 from pathlib import Path
@@ -15,13 +15,13 @@ from grasp3d.system.names import counted
 from grasp3d.system.tables import SUFFIXES
 
 MOST_FILES = 8
-"""Most sentences on the sources of files that are printed."""
+"""Largest number of sentences on the sources of files that are printed."""
 
 MOST_WRONG = 10
-"""Most grasps that are listed whose outcome contradicts their label, of S and of U each."""
+"""Largest number of contradictions that are listed, for S that failed and U that held each."""
 
 LISTED = ("grasp", "file", "label", "score", "reason")
-"""What is listed of them."""
+"""Columns of this list."""
 
 
 def run(command: Validate, report: Report) -> int:
@@ -54,7 +54,7 @@ def run(command: Validate, report: Report) -> int:
 
 
 def print_validation(report: Report, found: Validation) -> None:
-    """Print how well labels and scores predict the outcomes, and which labels were wrong."""
+    """Print how well labels and scores predict the outcomes, and which labels are wrong."""
     held, not_tried = int(found.held.sum()), sum(one.not_tried for one in found.files)
     outcome = f"an outcome ({found.outcome})" if found.outcome else "an outcome"
     left_out = f"; {not_tried:,} without an outcome are left out" if not_tried else ""
@@ -84,7 +84,7 @@ def print_validation(report: Report, found: Validation) -> None:
 
 
 def _print_wrong(report: Report, found: Validation) -> None:
-    """List S that failed and U that held, of each the greatest contradictions."""
+    """List S that failed and U that held, the greatest contradictions first."""
     letters = found.columns["label"][found.wrong]
     failed, held = (found.wrong[letters == letter] for letter in "SU")
     report.heading("wrong", f"{len(failed):,} S that failed, {len(held):,} U that held")

@@ -1,4 +1,4 @@
-"""`grasp3d view`: view an object in a window, in a browser, or as a picture."""
+"""The command `grasp3d view`: shows an object in a window, in a browser, or as a picture."""
 
 from grasp3d.cli.commands import View
 from grasp3d.cli.report import Report
@@ -15,7 +15,7 @@ from grasp3d.viewer.window import display_problem, show_window
 
 
 def run(command: View, report: Report) -> int:
-    """Run the command; returns the exit code."""
+    """Run the command, and return the exit code."""
     problem, collection = _check(command), _collection(command, report)
     first = collection.items[0]
     with report.progress(f"opening {first.name}"):
@@ -38,7 +38,7 @@ def run(command: View, report: Report) -> int:
 
 
 def _collection(command: View, report: Report) -> Collection:
-    """The objects, or poses."""
+    """Open the objects, or evaluate the poses, to view."""
     model, load = command.model, command.load.chosen
     if command.grasps is None:
         return open_collection(
@@ -57,10 +57,10 @@ def _collection(command: View, report: Report) -> Collection:
 
 
 def _check(command: View) -> str:
-    """Check that the output is possible, before the work begins.
+    """Check before the work begins that the output is possible.
 
     Returns:
-        Why no window can be opened; empty if one can, or is not needed.
+        Reason why no window can be opened; empty if one can, or is not needed.
     """
     if command.screenshot:
         check_picture(command.screenshot)

@@ -13,7 +13,7 @@ from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Floats, Ints, locked, short_r
 from grasp3d.errors import ContactError, GraspError, SettingError
 
 NEAR_X_AXIS = 0.9
-"""Absolute x-component of a normal above which its tangents come from the y-axis instead."""
+"""Absolute x-component of a normal above which its tangents are made with the y-axis instead."""
 
 PARALLEL = 1e-12
 """Sine of the angle between a normal and its goal below which the goal gives no direction."""
@@ -203,8 +203,8 @@ class Contacts:
     0: a hard finger."""
     groups: Ints | None
     """The finger of each contact, from 0, shape (n,); None: each contact is a finger. Contacts of
-    one finger, such as the corners of what a pad touches, share the bound of its force: in epsilon,
-    grip forces and payloads. Labels are those of single points."""
+    one finger, such as the corners of a patch that a pad touches, share the bound on its force in
+    epsilon, grip forces and payloads. Labels exist for single points only."""
 
     __repr__ = short_repr
 
@@ -225,11 +225,11 @@ class Contacts:
             torsion_radius: Soft fingers: uniform pressure on a disc of radius r under Coulomb
                 friction resists a torsional moment of up to 2/3 friction r per normal force, so
                 give 2/3 * friction * r. One value, or shape (..., n).
-            groups: The finger of each contact, from 0, shape (n,), where fingers touch at several
-                points, which then are hard; None: each contact is a finger.
+            groups: The finger of each contact, from 0, shape (n,), if fingers touch at several
+                points, which must be hard; None: each contact is a finger.
 
         Raises:
-            ContactError: Shapes that do not match, or values out of range.
+            ContactError: Shapes do not match, or values are out of range.
         """
         p = finite_numbers("points", points, most=LARGEST)
         n = finite_numbers("normals", normals)
@@ -255,7 +255,7 @@ class Contacts:
         object.__setattr__(self, "groups", None if groups is None else self._checked(groups))
 
     def _checked(self, groups: ArrayLike) -> Ints:
-        """The finger of each contact, (n,). Raises ContactError."""
+        """Check the finger of each contact, (n,). Raises ContactError."""
         try:
             fingers = np.asarray(groups)
         except ValueError as error:
@@ -284,11 +284,11 @@ class Contacts:
         return Contacts(self.points, self.normals, friction, self.torsion_radius, self.groups)
 
     def by_finger(self) -> tuple[Ints, int]:
-        """The contacts of one finger after those of another, equally many of each.
+        """Order contacts by finger, with equally many contacts for each finger.
 
         Returns:
-            (contacts (p,), contacts of a finger): the first of a finger with fewer contacts is
-            repeated, which changes nothing that it can apply.
+            (contacts (p,), number for each finger). If a finger has fewer contacts, its first is
+            repeated, which does not change the forces that it can apply.
         """
         if self.groups is None:
             return np.arange(self.count), 1
@@ -298,11 +298,11 @@ class Contacts:
         return np.concatenate(rows), most
 
     def as_points(self) -> "Contacts":
-        """The contacts with the points at which soft fingers press instead: hard, and in groups.
+        """Replace soft fingers by the points at which they press: hard contacts in groups.
 
-        A disc of radius r that is evenly pressed resists as much torsion about its normal as points
-        that share its force at 2/3 r do, which is the torsion radius divided by friction. There are
-        `PAD_POINTS` of each finger, in the plane across its normal.
+        An evenly pressed disc of radius r resists the same torsion about its normal as points at a
+        distance of 2/3 r that share its force. This distance is the torsion radius divided by
+        friction. Each finger has `PAD_POINTS` points, in the plane perpendicular to its normal.
         """
         if not self.torsion_radius.any():
             return self
@@ -321,7 +321,7 @@ class Contacts:
         )
 
     def of_size(self, points: Floats, size: Floats) -> "Contacts":
-        """The same contacts at other points, with lengths divided by a size of each grasp, (...).
+        """The same contacts at other points, with torsion radii divided by a size of each grasp.
 
         Args:
             points: Shape (..., n, 3).
@@ -330,7 +330,7 @@ class Contacts:
         return self._changed(points=points, torsion_radius=self.torsion_radius / size[..., None])
 
     def ordered(self, which: Ints) -> "Contacts":
-        """The contacts in an order of `by_finger` (p,), each as a finger of its own."""
+        """The contacts in the order (p,) of `by_finger`, each as a finger of its own."""
         if self.groups is None and len(which) == self.count:
             return self
         axis = len(self.batch)
@@ -338,7 +338,7 @@ class Contacts:
         return self._changed(**columns, groups=None)
 
     def reshape(self, batch: tuple[int, ...]) -> "Contacts":
-        """The same grasps in a batch of another shape, in which one number may be -1."""
+        """The same grasps in a batch of another shape, of which one number may be -1."""
         return self._each(lambda values, rest: values.reshape(*batch, *rest))
 
     def take(self, which: slice | Ints) -> "Contacts":
@@ -389,7 +389,7 @@ def finite_numbers(
         most: Largest number, positive or negative.
 
     Raises:
-        GraspError: Values that are no finite numbers, or too large ones.
+        GraspError: Values are not finite numbers, or too large.
     """
     try:
         array = np.asarray(values, dtype=np.float64)
@@ -439,7 +439,7 @@ def per_contact(name: str, values: ArrayLike, contacts: Contacts) -> Floats:
         Shape (..., n).
 
     Raises:
-        SettingError: Values that are not finite numbers, or a shape that does not match.
+        SettingError: Values are not finite numbers, or their shape does not match.
     """
     return of_shape(name, finite_numbers(name, values, SettingError), contacts.friction.shape)
 
@@ -452,7 +452,7 @@ def tilts_of(tilt: ArrayLike, contacts: Contacts) -> Floats:
         contacts: The contacts.
 
     Raises:
-        SettingError: A value is outside its range, or a shape that does not match.
+        SettingError: A value is outside its range, or the shape does not match.
     """
     tilts = per_contact("tilt", tilt, contacts).reshape(-1, contacts.count)
     if not ((tilts >= 0.0) & (tilts < RIGHT_ANGLE)).all():
@@ -479,11 +479,11 @@ def centred(points: Floats) -> tuple[Floats, Floats, Floats]:
 def evenly_pressed_radius(half_extents: Floats, area: Floats) -> Floats:
     """Mean distance of a patch's points from its centre: the torsion radius per friction.
 
-    An evenly pressed patch resists, about the normal through its centre, friction times normal
-    force times that distance. On an ellipse with semi-axes a and b it is its perimeter / (3 pi), on
-    a disc 2/3 r. The patch is taken as the ellipse that has its area and the proportions of its
-    extents: exact for ellipses, 2 to 4 % too little for rectangles, and never less than for a disc
-    of that area, which resists least of all shapes.
+    About the normal through its centre, an evenly pressed patch resists friction times normal force
+    times this distance: the perimeter / (3 pi) for an ellipse, 2/3 r for a disc. The patch is
+    treated as the ellipse with its area and the proportions of its extents. This is exact for
+    ellipses, 2 to 4 % too small for rectangles, and never less than for a disc of that area, which
+    of all shapes resists least.
 
     Args:
         half_extents: Half of the patch's extents along two orthogonal directions, at least 0, shape
@@ -491,7 +491,7 @@ def evenly_pressed_radius(half_extents: Floats, area: Floats) -> Floats:
         area: Shape (...).
 
     Returns:
-        Lengths, shape (...); 0 where the area or both extents are.
+        Lengths, shape (...); 0 where the area is 0 or both extents are.
 
     Example:
         A square with sides of 2: on average its points are 0.765 from the centre.
@@ -503,7 +503,7 @@ def evenly_pressed_radius(half_extents: Floats, area: Floats) -> Floats:
     """
     long, short = half_extents.max(axis=-1), half_extents.min(axis=-1)
     enclosed = math.pi * long * short
-    # A patch that is thinner than rounding is a line of length 2 a: on average a/2 from its middle.
+    # A patch thinner than rounding is a line of length 2 a, on average a/2 from its middle.
     thin = enclosed <= 1e-12 * long * long
     safe = np.where(long > 0.0, long, 1.0)
     from scipy.special import ellipe

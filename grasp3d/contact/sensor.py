@@ -50,7 +50,7 @@ def required_counts(joints: int, friction: float, sensor_resolution: float = 0.0
     joints turn the fingertip, and so the normal, by at most their sum, which a stretched finger
     attains. With the sensor's alpha / 2 this must stay below the friction angle:
     J pi / N < atan(friction) - alpha / 2. Wan & Howe 2018 (Sec. IV-B) name encoders as an
-    uncertainty and work none out.
+    uncertainty, without numbers.
 
     Args:
         joints: Number of revolute joints between palm and fingertip, at least 1.
@@ -113,7 +113,7 @@ class Sensor:
 
     @classmethod
     def for_resolution(cls, resolution: float, fingertip_radius: float) -> "Sensor":
-        """Make the sensor that has a given resolution.
+        """Make a sensor of a given resolution.
 
         Args:
             resolution: Angle between the extreme normals [rad], above 0, below pi.
@@ -137,7 +137,7 @@ class Sensor:
 
     @classmethod
     def limiting(cls, friction: float, fingertip_radius: float) -> "Sensor":
-        """Sensor that is just too coarse for a friction: every finer one is fine enough.
+        """Make the sensor that is just too coarse for a friction; every finer one is fine enough.
 
         Args:
             friction: Coulomb coefficient, above 0.
@@ -170,13 +170,13 @@ class Sensor:
 
     @property
     def sensors_by_discs(self) -> int | None:
-        """Fewest sensors that cover a hemisphere, as Wan & Howe 2018 count them.
+        """Fewest sensors that cover a hemisphere, counted as in Wan & Howe 2018.
 
-        Area of the hemisphere over that of equal discs as wide as the receptive field: 8 / alpha^2,
-        rounded up. A lower bound: no arrangement of two or more overlaps by less than 21 %
-        (Kershner 1939 in the plane, L. Fejes Toth on the sphere).
+        The area of the hemisphere divided by that of a disc as wide as the receptive field:
+        8 / alpha^2, rounded up. It is a lower bound: no arrangement of two or more overlaps by less
+        than 21 % (Kershner 1939 in the plane, L. Fejes Toth on the sphere).
 
-        None for a flat tip, or one so nearly flat that the number overflows.
+        It is None for a flat tip, or one so nearly flat that the number overflows.
         """
         return _count(8.0, self.resolution)
 
@@ -185,7 +185,7 @@ class Sensor:
         """Fewest sensors that cover a hemisphere, counting spherical caps of half-angle alpha / 2.
 
         1 / (1 - cos(alpha / 2)), rounded up; `sensors_by_discs` or one more, since caps are smaller
-        than flat discs. A lower bound as well; None in the same cases.
+        than flat discs. This is also a lower bound, and None in the same cases.
         """
         return _count(0.5, math.sin(self.resolution / 4.0))
 
@@ -193,8 +193,8 @@ class Sensor:
     def required_friction(self) -> float:
         """Friction above which grasps can be surely stable, tan(alpha / 2).
 
-        At this value itself no grasp of fewer than seven contacts (four in the plane) is. 0 for a
-        flat tip.
+        At this value itself, no grasp of fewer than seven contacts (four in the plane) is surely
+        stable. It is 0 for a flat tip.
         """
         return self.required_friction_at(math.inf)
 
@@ -229,9 +229,9 @@ class Sensor:
     def misalignment(self, opening: float) -> float:
         """Largest angle between a true normal and the true line of two opposing fingers [rad].
 
-        Tilt and turn of the line come from the same displacement and add up: alpha / 2 +
-        `line_error`. Exact up to 90 degrees, from where on no friction is enough. Wan & Howe 2018
-        count the tilt alone, which is the limit for a wide opening.
+        Tilt and turn of the line come from the same displacement and add up:
+        alpha / 2 + `line_error`. Exact up to 90 degrees; from there on no friction is enough. Wan &
+        Howe 2018 count the tilt alone, which is the limit for a wide opening.
 
         Args:
             opening: Distance between the perceived contacts, above 0, or inf.

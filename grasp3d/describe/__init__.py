@@ -1,4 +1,4 @@
-"""What is said of a grasp, a surface or an object: numbers in words, reasons and verdicts."""
+"""Texts about a grasp, a surface or an object: numbers in words, reasons and verdicts."""
 
 from lazy_loader import attach_stub
 

@@ -1,6 +1,6 @@
 """A grasp in words: its numbers, why its vertex has its label, and why there is none.
 
-Verdicts, reports, tables and the viewer take these texts from here.
+Verdicts, reports, tables and the viewer use these texts.
 """
 
 import math
@@ -26,7 +26,7 @@ from grasp3d.surface.vertex_fields import Reason
 
 
 class Cause(StrEnum):
-    """Why there is no grasp at a point of a surface, or none that counts; the value says it."""
+    """Why a point of a surface has no grasp, or none that counts; the value is the text."""
 
     NO_PARTNER = "no opposing contacts within the search cone"
     LIMITS = "too wide or too narrow for the limits of the search"
@@ -54,9 +54,9 @@ _STATES = {
 
 
 def cause_masks(labels: SurfaceLabels) -> dict[Cause, Bools]:
-    """Masks of the vertices without a grasp by cause, shape (V,) each.
+    """Masks of the vertices without a grasp, by cause, shape (V,) each.
 
-    Where a gripper reaches none of a vertex's grasps, the cause is that of the best one.
+    If a gripper reaches none of a vertex's grasps, the cause is that of the best grasp.
 
     Args:
         labels: The labelled surface.
@@ -78,7 +78,7 @@ def cause_masks(labels: SurfaceLabels) -> dict[Cause, Bools]:
 
 
 def cause_at(labels: SurfaceLabels, vertex: int) -> Cause | None:
-    """Why a vertex has no grasp; None: it has one.
+    """Why a vertex has no grasp; None if it has one.
 
     Args:
         labels: The labelled surface.
@@ -89,10 +89,10 @@ def cause_at(labels: SurfaceLabels, vertex: int) -> Cause | None:
 
 
 def cause_fractions(labels: SurfaceLabels) -> dict[Cause, float]:
-    """Area fractions of what is U, by cause, the largest first; those of 0 are left out.
+    """Area fractions of what is U by cause, largest first; fractions of 0 are left out.
 
-    They add to the fraction that is labelled U: with a load whose mass and force are known that of
-    the labels with force.
+    They add up to the fraction labelled U. With a load whose mass and force are known, that is the
+    fraction of the labels that include the force.
 
     Args:
         labels: The labelled surface.
@@ -120,7 +120,7 @@ def cause_fractions(labels: SurfaceLabels) -> dict[Cause, float]:
 
 
 def causes_text(labels: SurfaceLabels) -> str:
-    """The causes with their area fractions as one line; empty where nothing is U.
+    """Write the causes with their area fractions in one line; empty if nothing is U.
 
     Args:
         labels: The labelled surface.
@@ -131,7 +131,7 @@ def causes_text(labels: SurfaceLabels) -> str:
 
 
 def _outside(labels: SurfaceLabels) -> Cause:
-    """What it means that all contacts are outside the limits of the opening."""
+    """Cause that applies where all contacts are beyond the limits of the opening."""
     sampling, scene = labels.sampling, labels.scene
     lengths = () if sampling is None else sampling.lengths().values()
     if scene is None or any(0.0 < (length or 0.0) < math.inf for length in lengths):
@@ -141,11 +141,11 @@ def _outside(labels: SurfaceLabels) -> Cause:
 
 
 ROUNDING = 1e-9
-"""Coordinates that are rounding errors of 0, relative to the object's size."""
+"""Size of coordinates, relative to the object, up to which they are rounding errors of 0."""
 
 
 def facts(grasps: GraspTable | EvaluatedPoses, row: int) -> dict[str, str]:
-    """Names and values, with their units, of one grasp; those that are not known are left out.
+    """Names and values, with units, of one grasp; unknown ones are left out.
 
     Args:
         grasps: Grasps, or poses.
@@ -176,17 +176,17 @@ def facts(grasps: GraspTable | EvaluatedPoses, row: int) -> dict[str, str]:
 
 
 def position_text(point: Floats, mesh: ObjectMesh) -> str:
-    """Coordinates with four digits, and their unit; rounding errors of 0 are 0."""
+    """Write coordinates with four digits and their unit; rounding errors of 0 become 0."""
     rounded = np.where(np.abs(point) < ROUNDING * mesh.size, 0.0, point)
     factor, unit = (1000.0, " mm") if mesh.unit else (1.0, "")
     return f"({', '.join(f'{factor * value:.4g}' for value in rounded)}){unit}"
 
 
 def load_sentence(load_result: LoadResult, row: int) -> str:
-    """Whether the force at hand holds the load, or why none does; empty: that is unknown.
+    """Say whether the force at hand holds the load, or why none does; empty if unknown.
 
     Args:
-        load_result: What some grasps hold.
+        load_result: Results of some grasps under the load.
         row: Number of the grasp.
     """
     case, of = load_result.case, "at all normals within the sensor resolution"
@@ -217,27 +217,27 @@ def _why_none(load_result: LoadResult, row: int) -> str:
 
 
 UNSEARCHED = 3
-"""Code of vertices whose label is unknown, as the search did not go far enough."""
+"""Code of vertices whose label is unknown because the search did not go far enough."""
 
 SAME = 1e-4
-"""Angles closer than this count as equal, as files may store 32 bits [rad]."""
+"""Angles [rad] closer than this count as equal, as files may store 32 bits."""
 
 DIGITS = 4
 """Largest number of decimals used to distinguish an angle from a limit."""
 
 REACHED = frozenset({Cause.TIP, Cause.DIRECTION, Cause.TABLE, Cause.BLOCKED, Cause.NOT_REACHED})
-"""Causes that are those of the best of several grasps."""
+"""Causes that refer to the best of several grasps."""
 
 WIDTHS = frozenset({Cause.LIMITS, Cause.TOO_WIDE, Cause.STROKE})
-"""Causes that say how the object is."""
+"""Causes that state the size of the object."""
 
 PAIR = 2
 FINGERS = ("first", "second", "third", "fourth", "fifth")
-"""Names of the fingers; the first is at the vertex."""
+"""Words for the fingers; the first one is at the vertex."""
 
 
 def finger_words(count: int) -> str:
-    """A number of fingers in words."""
+    """Write a number of fingers in words."""
     names = ("one finger", "two fingers", "three fingers", "four fingers", "five fingers")
     return names[count - 1] if count <= len(names) else f"{count} fingers"
 
@@ -251,19 +251,19 @@ class Case:
     code: int
     """Label, or `UNSEARCHED`."""
     worst: float
-    """Critical friction angle over the worst normals and locations [rad]; inf: no grasp."""
+    """Critical friction angle over the worst normals and locations [rad]; inf if no grasp."""
     best: float
-    """The same over the best ones [rad]."""
+    """Critical friction angle over the best normals and locations [rad]."""
     cone: float
-    """Largest critical friction angle that was searched [rad]."""
+    """Largest critical friction angle that was searched for [rad]."""
     cause: Cause | None
-    """Why there is no grasp; None: there is one."""
+    """Why there is no grasp; None if there is one."""
     off_line: tuple[float, float] | None
-    """Two fingers: angles between their normals and the line through the contacts [rad]."""
+    """For two fingers, angles between their normals and the line through the contacts [rad]."""
     creases: tuple[int, ...] = ()
-    """Indices of the fingers that are known to be on sharp edges (creases), from 0."""
+    """Indices, from 0, of the fingers that are known to be on sharp edges (creases)."""
     hand: str | None = None
-    """Name of the gripper that must reach the grasp; None: ideal points."""
+    """Name of the gripper that must reach the grasp; None for ideal points."""
 
     @property
     def located(self) -> bool:
@@ -272,12 +272,12 @@ class Case:
 
     @property
     def smooth(self) -> bool:
-        """Whether every finger has a single normal, as far as the angles show."""
+        """Whether every finger has a single normal, judging by the angles."""
         return not self.creases and (self.located or self.worst - self.best < SAME)
 
     @property
     def margin(self) -> float:
-        """Angle by which the grasp is S [rad]; below 0: by which it is not; -inf: no grasp."""
+        """Angle by which the grasp is S [rad] or, if negative, is not S; -inf if no grasp."""
         return self.model.sure_angle - self.worst
 
     @property
@@ -287,7 +287,7 @@ class Case:
 
 
 def explain(case: Case) -> str:
-    """One sentence that begins with the letter of the label and gives the reason."""
+    """Write one sentence with the letter of the label and the reason."""
     if case.code == UNSEARCHED:
         return _unsearched(case)
     if math.isinf(case.best):
@@ -298,7 +298,7 @@ def explain(case: Case) -> str:
 
 
 def angle_text(angle: float, limit: float = math.nan) -> str:
-    """An angle in degrees, with enough decimals to distinguish it from a limit."""
+    """Write an angle in degrees, with enough decimals to distinguish it from a limit."""
     one, other = math.degrees(angle), math.degrees(limit)
     for digits in range(1, DIGITS):
         if f"{one:.{digits}f}" != f"{other:.{digits}f}" or one == other:
@@ -307,7 +307,7 @@ def angle_text(angle: float, limit: float = math.nan) -> str:
 
 
 def _signed(value: float, digits: int) -> str:
-    """A number with a typographic minus sign."""
+    """Write a number with a typographic minus sign."""
     return f"{value:.{digits}f}".replace("-", "−")
 
 
@@ -329,7 +329,7 @@ def _limit(case: Case, limit: float, sign: str) -> str:
 
 
 def _cause(case: Case, limit: float) -> str:
-    """What decides when every finger has one normal: one finger's normal, or the whole grasp."""
+    """Write what decides if every finger has one normal: one finger's normal, or the grasp."""
     line, worst = case.off_line, case.worst
     angle = angle_text(worst, limit)
     if line is None or abs(max(line) - worst) >= SAME:
@@ -341,7 +341,7 @@ def _cause(case: Case, limit: float) -> str:
 
 
 def _uncertain(case: Case, mark: str) -> tuple[str, str]:
-    """Where fingers are on sharp edges, and of what the angles are those of the worst and best."""
+    """Write which fingers are on sharp edges, and over what the worst and best angles are taken."""
     crease = "" if case.smooth else f"{_crease(case)}{mark} "
     what = ["these normals"] * (not case.smooth)
     what += ["the contact points within their location errors"] * case.located
@@ -349,7 +349,7 @@ def _uncertain(case: Case, mark: str) -> tuple[str, str]:
 
 
 def _all_true(model: GraspModel) -> str:
-    """Everything that may be true of a grasp within a model's errors."""
+    """Write all that may be true of a grasp within a model's errors."""
     normals = "all true normals within the sensor resolution"
     smallest, largest = model.friction_interval
     locations = ["all contact points within their errors"] * (model.location_error != 0.0)
@@ -362,7 +362,7 @@ def _bounded(angle: float, limit: float) -> str:
 
 
 def _crease(case: Case) -> str:
-    """Which fingers are on sharp edges, and which normals they may have."""
+    """Write which fingers are on sharp edges, and which normals they may have."""
     names = [FINGERS[finger] for finger in case.creases]
     if not names:
         return "on a sharp edge a finger may have any normal between those of the adjacent faces"

@@ -26,17 +26,17 @@ from grasp3d.system.names import short_number
 Word = Literal["surely", "perhaps", "not"]
 
 MOST_FRICTION = 2.0
-"""Largest friction that is named as a remedy: that of rubber."""
+"""Largest friction that is suggested as a remedy: that of rubber."""
 
 ALPHA, MU = 0.1, 0.01
-"""Steps of a sensor's resolution [degrees] and of friction in which remedies are named."""
+"""Steps of a sensor's resolution [degrees] and of friction in suggested remedies."""
 
 SMALL, WHOLE = math.radians(0.1), 0.995
-"""Angle of resolution [rad], and fraction of the surface, from which on they are not rounded to 0
-and to all."""
+"""Angle of resolution [rad] from which it is not rounded to 0, and fraction of the surface above
+which it counts as all."""
 
 FEW = 4
-"""Grasps that need least in one respect, with which remedies are tested."""
+"""Number of grasps that need least in one respect, with which remedies are tested."""
 
 NAMED = 10
 """Length of the list whose first grasp is described."""
@@ -63,14 +63,14 @@ _NOWHERE = "no grasp holds at every pose within the pose error"
 
 @dataclass(frozen=True)
 class Remedy:
-    """A change of one setting that makes a grasp surely hold, all others being as they are."""
+    """A change of a single setting that makes a grasp surely hold."""
 
     setting: Literal["sensor_resolution", "grip_force", "mass", "friction"]
-    """Of the model, the load or the gripper."""
+    """Setting of the model, the load or the gripper."""
     value: float
-    """What it must be [rad, N, kg, 1 or m]: it suffices as it is, and as it is printed."""
+    """Value that it must have [rad, N, kg or 1]; it suffices both exactly and as printed."""
     now: float
-    """What it is."""
+    """Its present value."""
 
     def __str__(self) -> str:
         factor = 180.0 / math.pi if self.setting == "sensor_resolution" else 1.0
@@ -84,36 +84,36 @@ class LoadVerdict:
     """What a load requires of grasps at the worst normals that may be true."""
 
     holds: bool | None
-    """Whether some grasp holds it; None: the mass or the force at hand is not known."""
+    """Whether some grasp holds it; None if the mass or the force at hand is unknown."""
     mass: float | None
-    """Mass of the object [kg]; None: not known, or it does not matter."""
+    """Mass of the object [kg]; None if unknown or irrelevant."""
     available: float | None
-    """Force at hand of each finger [N]; None: not known."""
+    """Force at hand of each finger [N]; None if unknown."""
     needed: float
-    """Least grip force of all grasps [N], for the mass or, if none is known, for 1 kg; inf: no
-    grasp holds the load; nan: motors of a hand with joints must hold it."""
+    """Least grip force of all grasps [N], for the mass or, if unknown, for 1 kg; inf if no grasp
+    holds the load, nan if the motors of a hand with joints must hold it."""
     payload: float
-    """Largest mass that a grasp holds with the force at hand, or the motors [kg]; nan: no force is
-    known, or the task does not depend on the mass."""
+    """Largest mass [kg] that a grasp holds with the force at hand, or the motors; nan if no force
+    is known or the task does not depend on the mass."""
     what: str = ""
     """The task in words, with a verb: 'hold 0.5 kg in any orientation'."""
     reason: str = ""
-    """Why no force surely holds the load, as far as that is known; empty where one does."""
+    """Why no force surely holds the load, as far as known; empty if one does."""
 
     @classmethod
     def of(cls, grasps: GraspTable | EvaluatedPoses, rows: Bools) -> "LoadVerdict | None":
-        """What a load takes; None: there is no load.
+        """Find what a load takes; return None if there is no load.
 
         Args:
             grasps: All grasps of an object, or poses.
-            rows: Those that count: which are reachable, shape (b,).
+            rows: Mask of the reachable grasps, which count, shape (b,).
         """
         case, forces = grasps.load_case, needed_force(grasps)
         if case is None:
             return None
         held = np.zeros(0) if grasps.payload is None else grasps.payload[rows]
         available, most = case.available, float(np.nanmax(held, initial=0.0))
-        if forces is None:  # of the motors
+        if forces is None:  # the motors must hold it
             needed, enough = math.nan, most >= (case.mass or 1.0)
             decided = case.decided
         else:
@@ -137,12 +137,12 @@ class LoadVerdict:
 
     @property
     def fails(self) -> bool:
-        """Whether no force suffices, or it is known whether that at hand, or the motors, do."""
+        """Whether no force suffices, or it is decided whether that at hand, or the motors, do."""
         return self.holds is not None or math.isinf(self.needed)
 
     @property
     def numbers(self) -> str:
-        """What the load takes, as a sentence, where the mass or the force at hand is not known."""
+        """Sentence on what the load takes if the mass or the force at hand is unknown."""
         if self.fails:
             return ""
         most = self.what.replace("each kilogram", f"{short_number(self.payload)} kg")
@@ -175,38 +175,38 @@ class Verdict:
     """
 
     word: Word
-    """That of the best label that takes everything stated into account, as in `ranked_rows`: surely
-    S; perhaps M; not U, or there is no grasp."""
+    """Verdict from the best label that takes everything stated into account, as in `ranked_rows`:
+    surely for S; perhaps for M; not for U, or if there is no grasp."""
     by: str
     """What holds it: the name of the gripper, or the fingers."""
     count: int = 0
-    """Distinct S grasps, of those that the gripper reaches, at most 1,000; of a table of grasps all
-    that are S."""
+    """Number of distinct S grasps that the gripper reaches, at most 1,000; for a table of grasps,
+    number of all that are S."""
     of: int | None = None
-    """Number of grasps of a table; None: they are those of a surface."""
+    """Number of grasps in a table; None for those of a surface."""
     resolution: float = 0.0
     """The sensor's resolution alpha [rad]."""
     max_resolution: float = 0.0
-    """Of the best grasp: coarsest sensor resolution below which it is S [rad]; 0: none."""
+    """Coarsest sensor resolution below which the best grasp is S [rad]; 0 if none."""
     grip_force: float = math.nan
-    """Of the best grasp: force that it needs at the worst normals [N]; nan: no grasp or load."""
+    """Force that the best grasp needs at the worst normals [N]; nan if no grasp or load."""
     causes: dict[Cause, float] = field(default_factory=dict)
-    """Why there is no grasp, with fractions of the area; empty where there is one."""
+    """Why there is no grasp, with fractions of the area; empty if there is one."""
     remedies: tuple[Remedy, ...] = ()
-    """What would make it sure, each by itself."""
+    """Changes each of which alone would make it sure."""
     load_result: LoadVerdict | None = None
-    """What the load takes; None: there is no load."""
+    """What the load takes; None if there is no load."""
     wrong: str = ""
-    """What is the matter with most of the best poses where they are wrong, as they may be; empty
-    where something else is, or poses are exact."""
+    """What goes wrong with most of the best poses within their errors; empty if poses are exact or
+    something else decides."""
     lost: bool = False
-    """Whether grasps of ideal points have a better label, which none keeps when the jaws close."""
+    """Whether ideal points have grasps with a better label that is lost when the jaws close."""
 
     @property
     def spare_resolution(self) -> float:
-        """Of the best grasp: alpha* - alpha [rad], what the sensor's resolution may still grow by.
+        """Amount alpha* - alpha by which the sensor may be coarser for the best grasp [rad].
 
-        Not above 0: it must be finer. nan: no sensor is fine enough, or there is no grasp.
+        If not positive, the sensor must be finer; nan if none is fine enough or there is no grasp.
         """
         return self.max_resolution - self.resolution if self.max_resolution > 0.0 else math.nan
 
@@ -225,7 +225,7 @@ class Verdict:
         return " ".join(filter(None, parts))
 
     def _why(self) -> str:
-        """What the word rests on."""
+        """Write the reason for the verdict."""
         load, lost = self.load_result, "once the jaws close, " if self.lost else ""
         if self.word == "surely":
             return self._sure()
@@ -242,7 +242,7 @@ class Verdict:
         return f"{lost}no grasp is surely stable at a sensor resolution of {resolution}"
 
     def _load_unheld(self, load: LoadVerdict) -> str:
-        """That the force at hand does not surely hold the load."""
+        """Write that the force at hand does not surely hold the load."""
         known = None if load.holds is None else load.available
         motors = math.isnan(load.needed)
         force = "any force" if known is None else f"{short_number(known)} N"
@@ -257,7 +257,7 @@ class Verdict:
         return f"{force} are too little to {load.what}"
 
     def _sure(self) -> str:
-        """The sure grasps, and what the best has to spare, or needs of the force at hand."""
+        """Write the sure grasps, and what the best has to spare or needs of the force at hand."""
         grasps, parts = f"{self.count:,} distinct grasps", []
         if self.of is not None:
             grasps = f"{self.count:,} of {self.of:,} grasps"
@@ -276,19 +276,19 @@ class Verdict:
 
 
 def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
-    """Judge whether an object is surely held; computes the scores that rank grasps.
+    """Judge whether an object is surely held; this computes the scores that rank grasps.
 
-    With a gripper the grasps of a surface are the poses that `best_grasps` names.
+    With a gripper, the grasps of a surface are the poses that `best_grasps` returns.
 
     Args:
         grasps: A labelled surface, or a table of grasps or poses.
 
     Returns:
-        The verdict; its best grasp is the first one of `ranked_rows`.
+        The verdict; its best grasp is the first of `ranked_rows`.
     """
     labels = grasps if isinstance(grasps, SurfaceLabels) else None
     tried, named, count = _judged(grasps)
-    # Without a named one, all that were tried fail where their poses are wrong.
+    # If none is named, all poses that were tried fail within their errors.
     code = max([*tried.letter, *named.letter] if named.size else [], default=Label.U)
     reachable = getattr(tried, "reachable", np.ones(tried.size, dtype=np.bool_))
     load = LoadVerdict.of(tried, reachable)
@@ -323,7 +323,7 @@ def verdict_of(grasps: SurfaceLabels | GraspTable | EvaluatedPoses) -> Verdict:
 
 
 def _wrong(tried: GraspTable | EvaluatedPoses) -> str:
-    """What is the matter with most of the best poses where they are wrong, if that is all."""
+    """Say what goes wrong with most of the best poses within their errors, if that decides."""
     exact = tried.scene is None or not tried.scene.pose_error
     if isinstance(tried, GraspTable) or exact or not tried.size:
         return ""
@@ -335,7 +335,7 @@ def _wrong(tried: GraspTable | EvaluatedPoses) -> str:
 def _judged(
     grasps: SurfaceLabels | GraspTable | EvaluatedPoses,
 ) -> tuple[GraspTable | EvaluatedPoses, GraspTable | EvaluatedPoses, int]:
-    """The grasps that a verdict rests on, those that are named, and the number that is S."""
+    """The grasps that a verdict rests on, those that are named, and the number of S grasps."""
     if not isinstance(grasps, SurfaceLabels):
         return grasps, grasps, int(np.sum(grasps.letter == Label.S))
     if not has_poses(grasps):
@@ -343,16 +343,16 @@ def _judged(
         return grasps.take(grasps.distinct), distinct, int(np.sum(distinct.letter == Label.S))
     pool, named = pool_of(grasps), best_grasps(grasps, NAMED)
     count = int(np.sum(named.letter == Label.S))
-    if grasps.scene is not None and grasps.scene.pose_error:  # those of the pool are exact
+    if grasps.scene is not None and grasps.scene.pose_error:  # poses of the pool are exact
         return named if named.size else pool, named, count
     return pool, named, max(count, count_sure(grasps))
 
 
 def _why_none(load_result: LoadResult | None) -> str:
-    """Why no force surely holds a load, as far as that is known."""
+    """Say why no force surely holds a load, as far as known."""
     if load_result is None:
         return ""
-    turned = load_result.resistance == Resistance.NO_SUCH_WRENCH  # none: False
+    turned = load_result.resistance == Resistance.NO_SUCH_WRENCH  # False if resistance is None
     if load_result.case.hard and bool((np.isinf(load_result.grip_force) & turned).any()):
         return HARD_FINGERS
     if not np.isfinite(load_result.grip_force_least).any():
@@ -361,7 +361,7 @@ def _why_none(load_result: LoadResult | None) -> str:
 
 
 def needed_force(grasps: GraspTable | EvaluatedPoses) -> Floats | None:
-    """Force that each grasp needs at the worst normals [N], shape (b,); None: there is no load.
+    """Force that each grasp needs at the worst normals [N], shape (b,); None if there is no load.
 
     Args:
         grasps: Grasps, or poses.
@@ -373,7 +373,7 @@ def needed_force(grasps: GraspTable | EvaluatedPoses) -> Floats | None:
 
 
 def _remedies(grasps: GraspTable | EvaluatedPoses, load: LoadVerdict | None) -> tuple[Remedy, ...]:
-    """What would make some of the grasps S, none of which is; each is tested."""
+    """Find changes that would make one of the grasps S, none of which is; each is tested."""
     model, few = grasps.model, grasps.take(_candidates(grasps))
     remedies: list[Remedy] = []
     alpha = math.floor(round(math.degrees(model.sensor_resolution) / ALPHA, 6))
@@ -386,7 +386,7 @@ def _remedies(grasps: GraspTable | EvaluatedPoses, load: LoadVerdict | None) -> 
 
 
 def _load_remedies(few: GraspTable | EvaluatedPoses, load: LoadVerdict | None) -> Iterator[Remedy]:
-    """More force, and less mass, with which some of the grasps are S, as far as there are any."""
+    """Yield the least force and the largest mass at which one of the grasps is S, if any."""
     stated, needed, held = few.load, needed_force(few), few.payload
     if load is None or stated is None or load.holds is not False:
         return
@@ -407,7 +407,7 @@ def _load_remedies(few: GraspTable | EvaluatedPoses, load: LoadVerdict | None) -
 
 
 def _candidates(grasps: GraspTable | EvaluatedPoses) -> Ints:
-    """A few grasps, of which one is the first to become S: those that need least."""
+    """Choose a few grasps that need least; one of them is the first to become S."""
     rows = np.flatnonzero(grasps.letter == grasps.letter.max())
     values = [-grasps.score, -grasps.max_resolution, grasps.critical_angle]
     needed = needed_force(grasps)
@@ -418,13 +418,13 @@ def _candidates(grasps: GraspTable | EvaluatedPoses) -> Ints:
 
 
 def _sure(grasps: GraspTable | EvaluatedPoses, *, load: Load | None = None, **changed: Any) -> bool:
-    """Whether some of the grasps are S with another load, or another model."""
+    """Whether some of the grasps are S with another load or another model."""
     after = grasps.using(model=replace(grasps.model, **changed), load=load or grasps.load)
     return bool((after.letter == Label.S).any())
 
 
 def _friction(grasps: GraspTable | EvaluatedPoses) -> list[Remedy]:
-    """The least friction with which some of the grasps are S, as a remedy if there is one."""
+    """Find the least friction at which some of the grasps are S, as a remedy if there is one."""
     model = grasps.model
     least = math.floor(model.nominal_friction / MU) + 1
     step = _edge(lambda step: _sure(grasps, friction=MU * step), round(MOST_FRICTION / MU), least)
@@ -432,9 +432,9 @@ def _friction(grasps: GraspTable | EvaluatedPoses) -> list[Remedy]:
 
 
 def _edge(holds: Callable[[int], bool], good: int, bad: int) -> int:
-    """Of the whole numbers from `good` to `bad` the farthest that holds; 0: not even `good`.
+    """Find the last whole number from `good` toward `bad` that holds; 0 if `good` does not.
 
-    Those nearer to `good` hold too.
+    Numbers nearer to `good` hold, too.
     """
     with unreported():
         if not (min(good, bad) > 0 and holds(good)):
@@ -452,11 +452,11 @@ def _alpha(step: int) -> float:
 
 
 def _rounded(value: float, digits: int, rounding: Callable[[float], int]) -> float:
-    """A positive number rounded to some digits, up or down."""
+    """Round a positive number to some digits, up or down."""
     step = 10.0 ** (math.floor(math.log10(value)) - digits + 1) if value > 0.0 else 1.0
     return float(f"{rounding(value / step) * step:.{digits}g}")
 
 
 def _degrees(angle: float) -> float:
-    """An angle in degrees, rounded down to tenths, so that as much is to spare."""
+    """Write an angle in degrees, rounded down to tenths so as not to overstate the margin."""
     return math.floor(round(10.0 * math.degrees(angle), 6)) / 10.0

@@ -1,6 +1,6 @@
-"""Files of grasps and of labelled surfaces: a module for each format, which registers it.
+"""Files of grasps and of labelled surfaces; each format of poses has a module that registers it.
 
-`Format` states what a format of poses is; nothing but its module knows its name.
+`Format` describes a format of poses; only the module of a format knows its name.
 """
 
 from lazy_loader import attach_stub

@@ -1,6 +1,6 @@
-"""Values of JSON, YAML and NumPy files, checked, and outcomes of grasps among them.
+"""Checks of values in JSON, YAML and NumPy files, among them outcomes of grasps.
 
-Nothing here walks a document deeper than the shape that is expected: YAML may refer to one list
+Nothing here walks a document deeper than the expected shape, because YAML may refer to one list
 many times.
 """
 
@@ -33,12 +33,12 @@ from grasp3d.system.names import printable, reason_of
 Entries = Sequence[Mapping[str, Any]]
 
 Values = npt.NDArray[Any] | Sequence[Any]
-"""One value of each grasp."""
+"""One value for each grasp."""
 
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Name a file, or a folder of files, in the errors of its content, each in one line.
+    """Add the name of a file or folder to errors in its content, and write each in one line.
 
     Raises:
         ContactError: There is no such file, or its content is wrong.
@@ -55,7 +55,7 @@ def reading(path: Path) -> Iterator[None]:
 
 
 def library(module: str, package: str) -> Any:
-    """A library of the extra `datasets`. Raises OutputError if it is not installed."""
+    """Import a library of the extra `datasets`. Raises OutputError if it is not installed."""
     if find_spec(module) is None:
         raise OutputError(f"this format needs {package}: pip install 'grasp3d[datasets]'")
     return import_module(module)
@@ -69,16 +69,16 @@ def load_yaml(path: Path) -> Any:
     try:
         return yaml.load(text, loader)
     except (yaml.YAMLError, *HEADER_ERRORS, AttributeError) as error:
-        # Also of dates such as 2026-13-45, numbers of thousands of digits, keys that are lists.
+        # Dates such as 2026-13-45, numbers of thousands of digits and list keys raise them too.
         raise ContactError(f"is not valid YAML: {reason_of(error)}") from error
 
 
 MOST_NUMBERS = 200_000_000
-"""Most numbers of an array that are read."""
+"""Largest number of values of an array that is read."""
 
 
 def load_array(path: Path) -> npt.NDArray[Any]:
-    """Numbers of a .npy file, which are not in memory. Raises ContactError, OSError."""
+    """Map the numbers of an .npy file, without reading them. Raises ContactError, OSError."""
     try:
         array: npt.NDArray[Any] = np.lib.format.open_memmap(path, mode="r")
     except HEADER_ERRORS as error:
@@ -89,7 +89,7 @@ def load_array(path: Path) -> npt.NDArray[Any]:
 
 
 def has(*paths: str) -> Any:
-    """Whether content has keys, within each other a.b; 0 is the first of a list, or all of one."""
+    """Return a test whether content has keys, nested ones as a.b; 0 is the first item of a list."""
     return lambda content: all(_holds(content, *path.split(".")) for path in paths)
 
 
@@ -101,14 +101,14 @@ def _holds(content: Any, key: str, *further: str) -> bool:
 
 
 def mapping(value: object, what: str) -> dict[str, Any]:
-    """The value, if it is an object of keys and values. Raises ContactError."""
+    """Return a value that is an object of keys and values. Raises ContactError for others."""
     if not isinstance(value, dict):
         raise ContactError(f"{what} must be an object of keys and values; got {described(value)}")
     return value
 
 
 def grasp_list(value: object, what: str) -> list[Any]:
-    """The value, if it is a list of at least one grasp. Raises ContactError."""
+    """Return a value that is a list of at least one grasp. Raises ContactError for others."""
     if not isinstance(value, list):
         raise ContactError(f"{what} must be a list; got {described(value)}")
     if not value:
@@ -117,7 +117,7 @@ def grasp_list(value: object, what: str) -> list[Any]:
 
 
 def entries_of(value: object, what: str) -> list[dict[str, Any]]:
-    """Grasps of a list that are objects of keys and values each. Raises ContactError."""
+    """Return the grasps of a list, each an object of keys and values. Raises ContactError."""
     listed = enumerate(grasp_list(value, what), 1)
     return [mapping(entry, f"grasp {number}") for number, entry in listed]
 
@@ -140,12 +140,12 @@ def each(entries: Entries, *keys: str) -> list[Any]:
 
 
 def numbers(values: Values, shape: tuple[int, ...], what: str) -> Floats:
-    """Numbers of each grasp, shape (k, *shape); null is nan.
+    """Numbers of each grasp, shape (k, *shape); null becomes nan.
 
-    Numbers as text are accepted: YAML reads 1e-05 as text.
+    Numbers as text are accepted, because YAML reads 1e-05 as text.
 
     Raises:
-        ContactError: Values that are no numbers, or lists of other lengths.
+        ContactError: Values are no numbers, or lists have other lengths.
     """
     if isinstance(values, np.ndarray) and values.dtype.kind in "fiub":
         return values.astype(np.float64)
@@ -158,7 +158,7 @@ def numbers(values: Values, shape: tuple[int, ...], what: str) -> Floats:
 
 
 def _numbers(values: Values, shape: tuple[int, ...]) -> Floats | None:
-    """The same; None: they are no such numbers."""
+    """As `numbers`, but None if the values are no such numbers."""
     flat = list(values)
     for size in shape:
         if not all(isinstance(one, list) and len(one) == size for one in flat):
@@ -180,12 +180,12 @@ def optional_numbers(entries: Entries, key: str) -> Floats:
 def joints_of(
     values: Sequence[Any], what: str, names: tuple[str, ...] = ()
 ) -> tuple[tuple[str, ...], Floats]:
-    """Values of the joints of each grasp: their names, and shape (k, p).
+    """Names of the joints, and their values in each grasp, shape (k, p).
 
     Args:
-        values: Of each grasp, an object of names and numbers.
-        what: What they are, for messages.
-        names: Those that there must be, in this order; empty: those of the first grasp.
+        values: For each grasp, an object of names and numbers.
+        what: Name of the values in messages.
+        names: Names that there must be, in this order; empty: those of the first grasp.
 
     Raises:
         ContactError: The joints of two grasps differ, or values are no numbers.
@@ -201,24 +201,24 @@ def joints_of(
 
 
 def number_or_none(value: object, what: str) -> float | None:
-    """A finite number, or none. Raises ContactError."""
+    """Check that a value is a finite number or None. Raises ContactError."""
     if value is not None and not math.isfinite(number_of(value)):
         raise ContactError(f"{what} must be a finite number; got {described(value)}")
     return None if value is None else number_of(value)
 
 
 def text_or_none(value: object, what: str) -> str | None:
-    """A text, or none. Raises ContactError."""
+    """Check that a value is a text or None. Raises ContactError."""
     if value is not None and not isinstance(value, str):
         raise ContactError(f"{what} must be text; got {described(value)}")
     return value
 
 
 OUTCOMES = ("outcome", "success")
-"""Names that state outcomes in grasp3d's own formats, which writes the first."""
+"""Names of outcomes in grasp3d's own formats; the first one is written."""
 
 WORDS = {"1": 1.0, "1.0": 1.0, "true": 1.0, "0": 0.0, "0.0": 0.0, "false": 0.0}
-"""Outcomes as text, in lower case; those that are empty are not known."""
+"""Outcomes by their text in lower case; an empty text means not known."""
 
 
 def outcomes_of(
@@ -234,10 +234,10 @@ def outcomes_of(
     Args:
         outcome: Name of the values; None: those of the format.
         count: Number of grasps.
-        names: Names of the values that the file has of each grasp; parts of paths are separated
-            by /, and the last ones alone may name one.
-        read: The values of a name, one of each grasp.
-        default: Names of the format, of which a file has one.
+        names: Names of the values that the file has for each grasp; for a path with /, `outcome`
+            may be its last parts alone.
+        read: Returns the values of a name, one for each grasp.
+        default: Names that the format uses, of which a file has one.
 
     Raises:
         ContactError: The file has no such values, one of them is no outcome, or it has values
@@ -268,13 +268,13 @@ def outcomes_of(
 
 
 def outcomes_of_entries(outcome: str | None, entries: Entries) -> Floats:
-    """Outcomes of grasps that have keys each, of a format without outcomes. As `outcomes_of`."""
+    """Outcomes of grasps from their keys, for formats without outcomes. See `outcomes_of`."""
     keys = dict.fromkeys(key for entry in entries for key in entry) if outcome else ()
     return outcomes_of(outcome, len(entries), keys, lambda key: [one.get(key) for one in entries])
 
 
 def json_values(values: npt.NDArray[Any]) -> Any:
-    """Lists of numbers or text for JSON; nan and infinite numbers, which it has not, are null."""
+    """Convert to lists for JSON; nan and infinite numbers, which JSON lacks, become null."""
     if values.dtype.kind != "f":
         return values.tolist()
     numbers_or_none = values.astype(object)
@@ -283,7 +283,7 @@ def json_values(values: npt.NDArray[Any]) -> Any:
 
 
 def nested(values: Mapping[str, npt.NDArray[Any]]) -> list[list[dict[str, Any]]]:
-    """An object for each contact of each grasp, of values (k, n, ...) by name, for JSON."""
+    """Convert values (k, n, ...) by name to an object for each contact of each grasp, for JSON."""
     grasps = zip(*map(json_values, values.values()), strict=True)
     contacts = (zip(*one, strict=True) for one in grasps)
     return [[dict(zip(values, one, strict=True)) for one in of_grasp] for of_grasp in contacts]
@@ -315,11 +315,11 @@ def write_rows(path: Path, header: Mapping[str, Any], columns: Mapping[str, Any]
 
     Args:
         path: File to make or replace.
-        header: What applies to all.
+        header: What applies to all grasps.
         columns: By name, the values of all grasps, as JSON has them.
 
     Raises:
-        OutputError: The file cannot be written, or a value is none that JSON has.
+        OutputError: The file cannot be written, or JSON cannot represent a value.
     """
     rows = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
     try:

@@ -1,8 +1,8 @@
 """Grasps of hands with joints in dictionaries, which are pickles in .npy files.
 
-A file has one dictionary with one grasp or many, or a list of them; a folder has such files.
-Nothing in them is executed. A pickle may call whatever it names; of names only those are known here
-with which NumPy makes arrays, types and scalars, and functions of ours stand for them.
+A file has one dictionary with one grasp or many, or a list of dictionaries; a folder has such
+files. Nothing in them is executed. A pickle may name any function; only the names with which NumPy
+makes arrays, types and scalars are accepted, and functions defined here stand in for them.
 """
 
 import io
@@ -33,15 +33,15 @@ from grasp3d.system.names import reason_of
 
 
 class RefusedError(ValueError):
-    """A file is not read; the message says why."""
+    """A file is refused; the message gives the reason."""
 
 
 _KIND = re.compile(r"[<>|=]?([fiu][1248]|f16|b1|[SU]\d{1,6}|O8?)")
-"""Types of arrays that are read: numbers, texts, and what the pickle itself has made."""
+"""Types of arrays that are read: numbers, texts, and objects that the pickle itself has made."""
 
 
 class _Kind:
-    """A type of NumPy in a pickle, of whose state only the order of bytes counts."""
+    """NumPy type in a pickle; of its state only the byte order is used."""
 
     def __init__(self, name: object, *_: object) -> None:
         if not (isinstance(name, str) and _KIND.fullmatch(name)):
@@ -54,7 +54,7 @@ class _Kind:
 
 
 class _Array(np.ndarray):
-    """An array whose values are as many as its shape says, and of its type."""
+    """Array in a pickle; checks that its values are of its type and as many as its shape says."""
 
     def __setstate__(self, state: Any) -> None:
         _, shape, kind, is_fortran, values = state
@@ -67,7 +67,7 @@ class _Array(np.ndarray):
 
 
 def _numbers(values: Any, kind: Any, shape: Any = (), order: str = "C") -> Any:
-    """Numbers of bytes; none are objects, which would be addresses."""
+    """Decode numbers from bytes; objects, which would be memory addresses, are refused."""
     if kind.type.hasobject:
         raise RefusedError("has objects where numbers are")
     return np.frombuffer(bytes(values), kind.type).reshape(
@@ -77,20 +77,20 @@ def _numbers(values: Any, kind: Any, shape: Any = (), order: str = "C") -> Any:
 
 _KNOWN: dict[tuple[str, str], Callable[..., Any]] = {
     ("_codecs", "encode"): lambda text, *_: text.encode("latin-1"),
-    ("builtins", "bytes"): lambda *_: b"",  # how none are written in old pickles
-    ("numpy", "ndarray"): lambda *_: None,  # what the next one is to make
+    ("builtins", "bytes"): lambda *_: b"",  # empty bytes in old pickles
+    ("numpy", "ndarray"): lambda *_: None,  # the class that `_reconstruct` makes
     ("numpy.core.multiarray", "_reconstruct"): lambda *_: np.empty(0).view(_Array),
     ("numpy.core.multiarray", "scalar"): lambda kind, values: _numbers(values, kind).item(),
     ("numpy.core.numeric", "_frombuffer"): _numbers,
     ("numpy", "dtype"): _Kind,
 }
-"""What stands for the functions and classes that a pickle may name: none of NumPy's, which believe
-what a pickle says of memory."""
+"""Substitutes for the functions and classes that a pickle may name. NumPy's own are not called,
+because they trust what a pickle says about memory."""
 
 
 class _Unpickler(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
-        """What stands for a name. Raises RefusedError."""
+        """Return the substitute for a name. Raises RefusedError."""
         module = module.replace("numpy._core", "numpy.core").replace("__builtin__", "builtins")
         if (module, name) not in _KNOWN:
             raise RefusedError(
@@ -98,20 +98,20 @@ class _Unpickler(pickle.Unpickler):
                 "only arrays and plain containers are read, and nothing is executed"
             )
 
-        def made(*given: Any) -> Any:  # a pickle may change what it gets
+        def made(*given: Any) -> Any:  # a new function, because a pickle may change it
             return _KNOWN[module, name](*given)
 
         return made
 
 
 def stored_objects(path: Path) -> list[Any] | None:
-    """The objects of an .npy file, one of them or a row; None: it is an array of numbers or text.
+    """List the objects of an .npy file; None: it is an array of numbers or text.
 
     Nothing is executed.
 
     Raises:
-        RefusedError: The file is no such file, damaged, or has other objects.
-        OSError: It cannot be read.
+        RefusedError: The file is no .npy file, is damaged, or has other objects.
+        OSError: The file cannot be read.
     """
     try:
         stream = io.BytesIO(path.read_bytes())
@@ -129,7 +129,7 @@ def stored_objects(path: Path) -> list[Any] | None:
 
 
 def array_in(value: object) -> npt.NDArray[Any]:
-    """Numbers of an array, or of a list of them. Raises RefusedError."""
+    """Array of numbers from an array, or from a list of numbers. Raises RefusedError."""
     if type(value) is list and all(isinstance(one, int | float) for one in value):
         value = np.array(value)
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub":
@@ -138,36 +138,37 @@ def array_in(value: object) -> npt.NDArray[Any]:
 
 
 Rows = dict[str, Any]
-"""What a dictionary of a file states of its grasps."""
+"""A dictionary of a file: what it states about its grasps."""
 
 Content = Sequence[Rows]
 
 ALL_STAGES = {"pregrasp": "pregrasp_", "grasp": "", "squeeze": "squeeze_"}
-"""In the order in which files have them, and how names of fields begin."""
+"""Stages in the order of files, each with the prefix of its fields."""
 
 POSE, ORDER = 7, [0, 1, 2, 4, 5, 6, 3]
-"""Numbers of a pose: x, y, z [m] and the quaternion w, x, y, z; those of x, y, z and w last."""
+"""Number of values of a pose (x, y, z [m], quaternion w, x, y, z); order that puts w last."""
 
 SAME = 1e-6
-"""Largest difference of poses and scales of one object."""
+"""Largest difference at which poses or scales of objects count as equal."""
 
 MOST_FILES, MOST_GRASPS = 100_000, 1_000_000
-"""Most files of a folder, and grasps, that are read."""
+"""Largest number of files of a folder, and of grasps, that are read."""
 
 DEEPEST = 3
-"""Most lists within each other that are read as an array: a list may contain itself."""
+"""Deepest nesting of lists that are read as an array: a list may contain itself."""
 
 SUFFIX = ".npy"
 
 
 def load_npy(path: Path) -> Any:
-    """An array of numbers, or the dictionaries, each with the `name` of its file in a folder.
+    """Load an array of numbers, or dictionaries, each with the `name` of its file in a folder.
 
     Args:
         path: An .npy file, or a folder of them.
 
     Raises:
-        ContactError: There is no such file.
+        ContactError: The file holds no grasps, or the folder has too few or too many files, files
+            of several hands, or one that cannot be read.
     """
     if not is_folder(path):
         with path.open("rb") as stream:
@@ -178,7 +179,7 @@ def load_npy(path: Path) -> Any:
         raise ContactError(f"has {len(files):,} files {SUFFIX}; from 1 to {MOST_FILES:,} are read")
     names = {file: file.relative_to(path).with_suffix("").as_posix() for file in files}
     words = {word for name in names.values() for word in re.split("[^a-z]+", name.lower())}
-    _only(words & {*HANDS}, "hands")  # their joints may be as many
+    _only(words & {*HANDS}, "hands")  # which may have equally many joints
     found: list[Rows] = []
     for file, name in names.items():
         try:
@@ -189,7 +190,7 @@ def load_npy(path: Path) -> Any:
 
 
 def _only(found: AbstractSet[Any], what: str) -> Any:
-    """What all files state; None: nothing. Raises ContactError if it differs."""
+    """The one value that all files state; None: none. Raises ContactError if they differ."""
     if len(found) > 1:
         listed = " and ".join(sorted(f"{one!s:.60}" for one in found)[:2])
         said = f"has grasps of {len(found)} {what}, such as {listed}"
@@ -205,13 +206,13 @@ def _of_file(path: Path, name: str) -> list[Rows]:
 
 
 def rows_in(value: Any, what: str) -> Floats:
-    """Rows of numbers of a value of a dictionary, shape (n, p). Raises ContactError."""
+    """Convert a value of a dictionary to rows of numbers, shape (n, p). Raises ContactError."""
     values = numbers_in(value, what)
     return values.reshape(-1, values.shape[-1])
 
 
 def numbers_in(value: Any, what: str, deep: int = 0) -> Floats:
-    """Numbers of a value of a dictionary, also in lists. Raises ContactError."""
+    """Convert a value of a dictionary, also nested lists, to numbers. Raises ContactError."""
     is_nested = isinstance(value, list) and any(type(one) not in (int, float) for one in value)
     if is_nested and deep < DEEPEST:
         parts = [numbers_in(one, what, deep + 1) for one in value[: MOST_GRASPS + 1]]
@@ -228,7 +229,7 @@ def numbers_in(value: Any, what: str, deep: int = 0) -> Floats:
 
 
 def texts_in(rows: Rows, key: str) -> list[str]:
-    """A text, or a list of texts; empty: it is neither."""
+    """The texts of a value that is a text or a list of texts; empty: it is neither."""
     value = rows.get(key)
     listed = value.ravel().tolist() if isinstance(value, np.ndarray) else value
     listed = listed if isinstance(listed, list) else [listed]
@@ -242,9 +243,9 @@ def grasps_in(
 
     Args:
         content: The dictionaries.
-        parts: Rows of a pose and the joints of each at each stage, shape (n, 7 + p).
-        given: The hand, and the scale that is wanted, if there are several.
-        root: Link of the poses where the joints of the wrist are not in the file.
+        parts: For each dictionary, rows of a pose and joint values by stage, shape (n, 7 + p).
+        given: The hand, and the scale to choose, if there are several.
+        root: Link that the poses refer to if the file lacks the joints of the wrist.
     """
     columns, counts = parts[0]["grasp"].shape[1], [len(part["grasp"]) for part in parts]
     for number, part in enumerate(parts, 1):
@@ -298,9 +299,9 @@ def _of_each(content: Content, counts: Sequence[int], key: str) -> Floats:
 
 
 def _object_poses(content: Content, counts: Sequence[int]) -> tuple[Floats, ObjectPose | None]:
-    """What takes poses of each grasp to those of the file, and the pose of the object there.
+    """Transforms of the poses of each grasp, and the pose of the object in the file.
 
-    Where objects have several poses, poses become those relative to the object.
+    If the object's pose differs between grasps, the transforms make poses relative to the object.
     """
     unmoved = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
     stated = (unmoved if rows.get("obj_pose") is None else rows["obj_pose"] for rows in content)
@@ -315,7 +316,7 @@ def _object_poses(content: Content, counts: Sequence[int]) -> tuple[Floats, Obje
 
 
 def _of_one_scale(poses: GraspPoses, scales: Floats, wanted: float | None) -> GraspPoses:
-    """The grasps of the object at one scale, with this. Raises ContactError."""
+    """Choose the grasps at one scale of the object, and state the scale. Raises ContactError."""
     known = np.unique(np.round(scales[np.isfinite(scales)], 9))
     if not len(known):
         return poses
@@ -344,12 +345,12 @@ def _scale(rows: Rows) -> float:
 
 
 def qpos_of(poses: Floats, posture: Floats) -> Floats:
-    """Rows of a pose and joints, shape (k, 7 + p)."""
+    """Rows of a pose and joint values, shape (k, 7 + p)."""
     return np.hstack([poses[:, :3, 3], quaternions(poses)[:, [3, 0, 1, 2]], posture])
 
 
 def stages_of(poses: GraspPoses) -> dict[str, Floats]:
-    """Rows of a pose and the joints of the stages that are known, in their order."""
+    """Rows of a pose and joint values for each known stage, in their order."""
     moved, found = poses.of_stages("poses"), {}
     for stage, start in ALL_STAGES.items():
         if (posture := poses.of_stages("posture").get(f"{start}posture")) is not None:

@@ -29,7 +29,7 @@ from grasp3d.system.names import unsupported
 _LOADERS: dict[str, Callable[[Path], Any]] = {
     ".json": load_json, ".yaml": checks.load_yaml, ".yml": checks.load_yaml, ".npy": load_npy,
 }  # fmt: skip
-"""What is loaded before the format is known; of other files it is their path."""
+"""Loaders of content before the format is known; for other files the content is the path."""
 
 
 def read_grasps(
@@ -44,35 +44,35 @@ def read_grasps(
 ) -> GraspPoses | Floats:
     """Read grasps from files of grasp3d, robots, simulators and data sets: poses or contacts.
 
-    Which of the two a file contains is found from its name and content. Contacts: CSV and Parquet
-    have columns x1 y1 z1 x2 y2 z2 ..., a row for each grasp; other columns are ignored. JSON is a
-    list of grasps, each a list of contacts [x, y, z]. Poses are those of the TCP in the object's
-    frame, whatever frame the file has; see `GraspPoses`. Contacts without a unit are returned as
-    the file has them, though `evaluate_grasps` takes metres on a mesh whose unit is known: give
-    `unit`, or the file itself to `evaluate_grasps`, which has them in the unit of the mesh's file.
+    Its name and content decide whether a file contains poses or contacts. For contacts, CSV and
+    Parquet have columns x1 y1 z1 x2 y2 z2 ..., a row for each grasp; other columns are ignored.
+    JSON is a list of grasps, each a list of contacts [x, y, z]. Poses are returned as those of the
+    TCP in the object's frame, whatever frames the file uses; see `GraspPoses`. Contacts without a
+    unit are returned as they are in the file, but `evaluate_grasps` expects metres if the unit of
+    the mesh is known: give `unit`, or pass the file itself, for which the mesh file's unit holds.
 
     Args:
-        path: File to read; of poses of hands with joints also a folder of .npy files.
-        hand: The gripper that the poses are of; formats with the pose of the hand's base need it.
+        path: File to read; for hands with joints also a folder of .npy files.
+        hand: The hand of the poses; formats with the pose of the hand's base need it.
         unit: Unit of the lengths, for files that state none; formats of robots are in metres.
         object_pose: Pose of the object in the frame of the poses, for files in the frame of a robot
             that do not state it; see `write_grasps`.
-        frame: Frame of the gripper in which the file has the poses: a name, such as 'graspgen', or
-            of a link of a hand with joints; the pose of the TCP in it, a 4x4 matrix, translation in
-            metres; or a file with this; see `GripperFrame`. None: the one that the file states, or
-            that of its format.
-        outcome: Column or key that says whether a grasp held: 1 or 0, true or false. None: those of
+        frame: Frame of the gripper whose poses the file contains; see `GripperFrame`. A name, such
+            as 'graspgen' or that of a link of a hand with joints; the pose of the TCP in it, a 4x4
+            matrix, translation in metres; or a file with this matrix. None: the frame that the file
+            states, or that of its format.
+        outcome: Column or key that says whether a grasp held: 1 or 0, true or false. None: that of
             the format.
-        object_scale: Factor from the numbers of the object's file to metres, of which the poses
-            are: for files of poses on an object at several scales, or that do not state it.
+        object_scale: Factor from the numbers of the object's file to metres: for files that do not
+            state it, or that have poses at several scales, of which it chooses one.
 
     Returns:
-        The poses; or contacts in the order of the file, shape (b, n, 3) with n from 2 to 32; b at
-        least 1: in metres, or as in the file where no unit is known. `evaluate_grasps` takes both.
+        The poses; or contacts in the order of the file, shape (b, n, 3) with b at least 1, n from 2
+        to 32, in metres, or as in the file if no unit is known. `evaluate_grasps` takes both.
 
     Raises:
-        ContactError: The file is missing, or contains no grasps, or no such outcomes; or there is
-            no such pose of the object.
+        ContactError: The file is missing, or contains no grasps or not the stated outcomes; or the
+            pose of the object is not valid.
         OutputError: A library that reads the format is not installed.
         SettingError: A pose of the object, a frame or an outcome is given for contacts.
 
@@ -98,7 +98,7 @@ def read_grasps(
 
 
 def read_poses(path: str | Path, **stated: Any) -> GraspPoses:
-    """Read grasp poses, as `read_grasps`, of a file that contains poses.
+    """Read a file of grasp poses; takes the arguments of `read_grasps`.
 
     Example:
         >>> from pathlib import Path
@@ -127,7 +127,7 @@ def read_poses(path: str | Path, **stated: Any) -> GraspPoses:
 
 
 def _relative(poses: GraspPoses, object_pose: ObjectPose | None) -> GraspPoses:
-    """Poses as a file has them, in the object's frame. Raises ContactError."""
+    """Convert poses from the frame of a file to the object's frame. Raises ContactError."""
     stated, frame = poses.object_pose, poses.settings.get("frame")
     if (name := poses.settings.get("frame_id")) not in OBJECT:
         frame = frame or name
@@ -147,7 +147,7 @@ def holds_poses(path: str | Path) -> bool:
     """Whether a file contains grasp poses rather than contacts, judged by its content.
 
     Args:
-        path: A file; one that is missing or damaged holds none, unless its suffix stands for poses.
+        path: A file; if it is missing or damaged, its suffix alone decides.
 
     Example:
         >>> from pathlib import Path
@@ -173,14 +173,14 @@ def _holds_poses(path: Path) -> bool:
 
 
 def _fitting(path: Path) -> tuple[list[Format], Any]:
-    """The formats of files of such a name, and the content of this one."""
+    """The formats with the suffix of a file, and the content of the file."""
     suffix = ".npy" if is_folder(path) else path.suffix.lower()
     content = _LOADERS.get(suffix, Path)(path)
     return [one for one in formats().values() if suffix in one.suffixes], content
 
 
 def _read(path: Path, given: Given, frame: GripperFrame | None) -> GraspPoses:
-    """Poses as a file has them. Raises ContactError, ValueError, OSError, OutputError."""
+    """Read poses as they are in a file. Raises ContactError, ValueError, OSError, OutputError."""
     known, content = _fitting(path)
     form = next((one for one in known if one.sniff(content)), None)
     if form is None:
@@ -191,7 +191,7 @@ def _read(path: Path, given: Given, frame: GripperFrame | None) -> GraspPoses:
     missing = frames.missing_of_hand(given.hand, form, joints=False)
     if missing and not (form.alone and given.hand is None):
         raise ContactError(missing)
-    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are refused
+    with np.errstate(over="ignore", invalid="ignore"):  # such numbers are refused later
         poses = form.read(content, given)
     if in_metres:
         poses = replace(poses, unit="m", hand=given.hand or poses.hand)
@@ -229,40 +229,40 @@ def write_grasps(
 ) -> None:
     """Write grasps with labels, critical angles and epsilon, in the format given by the suffix.
 
-    Of grasps without poses: one row, in JSON one entry, for each grasp: `grasp` (its number from
-    1), `label`, `critical_angle`, `critical_angle_best`, `max_resolution`, `margin` [rad],
-    `epsilon`, `epsilon_min`, `epsilon_max`, `rank`, `opening`, `separation`; and for each contact
-    its position on the surface `x1` `y1` `z1`, the outward normal there `nx1` `ny1` `nz1`,
-    `distance1`, its distance from the surface before it was moved there, and `on_crease1`. Tables
-    have a column `unit`. nan is written as an empty cell, in JSON as null, where infinite numbers
-    are null as well. JSON and Parquet contain the settings.
+    Grasps without poses have one row, in JSON one entry, each: `grasp` (its number from 1),
+    `label`, `critical_angle`, `critical_angle_best`, `max_resolution`, `margin` [rad], `epsilon`,
+    `epsilon_min`, `epsilon_max`, `rank`, `opening`, `separation`; and for each contact its position
+    on the surface `x1` `y1` `z1`, the outward normal there `nx1` `ny1` `nz1`, `distance1`, its
+    distance from the surface before it was moved there, and `on_crease1`. Tables have a column
+    `unit`. nan is written as an empty cell; in JSON, nan and infinite numbers are null. JSON and
+    Parquet contain the settings.
 
-    With a load also `grip_force`, `grip_force_least`, `grip_force_largest` [N], `payload` [kg] if a
-    force is at hand; see `LoadResult`. `label` is that of everything stated, and `score` the one
-    number by which grasps are sorted.
+    A load adds `grip_force`, `grip_force_least`, `grip_force_largest` [N], and `payload` [kg] if a
+    force is at hand; see `LoadResult`. `label` takes everything stated into account, and `score` is
+    the one number by which grasps are sorted.
 
-    Poses are written with all that is known of them, also in formats of robots, simulators and data
-    sets, which need the gripper and the unit; see the page on formats of grasp poses.
+    Poses are written with all that is known about them. Formats of robots, simulators and data sets
+    need the gripper and the unit; see the page on formats of grasp poses.
 
     Args:
         path: File to make or replace; .csv, .parquet or .json, with poses also .yaml, .h5 or .npy.
-        grasps: The grasps: with contacts, with poses that were evaluated, or poses alone.
-        format: Of poses: name of a format; None: that of the suffix, of several the main one.
+        grasps: Grasps with contacts, evaluated poses, or poses alone.
+        format: For poses: name of the format; None: the default one for the suffix.
         metrics: Quality measures of the grasps, which become columns.
-        object_pose: Of poses: the object's pose in the frame of a robot, in which files of formats
-            that may have it then have poses, contacts and normals; grasp3d's own state it, and are
-            read relative to the object again. A 4x4 matrix, translation in metres; a text
-            'x,y,z,yaw' in metres and degrees, or a file, see `read_object_pose`. None: poses are in
-            the frame of the object, or that of the file that they were read from.
-        frame: Of poses: the frame of the gripper that the file is to have, as `read_grasps` takes
-            it; files in json, csv and parquet state it. None: that of the format.
+        object_pose: For poses: the object's pose in the frame of a robot, in which poses, contacts
+            and normals are then written, if the format allows it; grasp3d's own formats state the
+            pose, and are read back relative to the object. A 4x4 matrix, translation in metres; a
+            text 'x,y,z,yaw' in metres and degrees; or a file, see `read_object_pose`. None: the
+            frame of the object, or that of the file that the poses were read from.
+        frame: For poses: the frame of the gripper in the file, as `read_grasps` takes it; files in
+            json, csv and parquet state it. None: that of the format.
 
     Raises:
-        ContactError: There is no such pose of the object.
-        OutputError: No format has that suffix, it needs something that is not known, or the file
-            cannot be written.
-        SettingError: No format is called so, or a format of poses, but no gripper; or this format
-            has the object's frame by definition.
+        ContactError: The pose of the object is not valid.
+        OutputError: No format has that suffix, the format needs something that is not known, or the
+            file cannot be written.
+        SettingError: No format has that name; an argument for poses is given for grasps that have
+            none; or the format has the object's frame by definition.
 
     Example:
         >>> import trimesh
@@ -298,11 +298,11 @@ def write_grasps(
 
 
 def _of_format(poses: GraspPoses, form: Format) -> GraspPoses:
-    """Poses as a format has them, in metres with the scale of the object's file.
+    """Convert poses to what a format contains: in metres, with the scale of the object's file.
 
     Raises:
         ContactError: The postures are those of another hand, or the unit is not known.
-        OutputError: There is no hand that the format has, or values of its joints or outcomes are
+        OutputError: The hand is none that the format supports, or joint values or outcomes are
             missing.
     """
     is_open = bool(np.isfinite([poses.opening, poses.pregrasp_opening]).any())
@@ -328,7 +328,7 @@ def check_hand(form: Format, hand: Hand) -> None:
 
     Raises:
         OutputError: A library that the format needs is not installed.
-        SettingError: The hand lacks what the files state.
+        SettingError: The hand lacks something that such files state.
     """
     if form.needs:
         checks.library(*form.needs)

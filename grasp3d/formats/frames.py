@@ -1,4 +1,4 @@
-"""Frames of files of poses: the gripper's and the object's, quaternions, what a hand must have."""
+"""Frames in files of poses (the gripper's and the object's), quaternions and joint values."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -24,7 +24,7 @@ from grasp3d.system.limited_reading import read_file
 ResultT = TypeVar("ResultT")
 
 KINDS = {"gripper": ParallelGripper, "articulated": ArticulatedHand}
-"""Classes of hands by what formats call them."""
+"""Classes of hands, by the names that formats use."""
 
 
 class UnknownUnitError(ContactError):
@@ -32,7 +32,7 @@ class UnknownUnitError(ContactError):
 
 
 def missing_of_hand(hand: Hand | str | None, form: Format, *, joints: bool) -> str:
-    """What a hand lacks for files of a format, a sentence; empty: nothing.
+    """Describe in a sentence what a hand lacks for files of a format; empty: nothing.
 
     Args:
         hand: The hand of the poses.
@@ -53,14 +53,14 @@ def missing_of_hand(hand: Hand | str | None, form: Format, *, joints: bool) -> s
 
 
 def of_tcp(poses: GraspPoses, *, inverse: bool = False) -> GraspPoses:
-    """Poses of `gripper_frame`, as a file has them, as those of the TCP.
+    """Convert poses of their `gripper_frame`, as files state them, to poses of the TCP.
 
     Args:
         poses: The poses.
-        inverse: Whether to return those of `gripper_frame` of poses of the TCP.
+        inverse: Whether to convert poses of the TCP to those of `gripper_frame` instead.
 
     Raises:
-        ContactError: The distance between the two is known, but not the unit of the poses.
+        ContactError: The frames have different origins, and the unit of the poses is not known.
         SettingError: The frame depends on a gripper, and there is none.
     """
     if poses.gripper_frame == FRAMES["tcp"]:
@@ -85,7 +85,7 @@ def quaternions(poses: Floats) -> Floats:
 
 
 def from_quaternions(values: Floats, where: str = "") -> Floats:
-    """Poses (k, 4, 4) of positions and quaternions, x y z x y z w (k, 7). Raises ContactError."""
+    """Poses (k, 4, 4) from positions x y z and quaternions x y z w (k, 7). Raises ContactError."""
     for row, column in np.argwhere(~np.isfinite(values)):
         what = "position" if column < 3 else "quaternion"
         raise ContactError(f"{where}grasp {row + 1}: its {what} is not finite")
@@ -96,11 +96,11 @@ def from_quaternions(values: Floats, where: str = "") -> Floats:
 
 
 STEPS, NUDGE = 10, 1e-13
-"""Steps after which a pose that is still not read as it is written is turned by a little [rad]."""
+"""Number of steps after which a pose that writing still changes is turned, and the angle [rad]."""
 
 
 def as_read_again(poses: Floats) -> Floats:
-    """Poses (k, 4, 4) that files of quaternions give back bit for bit; nearly the given ones."""
+    """Change poses (k, 4, 4) slightly, so that files of quaternions give them back bit for bit."""
     nudged = Rotation.from_rotvec([NUDGE, 0.0, 0.0]).as_matrix()
     for step in range(1, 10 * STEPS):
         again = from_quaternions(np.hstack([poses[:, :3, 3], quaternions(poses)]))
@@ -114,21 +114,21 @@ def as_read_again(poses: Floats) -> Floats:
 
 
 def joint_values(hand: ParallelGripper, openings: Floats) -> Floats:
-    """Values of the finger joints at openings [m] of (k,), shape (k, joints); nan: not known."""
+    """Values of the finger joints at openings (k,) [m], shape (k, joints); nan: not known."""
     closed, scale = np.array(hand.joint_closed), np.array(hand.joint_scale)
     return np.asarray(closed + scale * openings[:, None])
 
 
 def openings_of_joints(hand: ParallelGripper, stated: Sequence[Any], what: str) -> Floats:
-    """Openings [m] from joint values of each grasp by name, the mean over the joints, (k,).
+    """Openings [m] from named joint values of each grasp, as the mean over the joints, (k,).
 
     Args:
         hand: The gripper.
-        stated: Of each grasp an object of names and values; without any its opening is nan.
-        what: What they are, for messages.
+        stated: For each grasp an object of names and values; if it is empty, the opening is nan.
+        what: Name of the values in messages.
 
     Raises:
-        ContactError: They are no numbers, or those of another gripper.
+        ContactError: The values are no numbers, or those of another gripper.
     """
     rows = [checks.mapping(one, f"grasp {k}: {what}") for k, one in enumerate(stated, 1)]
     values = {
@@ -153,21 +153,21 @@ def openings_of_joints(hand: ParallelGripper, stated: Sequence[Any], what: str) 
 
 
 GivenPose = ObjectPose | Path | ArrayLike
-"""What `read_object_pose` takes."""
+"""Sources that `read_object_pose` takes."""
 
 GivenFrame = GripperFrame | Path | ArrayLike
-"""What `read_frame` takes."""
+"""Sources that `read_frame` takes."""
 
 
 def read_object_pose(source: GivenPose) -> ObjectPose:
-    """The pose of an object in the frame of a robot, of a text, a matrix or a file.
+    """Read the pose of an object in the frame of a robot from a text, a matrix or a file.
 
     Args:
-        source: A text or a 4x4 matrix, see `ObjectPose`; or a file, all numbers in metres: a 4x4
-            matrix (.npy, .txt, .json, .yaml), or such a text.
+        source: A text or a 4x4 matrix, see `ObjectPose`; or a file with such a matrix (.npy, .txt,
+            .json, .yaml) or such a text, lengths in metres.
 
     Raises:
-        ContactError: There is no such file, or it states no such pose.
+        ContactError: There is no such file, or the source states no valid pose.
 
     Example:
         >>> from pathlib import Path
@@ -180,21 +180,21 @@ def read_object_pose(source: GivenPose) -> ObjectPose:
 
 
 def read_frame(source: GivenFrame) -> GripperFrame:
-    """The frame of a gripper's poses, of a name, a matrix or a file.
+    """Read the frame of a gripper's poses from a name, a matrix or a file.
 
     Args:
         source: A name or a matrix, see `GripperFrame`; or a file with the matrix (.npy, .txt,
             .json, .yaml), the pose of the TCP in the frame, translation in metres.
 
     Raises:
-        ContactError: There is no such file, or the matrix is none.
+        ContactError: There is no such file, or the matrix is not valid.
         SettingError: It is 'auto'.
     """
     return _read(source, GripperFrame.of)
 
 
 def _read(source: object, of: Callable[[Any], ResultT]) -> ResultT:
-    """What a text, an array, or the content of a file states. Raises ContactError."""
+    """Interpret a text, an array, or the content of a file with `of`. Raises ContactError."""
     path = Path(source) if isinstance(source, str | Path) else None
     if path is None or path.suffix.lower() not in _READERS:
         return of(str(source) if isinstance(source, Path) else source)
@@ -206,7 +206,7 @@ def _read(source: object, of: Callable[[Any], ResultT]) -> ResultT:
 
 
 def _text_or_rows(path: Path) -> Any:
-    """The only line of a text; of several lines their numbers, separated by commas or spaces."""
+    """The only line of a text; if there are several, their numbers between commas or spaces."""
     text = file_bytes(path).decode("utf-8-sig").strip()
     rows = [line.replace(",", " ").split() for line in text.splitlines() if line.strip()]
     return np.array(rows, dtype=np.float64) if len(rows) > 1 else text

@@ -1,4 +1,4 @@
-"""The project's own formats, JSON, CSV and Parquet: contacts, and what they state of poses."""
+"""The project's own formats (JSON, CSV, Parquet): contacts, and what their files of poses share."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -28,7 +28,7 @@ from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import unsupported
 
 OBJECT = (None, "", "object")
-"""Frames of poses that are that of the object."""
+"""Values that mean the object's frame, also where none is stated."""
 
 CONVENTIONS = {"normals": "outward", "angles": "radians"}
 
@@ -38,11 +38,11 @@ CONTENT = (
 )
 
 OF_ALL = ("unit", "object_pose", "frame", "gripper_frame")
-"""Columns that state the same in every row."""
+"""Columns that have the same value in every row."""
 
 
 def header_of(poses: GraspPoses) -> dict[str, Any]:
-    """Version, unit, frames, direction of the normals, gripper, object, settings."""
+    """Header of a file: version, unit, frames, normals' direction, gripper, object, settings."""
     hand, at = poses.hand, poses.object_pose
     return {
         **poses.settings,
@@ -62,7 +62,7 @@ def header_of(poses: GraspPoses) -> dict[str, Any]:
 STATED = frozenset({
     "version", "content", "gripper", "object_file", "object_scale", *OF_ALL, *CONVENTIONS
 })  # fmt: skip
-"""Keys that are no settings."""
+"""Keys of a header that are no settings."""
 
 
 def _fields_of(header: Mapping[str, Any], given: Given) -> dict[str, Any]:
@@ -90,10 +90,10 @@ def _fields_of(header: Mapping[str, Any], given: Given) -> dict[str, Any]:
 
 
 def stated_unit(stated: object, default: Unit | None) -> Unit | None:
-    """The unit that a file states, or that is given for it.
+    """The unit that a file states, or else the given one.
 
     Raises:
-        ContactError: It is no unit, or both are there and differ.
+        ContactError: The file states no valid unit, or one that differs from the given one.
     """
     if stated in (None, "", "unknown"):
         return default
@@ -112,12 +112,12 @@ def _gripper(value: object) -> Hand | str | None:
         return hand_of(value)
     except SettingError as error:
         if isinstance(value, dict) and value.get("format") == ARTICULATED:
-            return str(value.get("name", "a hand with joints"))  # its model is another file
+            return str(value.get("name", "a hand with joints"))  # its model is in another file
         raise ContactError(f"its gripper {error}") from error
 
 
 def stated_in(columns: Mapping[str, Iterable[Any]]) -> dict[str, str]:
-    """What all rows of a file state, as its header may. Raises ContactError."""
+    """Values of columns that must be the same in all rows. Raises ContactError if they differ."""
     stated: dict[str, str] = {}
     for name in filter(columns.__contains__, OF_ALL):
         stated[name], *others = {"" if value is None else str(value) for value in columns[name]}
@@ -127,7 +127,7 @@ def stated_in(columns: Mapping[str, Iterable[Any]]) -> dict[str, str]:
 
 
 def joint_names(poses: GraspPoses) -> tuple[str, ...]:
-    """Names of the joints of postures, else of those of the hand. Raises OutputError."""
+    """Names of the joints of postures, or else of the hand. Raises OutputError."""
     names = poses.joint_names or getattr(poses.hand, "joint_names", ())
     if poses.posture.shape[1] not in {0, len(names)}:
         raise OutputError("the joints of the postures have no names: give the hand")
@@ -135,11 +135,11 @@ def joint_names(poses: GraspPoses) -> tuple[str, ...]:
 
 
 def table_of(poses: GraspPoses, **stated: npt.NDArray[Any]) -> dict[str, npt.NDArray[Any]]:
-    """What is known of each grasp, as files of every kind call it, normals outward.
+    """Columns of all that is known about each grasp, named as in files, with outward normals.
 
     Args:
         poses: The poses.
-        stated: Columns that only some of them have.
+        stated: Columns that only some kinds of files have.
 
     Returns:
         Columns in their order: poses (k, 4, 4), postures (k, p), numbers and texts (k,), and
@@ -163,13 +163,13 @@ def table_of(poses: GraspPoses, **stated: npt.NDArray[Any]) -> dict[str, npt.NDA
 def poses_of(
     table: Mapping[str, Values], joints: tuple[str, ...], header: Mapping[str, Any], given: Given
 ) -> GraspPoses:
-    """Poses of the columns of a file of any kind, and of what states the same of all grasps.
+    """Make poses from the columns of a file of any kind, and from its header.
 
     Args:
         table: Values of each grasp by name, as `table_of` returns them; contacts are not read.
         joints: Names of the joints of postures.
-        header: What applies to all.
-        given: What is given beside the file.
+        header: What applies to all grasps.
+        given: What the caller states in addition to the file.
 
     Raises:
         ContactError: Values are missing or wrong.
@@ -199,7 +199,7 @@ def stacked(table: Mapping[str, Values], names: Sequence[str], words: str = "") 
     Args:
         table: Values of each grasp by name.
         names: Names of the columns.
-        words: What a message says of all of them.
+        words: What the message about a missing column adds.
 
     Raises:
         ContactError: A column is missing, or has no numbers.
@@ -216,7 +216,7 @@ _COORDINATE = re.compile(r"[xyz][1-9]\d*")
 
 
 def read_contacts(path: str | Path, *, unit: Unit | None = None) -> Floats:
-    """Read the contacts of grasps, see `read_grasps`; also from files that `write_grasps` wrote.
+    """Read the contacts of grasps, also from files that `write_grasps` wrote; see `read_grasps`.
 
     CSV and Parquet have columns x1 y1 z1 x2 y2 z2 ..., a row for each grasp; other columns are
     ignored. JSON is a list of grasps, each a list of contacts [x, y, z].
@@ -226,8 +226,8 @@ def read_contacts(path: str | Path, *, unit: Unit | None = None) -> Floats:
         unit: Unit of the coordinates, if the file states none.
 
     Returns:
-        Contacts in the order of the file, shape (b, n, 3) with n from 2 to 32; b at least 1. In
-        metres, or as in the file where no unit is known.
+        Contacts in the order of the file, shape (b, n, 3) with b at least 1, n from 2 to 32; in
+        metres, or as in the file if no unit is known.
 
     Raises:
         ContactError: The file is missing, or contains no such contacts.
@@ -238,7 +238,7 @@ def read_contacts(path: str | Path, *, unit: Unit | None = None) -> Floats:
 
 
 def contacts_in(path: Path) -> tuple[Floats, Unit | None]:
-    """The contacts in a file as it has them, and the unit that it states; see `read_contacts`."""
+    """Contacts as they are in a file, and the unit that it states; see `read_contacts`."""
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise ContactError(unsupported(path, SUFFIXES, "contacts"))
@@ -256,7 +256,7 @@ def contacts_in(path: Path) -> tuple[Floats, Unit | None]:
 
 
 def _from_table(path: Path) -> tuple[Floats, Mapping[str, Any]]:
-    """Contacts of a table, and what it states. Raises ContactError, ValueError, OSError."""
+    """Contacts of a table, and its unit and frame. Raises ContactError, ValueError, OSError."""
     from grasp3d.system.tables import read_columns
 
     table = read_columns(path)
@@ -269,13 +269,13 @@ def _from_table(path: Path) -> tuple[Floats, Mapping[str, Any]]:
 
 
 def _from_json(path: Path) -> tuple[Floats, Mapping[str, Any]]:
-    """Contacts of a JSON file, and what it states. Raises ContactError, ValueError, OSError."""
+    """Contacts of a JSON file, and its header. Raises ContactError, ValueError, OSError."""
     content = load_json(path)
     stated = content if isinstance(content, dict) else {}
     listed = stated.get("grasps") if stated else content
     rows = checks.grasp_list(listed, "its grasps, each a list of contacts [x, y, z],")
 
-    def plain(value: Any, key: str) -> Any:  # of a file that write_grasps wrote
+    def plain(value: Any, key: str) -> Any:  # in files that write_grasps wrote
         return value.get(key, value) if isinstance(value, dict) else value
 
     rows = [plain(row, "contacts") for row in rows]

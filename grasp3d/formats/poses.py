@@ -21,24 +21,24 @@ from grasp3d.system.documents import described
 
 _POWERS = {LENGTH: 1, AREA: 2}
 POWERS = {field.name: _POWERS.get(field.unit, 0) for field in (*given_poses(), *HAND_GRASPS)}
-"""Powers of a length by the name of a column, which is converted with the unit."""
+"""Power of the length unit of each column, by name, for conversion between units."""
 
 GAP = "gap_"
-"""Start of the names of columns with the distance of one link of a hand from the surface."""
+"""Prefix of columns with the distance of one link of a hand from the surface."""
 
 OWN_NAMES = frozenset({
     "name", "pose", "opening", "pregrasp_opening", "posture", "score", "outcome", "success",
     "pregrasp_posture", "squeeze_posture", "pregrasp_pose", "squeeze_pose", "joint_names", "unit",
     "object_pose", "frame", "gripper_frame", "grasp", "px", "py", "pz", "qx", "qy", "qz", "qw",
 })  # fmt: skip
-"""Names that files use for the fields themselves, and that no further column may have."""
+"""Names that files use for the fields themselves; no further column may have one of them."""
 
 NUMBERS = ("opening", "pregrasp_opening", "scores", "outcome")
 """Fields of one number for each pose."""
 
 STAGES = ("", "pregrasp_", "squeeze_")
-"""Starts of the names of poses and postures: of the grasp, before it, and where the hand would be
-if the object gave way."""
+"""Prefixes of poses and postures: at the grasp, before it, and where the hand would be if the
+object gave way."""
 
 VECTOR_COLUMNS = ("contacts", "normals")
 """Columns of shape (k, n, 3), for n contacts."""
@@ -68,20 +68,19 @@ class GraspPoses:
     poses: Floats
     """TCP frame to the object's frame, translations in `unit`, shape (k, 4, 4); (4, 4) for one."""
     opening: Floats = field(default_factory=lambda: np.array(np.nan))
-    """Distance of the contacts at the grasp [unit], shape (k,); nan: not known."""
+    """Distance between the contacts at the grasp [unit], shape (k,); nan: not known."""
     pregrasp_opening: Floats = field(default_factory=lambda: np.array(np.nan))
     """Opening with which the gripper approaches [unit], shape (k,); nan: not known."""
     posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
-    """Values of the hand's further joints [rad or m], shape (k, p); p is 0 for a parallel
-    gripper."""
+    """Values of the hand's joints [rad or m], shape (k, p); p is 0 for a parallel gripper."""
     joint_names: tuple[str, ...] = ()
-    """Names of these joints; empty: not stated, they are in the order of the hand's."""
+    """Names of these joints; empty: not stated, in the order of the hand."""
     pregrasp_posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
-    """Posture with which the hand approaches, shape (k, p), nan: not known; p is 0: of no pose."""
+    """Posture with which the hand approaches, shape (k, p), nan: not known; p is 0: for no pose."""
     squeeze_posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
-    """Posture that is commanded to press, the same."""
+    """Posture that is commanded to press, of the same shape."""
     pregrasp_poses: Floats | None = None
-    """Poses with which the hand approaches, as `poses`; None: those."""
+    """Poses with which the hand approaches, shape as `poses`; None: `poses`."""
     squeeze_poses: Floats | None = None
     """Poses that are commanded to press; None: `poses`."""
     scores: Floats = field(default_factory=lambda: np.array(np.nan))
@@ -95,23 +94,22 @@ class GraspPoses:
     hand: Hand | str | None = None
     """The gripper, or its name; None: not known."""
     columns: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
-    """What else is known of each grasp, shape (k, ...): `label` (text), `critical_angle`,
+    """What else is known about each grasp, shape (k, ...): `label` (text), `critical_angle`,
     `max_resolution`, `approach_margin` [rad], `epsilon`, `contacts` [unit] and `normals`, into the
     object, shape (k, n, 3) each, and others of shape (k,)."""
     settings: Mapping[str, Any] = field(default_factory=dict)
-    """What a file states of all its grasps, or shall state."""
+    """What a file states, or is to state, about all its grasps."""
     object_file: str | None = None
     """Name of the object's mesh file; None: not stated."""
     object_scale: float | None = None
     """Factor from the numbers of that file to metres; None: not stated."""
     object_pose: ObjectPose | None = None
-    """Pose of the object in the robot's frame, in which files have the poses; None: files have the
-    object's frame. `poses` and `columns` are in the object's frame in any case."""
+    """Pose of the object in the robot's frame, in which files state the poses; None: they state
+    them in the object's frame. `poses` and `columns` are always in the object's frame."""
     gripper_frame: GripperFrame = FRAMES["tcp"]
-    """Frame of the gripper in which the file had the poses; `poses` are those of the TCP in any
-    case."""
+    """Frame of the gripper whose poses the file states; `poses` are always those of the TCP."""
     assumes_frame: bool = False
-    """Whether the file does not state that frame, which is then the one of its format."""
+    """Whether that frame is the default of the file's format, as the file does not state it."""
 
     def __post_init__(self) -> None:
         poses = checked_poses(self.poses)
@@ -152,7 +150,7 @@ class GraspPoses:
 
     @property
     def frame_words(self) -> str:
-        """The frame in which the poses were read, and whether the file states it."""
+        """The frame in which the poses were read, in words, and whether the file states it."""
         why = ", as the file states none" if self.assumes_frame else ""
         frame, words = self.gripper_frame, f"the gripper's frame '{self.gripper_frame}'"
         if isinstance(self.hand, ArticulatedHand):
@@ -170,7 +168,7 @@ class GraspPoses:
         return self if unit == self.unit else self.scaled(metres / METRES[unit], unit)
 
     def on(self, mesh: ObjectMesh) -> Self:
-        """The same poses with lengths as those of a mesh; without a unit they are in its file's."""
+        """The same poses in the unit of a mesh; if they have none, that of its file is assumed."""
         stated = self if self.unit else replace(self, unit=mesh.file_unit)
         return stated.in_unit("m") if mesh.unit else stated
 
@@ -184,7 +182,7 @@ class GraspPoses:
         """The same poses with all lengths multiplied by a factor.
 
         Args:
-            factor: Such as 1 / `object_scale`, from metres to the numbers of the mesh file.
+            factor: For example 1 / `object_scale`, from metres to the numbers of the mesh file.
             unit: Unit of the result; None: not known.
         """
         lengths = np.ones((4, 4))
@@ -199,16 +197,16 @@ class GraspPoses:
         )  # fmt: skip
 
     def changed(self, change: Callable[[Floats], Floats]) -> Self:
-        """The same with other poses, also before and after the grasp.
+        """The same with a function applied to the poses of all stages.
 
         Args:
-            change: From poses to others, shape (k, 4, 4) each.
+            change: Maps poses to poses, shape (k, 4, 4) each.
         """
         changed: Any = {name: change(one) for name, one in self.of_stages("poses").items()}
         return replace(self, **changed)
 
     def of_stages(self, name: str) -> dict[str, Any]:
-        """The fields 'poses' or 'posture' that are known, also before and after the grasp."""
+        """The known fields of 'poses' or 'posture' at all stages, by name of the field."""
         fields = (f"{stage}{name}" for stage in STAGES)
         values = {field: getattr(self, field) for field in fields}
         return {field: one for field, one in values.items() if one is not None and one.size}
@@ -236,11 +234,11 @@ class GraspPoses:
         """The poses in the frame of a robot, shape (k, 4, 4), translations in metres.
 
         Args:
-            object_pose: Pose of the object in it: a 4x4 matrix, translation in metres, or a text;
-                see `ObjectPose`.
+            object_pose: Pose of the object in that frame: a 4x4 matrix, translation in metres, or a
+                text; see `ObjectPose`.
 
         Raises:
-            ContactError: It is no such pose, or the unit of the poses is not known.
+            ContactError: It is no valid pose, or the unit of the poses is not known.
         """
         return ObjectPose.of(object_pose).matrix @ self.in_unit("m").poses
 
@@ -259,7 +257,7 @@ class GraspPoses:
         )
 
     def with_outcomes(self, outcome: str | None) -> Self:
-        """The same with the outcomes that scores or further columns state; None: its own."""
+        """The same with outcomes from the scores or a further column; None: unchanged."""
         if outcome is None:
             return self
         values = {"score": self.scores, **self.columns}
@@ -267,7 +265,7 @@ class GraspPoses:
         return replace(self, outcome=found)
 
     def _checked_joints(self, count: int) -> dict[str, Any]:
-        """Postures, names of their joints, and poses before and after the grasp."""
+        """Check the postures, the names of their joints, and the poses of the other stages."""
         values: dict[str, Any] = {"joint_names": tuple(self.joint_names)}
         for stage in STAGES:
             name = f"{stage}posture"
@@ -294,19 +292,19 @@ class GraspPoses:
 
 
 def _refuse(bad: npt.NDArray[np.bool_], values: Floats, what: str, unit: str = "") -> None:
-    """Name the first grasp with a bad value. Raises ContactError."""
+    """Raise a ContactError that names the first grasp with a bad value, if there is one."""
     for row, *joint in np.argwhere(bad)[:1]:
         where = f"value {joint[0] + 1} of " if joint else ""
         raise ContactError(f"grasp {row + 1}: {where}{what}; got {values[row, *joint]:g}{unit}")
 
 
 def _unprintable(texts: Iterable[object]) -> list[int]:
-    """Numbers of those that are no texts, or such as cannot be printed."""
+    """Numbers, from 1, of the items that are no printable texts."""
     return [k for k, t in enumerate(texts, 1) if not isinstance(t, str) or not t.isprintable()]
 
 
 def _names(names: Iterable[str], count: int) -> tuple[str, ...]:
-    """Names of grasps, by their numbers if there are none."""
+    """Check the names of grasps; if there are none, make them from numbers."""
     names = tuple(names) or tuple(f"grasp_{k + 1}" for k in range(count))
     if len(names) != count:
         raise ContactError(f"{count} poses need {count} names; got {len(names)}")
@@ -317,7 +315,7 @@ def _names(names: Iterable[str], count: int) -> tuple[str, ...]:
 
 
 def _numbers(name: str, values: ArrayLike, count: int) -> Floats:
-    """Numbers of each pose, shape (k,), from as many or from one for all; nan is allowed."""
+    """Check one number for each pose, or one for all, and return shape (k,); nan is allowed."""
     try:
         return locked(np.broadcast_to(np.asarray(values, dtype=np.float64), (count,)))
     except (TypeError, ValueError, OverflowError) as error:
@@ -326,7 +324,7 @@ def _numbers(name: str, values: ArrayLike, count: int) -> Floats:
 
 
 def _column(name: str, values: ArrayLike, count: int) -> npt.NDArray[Any]:
-    """A further column as numbers or text, shape (k, ...)."""
+    """Check a further column of numbers or text, shape (k, ...)."""
     if name in OWN_NAMES:
         raise ContactError(f"no column of poses can be called {name!r}: files use this name")
     try:

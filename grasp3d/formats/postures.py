@@ -1,4 +1,4 @@
-"""Postures of poses and the joints of a hand: matched by name, never by guessing."""
+"""Matching of postures to the joints of a hand by name, never by guessing."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -17,16 +17,16 @@ from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.system.names import printable
 
 MOST_LISTED = 8
-"""Most joints that an error message lists."""
+"""Largest number of joints that an error message lists."""
 
 PARALLEL = 0.98
-"""Cosine from which two axes of joints are the same."""
+"""Cosine from which two axes of joints count as the same."""
 
 LOOSE = 0.02
-"""Largest difference of a joint that follows another one from what that says [rad or m]."""
+"""Largest deviation of a joint that follows another one from the value implied [rad or m]."""
 
 ORDER = "joint_order"
-"""Setting of poses whose file does not name the joints: whose order is assumed."""
+"""Setting that states the assumed order of joints, for files that do not name them."""
 
 _X, _Y, _SLANTED = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.5**0.5
 SHADOW = {
@@ -37,9 +37,9 @@ SHADOW = {
     "THJ2": (_SLANTED, 0.0, -_SLANTED), "THJ3": (_SLANTED, 0.0, -_SLANTED),
     "THJ4": (-_SLANTED, 0.0, -_SLANTED),
 }  # fmt: skip
-"""Axes of the Shadow hand's joints in the MuJoCo model whose joints count from 0 and are called
-robot0:FFJ3 and so on, in the palm's frame where all joints are at 0. In descriptions for ROS they
-count from 1, and some have the opposite axis."""
+"""Joint axes of the Shadow hand in the MuJoCo model that numbers joints from 0 (robot0:FFJ3 and so
+on), in the palm's frame with all joints at 0. Descriptions for ROS number joints from 1, and some
+of their axes are opposite."""
 
 _MODEL = re.compile(r"robot0:([FMRLT][FH]J\d)")
 
@@ -49,11 +49,11 @@ class Wrist:
     """Joints between a hand's base and its palm."""
 
     joints: tuple[str, ...]
-    """Their names, of those of a posture."""
+    """Names of those that postures contain."""
     before: str
-    """The link that carries the last of them; without any the base."""
+    """The link that carries the last of these joints; the base if there are none."""
     beyond: str
-    """The link that the last of them moves; without any the base."""
+    """The link that the last of these joints moves; the base if there are none."""
 
 
 def wrist_of(hand: ArticulatedHand) -> Wrist:
@@ -68,22 +68,22 @@ def wrist_of(hand: ArticulatedHand) -> Wrist:
 
 
 def matched(poses: GraspPoses, hand: ArticulatedHand, *, wrist: Sequence[str] = ()) -> GraspPoses:
-    """Poses whose postures have the joints of a hand, in its order.
+    """Match postures to the joints of a hand, and put them in its order.
 
-    Joints are matched by name; names may all begin with a name of the robot, such as rh_. Those of
-    the Shadow hand in DexGraspNet (robot0:FFJ3) are found in descriptions for ROS (FFJ4), with the
-    signs of its axes. Values of joints that follow others must be those that these say. Where the
-    file does not name joints, it must have as many as the hand, whose order is assumed: the setting
-    `joint_order` says so.
+    Joints are matched by name; all names may begin with a name of the robot, such as rh_. Those of
+    the Shadow hand in DexGraspNet (robot0:FFJ3) match those of descriptions for ROS (FFJ4), with
+    the signs of its axes. Values of following joints must agree with the joints that they follow.
+    If the file does not name joints, it must have as many as the hand, with or without `wrist`, and
+    the hand's order is assumed: the setting `joint_order` says so.
 
     Args:
         poses: Poses with postures.
         hand: The hand.
-        wrist: Joints of it that the poses need not have: those that they lack are at 0.
+        wrist: Joints of the hand that the poses may lack; they are then at 0.
 
     Raises:
-        ContactError: There are no postures, joints are missing, unknown or contradict the one that
-            they follow, or their number is another one.
+        ContactError: There are no postures, their number of joints is wrong, or joints are missing,
+            unknown or contradict the joint that they follow.
     """
     names, count = poses.joint_names, poses.posture.shape[1]
     if not count:
@@ -116,14 +116,14 @@ def matched(poses: GraspPoses, hand: ArticulatedHand, *, wrist: Sequence[str] = 
 
 
 def as_in_model(poses: GraspPoses, hand: ArticulatedHand) -> tuple[tuple[str, ...], GraspPoses]:
-    """Names of joints, and poses and postures, as DexGraspNet has them of its Shadow hand.
+    """Convert joint names, poses and postures to those of DexGraspNet's model of the Shadow hand.
 
     Args:
         poses: Poses of the base in metres, with postures of the hand.
-        hand: The hand; of one that is no Shadow hand, all is as it is.
+        hand: The hand; if it is no Shadow hand, nothing is changed.
 
     Returns:
-        The names of the joints, and poses of the palm with postures of them.
+        The names of the joints, and poses of the palm with postures of these joints.
     """
     found = {} if any(map(_MODEL.fullmatch, hand.joint_names)) else _of_shadow(hand)
     if len(found) < len(SHADOW):
@@ -138,16 +138,16 @@ def as_in_model(poses: GraspPoses, hand: ArticulatedHand) -> tuple[tuple[str, ..
 
 
 Columns = Mapping[str, tuple[int, float]]
-"""Column of each joint of a hand that is there, and the sign of its axis."""
+"""Column of each joint of a hand that is in a file, and the sign of its axis."""
 
 
 def _named(names: tuple[str, ...], hand: ArticulatedHand, wrist: Sequence[str]) -> Columns:
-    """The columns of joints that have these names. Raises ContactError."""
+    """Find the columns of a hand's joints by their names in a file. Raises ContactError."""
     followers = tuple(joint.name for joint in hand.tree.joints.values() if joint.follows)
     known = (*hand.joint_names, *followers)
     own = {name: (name, 1.0) for name in known}
     if not {*names} & own.keys():
-        if any(map(_MODEL.fullmatch, names)):  # of another numbering, so before names are cut
+        if any(map(_MODEL.fullmatch, names)):  # numbered otherwise: test before names are cut
             own = _of_shadow(hand)
         else:
             pairs = product((_short(names), names), (known, _short(known)))
@@ -182,7 +182,7 @@ def _check_followers(poses: GraspPoses, found: Columns, hand: ArticulatedHand) -
 
 
 def refuse_joints(poses: GraspPoses, hand: Hand | None) -> None:
-    """Refuse postures where the hand is a gripper of two jaws. Raises ContactError."""
+    """Refuse postures if the hand is a gripper of two jaws. Raises ContactError."""
     joints = poses.posture.shape[1]
     if joints and isinstance(hand, ParallelGripper):
         named = f" ({_listed(poses.joint_names)})" if poses.joint_names else ""
@@ -191,7 +191,7 @@ def refuse_joints(poses: GraspPoses, hand: Hand | None) -> None:
 
 
 def _short(names: Sequence[str]) -> tuple[str, ...]:
-    """Names without a name of the robot with which all of them begin, such as rh_."""
+    """Strip a name of the robot, such as rh_, with which all names begin."""
     starts = {re.match(r"(?:[A-Za-z0-9]+[_:/])?", name).group() for name in names}  # type: ignore[union-attr]
     (start, *others) = starts
     return tuple(names) if others else tuple(name.removeprefix(start) for name in names)
@@ -231,7 +231,7 @@ def _difference(surplus: Sequence[str], missing: Sequence[str], hand: str) -> st
 
 
 def _refused(text: str) -> ContactError:
-    """The error of postures; names of joints may be such as cannot be printed."""
+    """Make the error for postures; names of joints in its text may need escapes."""
     return ContactError(printable(text))
 
 

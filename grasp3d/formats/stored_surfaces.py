@@ -1,6 +1,6 @@
-"""What labelled files hold, as their formats store it, and checks of it: files may be damaged.
+"""Stored content of labelled files, and its checks, because files may be damaged.
 
-Their settings are read as text, and as values again.
+Settings are stored as text, and parsed to values again.
 """
 
 import math
@@ -36,7 +36,7 @@ NEEDED = (
 DAMAGE = (
     GraspError, ValueError, TypeError, LookupError, AttributeError, OverflowError, RecursionError,
 )  # fmt: skip
-"""What is raised for settings and values that are not those that were written."""
+"""Exceptions for settings and values that are not as they were written."""
 
 
 class Stored(NamedTuple):
@@ -128,7 +128,7 @@ OPTIONAL = (
     "payload", "label_with_force", "free_angles", "color", "area", "partner_normals",
     *(field.name for field in VERTICES if field.ply == FLOAT),
 )  # fmt: skip
-"""Fields that follow from others, or depend on more than whether there is a load or a gripper."""
+"""Fields that a file may lack: they follow from others, or need more than a load or a gripper."""
 
 ROUNDING = 1e-6
 """Tolerance of angles and of the length of normals, which may be stored with 32 bits [rad, 1]."""
@@ -142,9 +142,9 @@ def check_stored(stored: Stored, settings: FileSettings) -> None:
         settings: Its settings.
 
     Raises:
-        MeshError: A coordinate cannot be computed with.
+        MeshError: A coordinate is not finite, or too large.
         KeyError: A field is missing.
-        ValueError: It has values that it cannot have.
+        ValueError: A field has values that it cannot have.
     """
     values, fingers = stored.values, settings.model.fingers
     there = {"always": True, "gripper": settings.scene, "load": settings.load}
@@ -176,7 +176,7 @@ def check_stored(stored: Stored, settings: FileSettings) -> None:
 
 
 def _may_have(field: Field, values: Array) -> bool:
-    """Whether a field may have these values."""
+    """Whether values are allowed for a field."""
     low, high, infinite, unknown = field.allowed
     if field.texts:
         high = len(field.texts) - 1
@@ -186,7 +186,7 @@ def _may_have(field: Field, values: Array) -> bool:
 
 
 def _check_labels(values: Arrays, model: GraspModel) -> None:
-    """Compare labels, angles and reasons: grasps are found where there are angles and contacts."""
+    """Check that labels, angles, contacts and reasons agree. Raises ValueError."""
     worst, best = values["critical_angle"], values["critical_angle_best"]
     near = np.abs(worst - model.sure_angle) < ROUNDING
     near |= np.abs(best - model.unstable_from) < ROUNDING

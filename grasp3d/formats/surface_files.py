@@ -1,4 +1,4 @@
-"""Files of labelled surfaces: PLY and NPZ, which are read again, and GLB, VTP and Parquet.
+"""Files of labelled surfaces: PLY and NPZ, which can be read back, and GLB, VTP and Parquet.
 
 A PLY has columns of numbers at its vertices, and settings in comments.
 """
@@ -59,14 +59,14 @@ from grasp3d.system.names import printable, reason_of
 _TYPES = {"<f8": "double", "<f4": "float", "|u1": "uchar", "<i4": "int"}
 
 COMMENT, MORE = "comment grasp3d ", "comment grasp3d+ "
-"""Beginnings of a line with a setting, and of lines that continue its value."""
+"""Start of a line with a setting, and of the lines that continue its value."""
 
 FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 FACES = "property list uchar int vertex_indices"
-"""A triangle, and its line in the header."""
+"""Record of a triangle, and its line in the header."""
 
 WIDTH = 200
-"""Longest part of a value in one line: MeshLab and Open3D read no header with long lines."""
+"""Longest part of a value in one line: MeshLab and Open3D cannot read headers with long lines."""
 
 
 def write_ply_columns(
@@ -74,12 +74,12 @@ def write_ply_columns(
 ) -> None:
     """Write a binary PLY of triangles, with settings in comments that begin with `grasp3d`.
 
-    Some programs read no file with other elements than vertices and faces, nor other properties of
-    faces than their corners.
+    The file has no elements but vertices and faces, and no property of faces but their corners:
+    some programs read no others.
 
     Args:
         path: File to make or replace.
-        columns: Vertex properties by name, (V,) each, of 64 or 32 bits, or bytes; with x y z.
+        columns: Vertex properties by name, x y z among them, (V,) each; of 64 or 32 bits, or bytes.
         faces: Faces (F, 3).
         settings: Values without line breaks, by name.
 
@@ -111,7 +111,7 @@ def write_ply_columns(
 
 
 def _lines(key: str, value: str) -> Iterator[str]:
-    """A setting as lines of a header, which break at no spaces: programs strip these."""
+    """Split a setting into lines of a header, never at spaces, because programs strip these."""
     first, *rest = re.findall(rf".{{0,{WIDTH - 1}}}\S(?!\s)|.+", value) or [""]
     yield f"{COMMENT}{key} {first}"
     yield from (f"{MORE}{part}" for part in rest)
@@ -126,7 +126,7 @@ def settings_of_header(header: bytes) -> dict[str, str]:
 
 
 def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
-    """Write every array as compressed NumPy, with the settings as strings. Raises OutputError.
+    """Write every array to a compressed NPZ, with the settings as strings. Raises OutputError.
 
     Example:
         >>> import trimesh
@@ -147,7 +147,7 @@ def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
 
 
 def _arrays(fields: Iterable[Field], labels: SurfaceLabels) -> dict[str, Any]:
-    """Fields of labels, and of their mesh, by name."""
+    """Values of the fields of labels and of their mesh, by name."""
     return {
         field.name: values
         for field in fields
@@ -156,14 +156,14 @@ def _arrays(fields: Iterable[Field], labels: SurfaceLabels) -> dict[str, Any]:
 
 
 def read_npz(source: Source) -> Stored | None:
-    """Read an NPZ of labels; None: it has none of grasp3d. Raises MeshError."""
+    """Read an NPZ of labels; None: it has no settings of grasp3d. Raises MeshError."""
     with source.path.open("rb") as stream:
         stored = _read(source, stream)
     return stored if stored.settings else None
 
 
 def _read(source: Source, stream: IO[bytes]) -> Stored:
-    """The arrays that are fields, and the settings; nothing is unpickled. Raises MeshError."""
+    """Read the known fields and the settings of an NPZ, without unpickling. Raises MeshError."""
     try:
         with np.load(stream, allow_pickle=False) as archive:
             values = {name: np.asarray(archive[name]) for name in archive.files if name in FIELDS}
@@ -184,9 +184,9 @@ def write_ply(path: str | Path, labels: SurfaceLabels) -> None:
     Per vertex: x y z, outward nx ny nz, red green blue, `label` (uchar: 0 U, 1 M, 2 S),
     `critical_angle`, `critical_angle_best`, `max_resolution` and `margin` (radians; inf, 0 and -inf
     where there is no grasp), `epsilon`, `epsilon_min` and `epsilon_max` (nan where there is no
-    grasp), the opposing contacts `partner_2_x` ... of its grasp; with a location error, a gripper
-    (the pose) or a load further fields, see the page on file formats. The settings are in comments
-    that begin with `grasp3d`, and what else `read_labels` needs.
+    grasp), the opposing contacts `partner_2_x` ... of its grasp. A gripper (the pose) or a load
+    adds further fields; see the page on file formats. Comments that begin with `grasp3d` contain
+    the settings, and what else `read_labels` needs.
 
     Args:
         path: File to make or replace.
@@ -218,10 +218,10 @@ def write_ply(path: str | Path, labels: SurfaceLabels) -> None:
 
 
 PACKED = "packed"
-"""Name of the comment with what is not shown of the grasps and the surface, an NPZ in base64."""
+"""Name of the comment with the further arrays of the grasps and the surface, an NPZ in base64."""
 
 HIDDEN = tuple(f for f in VERTICES if f.array and not f.ply and f.name != "partner_normals")
-"""What a PLY has of the vertices in that comment; the normals there follow from the contacts."""
+"""Vertex fields in that comment; the normals of opposing contacts follow from the contacts."""
 
 
 LABELLED = tuple(field.name for field in (*DECIDED, *EPSILONS))
@@ -259,7 +259,7 @@ def read_ply(source: Source) -> Stored | None:
 def write_glb(path: str | Path, labels: SurfaceLabels) -> None:
     """Write a GLB coloured by label, for any 3-D viewer. Raises OutputError.
 
-    The settings are in the extras of its asset, as text under `grasp3d`.
+    The extras of its asset contain the settings, as text under `grasp3d`.
 
     Example:
         >>> import trimesh
@@ -329,9 +329,9 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
     vertex, `label` (text: S, M, U), `critical_angle`, `critical_angle_best`, `max_resolution` and
     `margin` (radians; inf, 0 and -inf where there is no grasp), `epsilon`, `epsilon_min`,
     `epsilon_max` and `opening` (nan where there is none), `grip`, `reason` (text, as in `Reason`),
-    of each other finger `partner_2_x` ... and outward `partner_2_nx` ... (nan where there is none),
-    and more, see the page on file formats. nan and inf are kept and nothing is null. The settings
-    are in the schema's metadata under `grasp3d` as JSON; the faces are not in it.
+    for each other finger `partner_2_x` ... and outward `partner_2_nx` ... (nan where there is
+    none), and more; see the page on file formats. nan and inf are kept and nothing is null. The
+    schema's metadata contain the settings as JSON under `grasp3d`; the file has no faces.
 
     Args:
         path: File to make or replace.
@@ -364,7 +364,7 @@ WRITERS: dict[str, Callable[[Path, SurfaceLabels], None]] = {
     ".vtp": write_vtp, ".parquet": write_fields,
 }  # fmt: skip
 READERS = {".ply": read_ply, ".npz": read_npz}
-"""By suffix."""
+"""Writers and readers of labelled surfaces, by suffix."""
 
 
 def writer_for(path: Path) -> Callable[[Path, SurfaceLabels], None]:
@@ -380,7 +380,7 @@ def writer_for(path: Path) -> Callable[[Path, SurfaceLabels], None]:
 def read_labels(path: str | Path, *, unit: Unit | None = None) -> SurfaceLabels:
     """Read a labelled PLY or NPZ file.
 
-    They are those that were written, bit for bit, with their grasps, mesh and settings.
+    The labels are those that were written, bit for bit, with their grasps, mesh and settings.
 
     Args:
         path: A file that `write_ply` or `write_npz` wrote.
@@ -408,7 +408,7 @@ def read_labels(path: str | Path, *, unit: Unit | None = None) -> SurfaceLabels:
 
 
 def labels_in(path: Path, *, unit: Unit | None = None) -> SurfaceLabels | None:
-    """The labels of a file; None: it has none, as a PLY that is a mesh. As `read_labels`."""
+    """The labels of a file; None: it has none, such as a PLY of a mesh. See `read_labels`."""
     stored = read_file(_stored, path)
     if stored is None:
         return None
@@ -421,13 +421,13 @@ def labels_in(path: Path, *, unit: Unit | None = None) -> SurfaceLabels | None:
 
 
 def _stored(path: Path) -> Stored | None:
-    """What a file holds; None: no labels."""
+    """Arrays and settings of a file; None: it has no labels."""
     source = find_source(path, READERS)
     return READERS[f".{source.kind}"](source)
 
 
 def _labels(stored: Stored, unit: Unit | None) -> SurfaceLabels:
-    """The labels, whose values are checked. Raises one of `DAMAGE`."""
+    """Check stored values, and make labels of them. Raises one of `DAMAGE`."""
     settings, values = settings_from(stored.settings), stored.values
     check_stored(stored, settings)
     mesh = _mesh(stored, settings)
@@ -468,7 +468,7 @@ def _labels(stored: Stored, unit: Unit | None) -> SurfaceLabels:
 
 
 def _reach(values: Arrays, settings: FileSettings) -> Reach | None:
-    """How a gripper reaches the grasps, if there is one."""
+    """How the gripper reaches the grasps; None: there is no gripper."""
     if settings.scene is None:
         return None
     columns = [values[name] for name in ("closing", "lateral", "approach", "tcp")]
@@ -507,7 +507,7 @@ def _load_result(values: Arrays, settings: FileSettings, mesh: ObjectMesh, how: 
 
 
 def _mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
-    """The same mesh as was labelled. Raises one of `DAMAGE`."""
+    """Restore the mesh that was labelled. Raises one of `DAMAGE`."""
     surface, values = dict(parse_json(stored.settings["surface"])), stored.values
     vertices, faces, canonical = (values[name] for name in ("vertices", "faces", "canonical"))
     if (canonical[canonical] != canonical).any() or (canonical[faces] != faces).any():

@@ -1,4 +1,4 @@
-"""Audit of poses: whether far more of them fit their object if their file is read otherwise."""
+"""Audit of poses: whether far more of them fit their object if the file is read in another way."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -19,38 +19,38 @@ from grasp3d.hand.table import Table
 from grasp3d.mesh import ObjectMesh
 
 FEWEST, TRIED, SCREENED, KEPT = 5, 200, 24, 8
-"""Poses below which too few agree by chance, the most that are tried, those of them with which all
-readings are tried, and the readings that are then tried with all poses."""
+"""Fewest poses that are audited, as fewer agree by chance; most poses that are tried; number of
+poses with which all readings are tried; and number of readings that are then tried with all."""
 
 TIMES, MORE, SHARE = 2, 4, 0.1
-"""Of another reading at least so many times as many poses must fit as of the stated one, so many
-more, and so many more of those that are tried."""
+"""Another reading must fit at least `TIMES` times as many poses as the stated one, at least `MORE`
+poses more, and more by at least `SHARE` of the poses that are tried."""
 
 NAMED, RIVAL = 0.5, 0.8
-"""A reading is named if at least so many of the poses fit, and of each other reading fewer than so
-many of these."""
+"""A reading stands out if at least the fraction `NAMED` of the poses fits in it, and if in each
+other reading fewer fit than the fraction `RIVAL` of these."""
 
 SPREAD = 0.1, 10.0
 """Spread of the TCPs, in object sizes, beyond which lengths may be in another unit."""
 
 READING, SUSPECTED = "pose_reading", "suspected_reading"
-"""Settings of poses that were read as they fit their object, or should be: the sentence on it."""
+"""Settings that hold a sentence on the reading that was applied, or that seems the right one."""
 
 READINGS = {READING: "--frame auto", SUSPECTED: "warning"}
-"""What people are told of these settings."""
+"""What users see for these settings."""
 
 UNCHANGED = "nothing is changed: no other reading stands out"
-"""That sentence where poses were read as stated."""
+"""The sentence in `READING` where the poses were read as stated."""
 
 UNITS = {
     0.001: "mm instead of m", 0.01: "cm instead of m", 0.0254: "inches instead of m",
     1000.0: "m instead of mm", 25.4: "inches instead of mm",
 }  # fmt: skip
-"""What else a file may mean by its lengths, by the factor of them."""
+"""Other meanings of the lengths in a file, by the factor that corrects them."""
 
 
 def _ordered(*order: int) -> Callable[[Rotation], Rotation]:
-    """From rotations to those whose quaternions x y z w are these of theirs."""
+    """Return a function that puts the quaternion components x y z w in another order."""
     return lambda turned: Rotation.from_quat(turned.as_quat()[:, order])
 
 
@@ -60,12 +60,12 @@ ROTATIONS: dict[str, Callable[[Rotation], Rotation]] = {
     "their quaternions in the order (x y z w) instead of (w x y z)": _ordered(3, 0, 1, 2),
     "their rotations transposed": Rotation.inv,
 }
-"""What else a file may mean by its rotations."""
+"""Other meanings of the rotations in a file."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PoseReading:
-    """Another reading of poses, in which far more of them fit their object than as stated.
+    """Another reading of poses, in which far more of them fit the object than as stated.
 
     Example:
         >>> import numpy as np
@@ -77,7 +77,7 @@ class PoseReading:
         >>> block = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.5, 0.02]), unit="m")
         >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (20, 1, 1))
         >>> poses[:, 1, 3] = np.linspace(-0.22, 0.22, 20)
-        >>> poses[:, 2, 3] = 0.1034  # those of the hand's base
+        >>> poses[:, 2, 3] = 0.1034  # poses of the hand's base
         >>> given = GraspPoses(poses=poses, unit="m", hand=franka)
         >>> reading = audit_poses(block, given, franka)
         >>> str(reading.frame), reading.fitting, reading.stated
@@ -87,24 +87,24 @@ class PoseReading:
     """
 
     given: GraspPoses
-    """The poses that were tried, as they were read, in metres."""
+    """The poses that were tried, as they were read [m]."""
     hand: Hand
     """The gripper."""
     frame: GripperFrame
     """Frame of the gripper in which the file has the poses."""
     rotation: str = ""
-    """What else the rotations mean, a key of `ROTATIONS`."""
+    """What the rotations mean instead, a key of `ROTATIONS`."""
     factor: float = 1.0
-    """Factor of the lengths, a key of `UNITS`; 1: none."""
+    """Factor that corrects the lengths, a key of `UNITS`; 1: the lengths are right."""
     fitting: int = 0
     """Number of poses that fit the object in this reading."""
     stated: int = 0
-    """The same as stated."""
+    """Number of poses that fit the object as stated."""
     stands_out: bool = True
     """Whether far fewer fit in all other readings."""
 
     def __str__(self) -> str:
-        """Both counts, one sentence without a full stop."""
+        """Return both counts as one sentence without a full stop."""
         unit = f"their lengths in {UNITS[self.factor]}" if self.factor != 1.0 else ""
         place = "" if self.frame == self.given.gripper_frame else self.frame.words
         words = " and ".join(part for part in (place, self.rotation, unit) if part)
@@ -116,7 +116,7 @@ class PoseReading:
         return f"{stated} of {self.given.count} poses; {other}"
 
     def of(self, poses: Floats) -> Floats:
-        """What poses of the TCP would be that were read as stated, (k, 4, 4) [m]."""
+        """Poses of the TCP in this reading, from those that were read as stated, (k, 4, 4) [m]."""
         at = np.eye(4) if self.given.object_pose is None else self.given.object_pose.matrix
         in_file = at @ poses @ np.linalg.inv(self.given.gripper_frame.to_tcp(self.hand))
         turned = ROTATIONS[self.rotation](Rotation.from_matrix(in_file[:, :3, :3]))
@@ -128,7 +128,7 @@ class PoseReading:
         """The poses in this reading.
 
         Args:
-            poses: Those that were read as stated; their unit is known.
+            poses: Poses that were read as stated, with a known unit.
 
         Raises:
             ContactError: This reading does not stand out, or the unit is not known.
@@ -147,12 +147,12 @@ def audit_poses(
 ) -> PoseReading | None:
     """Count how many poses fit their object as stated and in other readings of their file.
 
-    Whether a pose fits, `Hand.fits` says, of hands with joints `links_fit`. Where nothing is found
-    so, a gripper must not meet the table either. Tried are the frames by name, their axes with the
-    TCP or the base as origin, and the stated frame turned by a quarter about the approach
-    direction, of hands with joints the frames of links; each with quaternions in another order and
-    with transposed rotations; and where the TCPs are far apart or all at one point, lengths in
-    other units.
+    `Hand.fits` decides whether a pose of a gripper fits, `links_fit` for a hand with joints. Where
+    no other reading is found, the search is repeated for poses at which the gripper also misses the
+    table. The frames tried are those with a name, their axes with the TCP or the base as origin,
+    and the stated frame turned by 90° about the approach direction; for a hand with joints, the
+    frames of its links. Each is combined with quaternions in another order and with transposed
+    rotations and, where the TCPs are far apart or coincide, with other units of length.
 
     Args:
         mesh: The object; its unit is known.
@@ -161,7 +161,7 @@ def audit_poses(
         table: What the object stands on; None: nothing.
 
     Returns:
-        Another reading, in which at least twice as many fit; None: there is none, or there are
+        Another reading, in which at least twice as many fit; None if there is none, or if there are
         fewer than five poses.
     """
     read = poses.on(mesh)
@@ -176,7 +176,7 @@ def audit_poses(
 def _audited(
     mesh: ObjectMesh, read: GraspPoses, hand: Hand, table: Table | None
 ) -> PoseReading | None:
-    """The reading of poses [m] in which far more fit beside a table; None: there is none."""
+    """Reading of poses [m] in which far more fit beside a table; None if there is none."""
     count = read.count
 
     def fitting(readings: list[PoseReading], rows: Ints) -> Ints:
@@ -209,7 +209,7 @@ def _audited(
 def explained(
     mesh: ObjectMesh, poses: GraspPoses, hand: Hand, *, table: Table | None = None
 ) -> GraspPoses:
-    """The poses in the reading that stands out; as they are if there is none.
+    """Poses in the reading that stands out, or as they are where none does.
 
     Args:
         mesh: The object; its unit is known.
@@ -227,14 +227,14 @@ def explained(
 
 
 def _others(stated: PoseReading, mesh: ObjectMesh) -> Iterator[PoseReading]:
-    """All other readings that differ at these poses, those of the stated frame first."""
+    """Yield all other readings that differ at these poses, those of the stated frame first."""
     poses, seen = stated.given.poses, {_key(stated.of(stated.given.poses), stated.hand)}
 
     def is_plausible(in_object: Floats) -> bool:
         spread = float(np.linalg.norm(np.ptp(in_object[:, :3, 3], axis=0)))
         return SPREAD[0] <= spread / mesh.size <= SPREAD[1]
 
-    # Where bases are too near one another the TCPs are still as far apart as hands are long.
+    # Where bases are too close together, TCPs are still as far apart as hands are long.
     in_file = poses @ np.linalg.inv(stated.frame.to_tcp(stated.hand))
     units = () if is_plausible(poses) and is_plausible(in_file) else UNITS
     for factor, rotation in product((1.0, *units), ROTATIONS):
@@ -247,24 +247,24 @@ def _others(stated: PoseReading, mesh: ObjectMesh) -> Iterator[PoseReading]:
 
 
 def _turned(frame: GripperFrame) -> Iterator[GripperFrame]:
-    """The stated frame with its axes turned about the approach direction: jaws look alike."""
+    """Yield the stated frame turned by 90° about the approach direction, as jaws look alike."""
     if not (frame.link or frame.matrix):
         turn = frame.turn + 0.5 * np.pi
         yield replace(frame, turn=turn, name=f"{frame} turned by 90 degrees")
 
 
 def _key(poses: Floats, hand: Hand) -> bytes:
-    """What poses have in common that are the same: jaws are alike on both sides."""
+    """Key that equal poses share; poses with exchanged jaws are equal."""
     closing = poses[:, :3, :1]
     closing = closing * closing.transpose(0, 2, 1) if hand.fingers else closing
     return (np.round(np.concatenate([closing, poses[:, :3, 2:]], axis=2), 6) + 0.0).tobytes()
 
 
 def _longer(poses: Floats, factor: float) -> Floats:
-    """Poses with translations multiplied by a factor."""
+    """Poses with their translations multiplied by a factor."""
     return poses * np.where(np.arange(4) == 3, [[factor]] * 3 + [[1.0]], 1.0)
 
 
 def _some(count: int, most: int) -> Ints:
-    """Indices of at most so many of some poses, spread evenly."""
+    """Indices of at most `most` of `count` poses, spread evenly."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))

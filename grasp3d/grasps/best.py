@@ -1,11 +1,11 @@
 """The best distinct grasps of a labelled surface, or of a parallel gripper on it.
 
-The best poses are those that `evaluate_grasps` finds best of a fixed pool. Pairs of opposed places
-come from one fan of rays at points that are spread over the surface, at all of their exits. Each is
-gripped from a fixed list of approach angles, at a few depths on the pads, first widely spaced pairs
-and then those between them, until enough poses are free for each range of approach directions, few
-of them of the same pair. So none depends on the load, on friction or on how far approaches may be
-from the best direction: these settings leave poses out, and wider ones lose none.
+The best poses are those that score best in `evaluate_grasps` among a fixed pool. One fan of rays,
+from points spread over the surface, finds pairs of opposed surface points at all exits of the rays.
+Each pair is gripped from a fixed list of approach angles at a few depths on the pads. Widely spaced
+pairs come first, then those between them, until each range of approach directions has enough free
+poses, few of them of the same pair. So the pool depends neither on load and friction nor on the
+allowed approach: these settings exclude poses, and wider settings lose none.
 """
 
 import math
@@ -46,60 +46,60 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.context import unreported
 
 POINTS = 1500
-"""Points from which rays start."""
+"""Number of points from which rays start."""
 
 RINGS = ((0.0, 1), (math.radians(8.0), 6), (math.radians(16.0), 6))
-"""Angles of the rays from the inward normal [rad], and their numbers."""
+"""Angles of the rays from the inward normal [rad], and number of rays at each angle."""
 
 WIDEST = math.radians(20.0)
-"""Largest angle of a normal from the line through both places [rad], whatever the friction: jaws
-turn the object, and touch more than points."""
+"""Largest angle between a normal and the line through both points [rad], whatever the friction:
+jaws turn the object, and touch more than points."""
 
 CROSSINGS = 16
-"""Most crossings of a ray with the surface, every other of which is an exit."""
+"""Largest number of crossings of a ray with the surface; every other one is an exit."""
 
 STEP = 1e-4
-"""Distance behind a crossing from which a ray goes on, in object sizes."""
+"""Distance behind a crossing at which a ray starts again, in object sizes."""
 
 CELLS = tuple(0.25 / 1.3**step for step in range(9))
-"""Sizes of the cells for both ends of which each keeps one pair [object sizes]."""
+"""Cell sizes, in object sizes; each pair of cells keeps one pair of opposed points."""
 
 DOWN = np.array([0.0, 0.0, -1.0])
-"""Approach direction about which ranges are where none is better than others."""
+"""Approach direction from which the ranges are measured where no direction is the best."""
 
 BANDS = np.radians([30.0, 60.0, 90.0])
-"""Angles from the best approach direction that divide it into ranges [rad]."""
+"""Angles from the best approach direction that separate the ranges [rad]."""
 
 OF_PAIR = 2
-"""Free poses of a pair that are taken at most in each range."""
+"""Most free poses of a pair that are taken in each range."""
 
 FREE = (240, 120, 80, 40)
-"""Free poses in each range that are enough."""
+"""Number of free poses that is enough, for each range."""
 
 TESTED = 15_000
-"""Poses that are tested at most in each range, but for those of one size of cells."""
+"""Number of tested poses after which a range takes part in no further cell size."""
 
 ANGLES = 12
 """Approach angles about the closing axis; the first is the one nearest to straight down."""
 
 DEPTHS = (-0.3, 0.3)
-"""Places of the contacts on the pads, in pad heights from their middle."""
+"""Distances of the contacts from the middle of the pads, in pad heights."""
 
 
 class OpposedPlaces(NamedTuple):
-    """Pairs of places on a surface between which jaws may close, normalised: (p, 3) each."""
+    """Pairs of opposed surface points between which jaws may close, normalised: (p, 3) each."""
 
     starts: Floats
     ends: Floats
     angles: Floats
-    """The larger angle of both normals from the line through the places [rad], shape (p,)."""
+    """Larger angle between a normal and the line through the points [rad], shape (p,)."""
 
     def take(self, rows: Ints) -> "OpposedPlaces":
         """The chosen pairs."""
         return OpposedPlaces(*(one[rows] for one in self))
 
     def spread(self, cell: float) -> Ints:
-        """Rows of the best opposed pair of each pair of cells of such a size, either way round."""
+        """Rows of the best pair of opposed points for each unordered pair of cells of this size."""
         cells = np.floor(np.stack([self.starts, self.ends], axis=1) / cell).astype(np.int64)
         _, number = first_alike(cells.reshape(-1, 3))
         keys = np.sort(number.reshape(-1, 2), axis=1)
@@ -112,10 +112,10 @@ _PLACES: WeakKeyDictionary[ObjectMesh, OpposedPlaces] = WeakKeyDictionary()
 
 
 def candidate_poses(mesh: ObjectMesh, scene: Scene) -> Floats:
-    """Poses that are free, and within the approach, shape (k, 4, 4).
+    """Free poses with an allowed approach, shape (k, 4, 4).
 
     Args:
-        mesh: The object, whose unit is known. Its pairs are found once.
+        mesh: The object, whose unit is known. Its opposed points are found once.
         scene: The gripper, the table and the approach.
     """
     hand = scene.jaws
@@ -145,7 +145,7 @@ def candidate_poses(mesh: ObjectMesh, scene: Scene) -> Floats:
         free = free[_few_of_each(pair[free] * len(wanted) + band[free], OF_PAIR)]
         for number in range(len(wanted)):
             mine = free[band[free] == number]
-            # Of more than enough, those are taken that are spread evenly.
+            # Where there are more than enough, an even spread of them is taken.
             few = mine[np.linspace(0, len(mine) - 1, min(len(mine), wanted[number])).astype(int)]
             found.append(poses[few])
             wanted[number] -= len(few)
@@ -157,7 +157,7 @@ def candidate_poses(mesh: ObjectMesh, scene: Scene) -> Floats:
 
 
 def _few_of_each(keys: Ints, most: int) -> Ints:
-    """Indices of at most so many of each key (n,), evenly spread among those of the key."""
+    """Indices of at most `most` items of each key (n,), spread evenly among those of the key."""
     order = np.argsort(keys, kind="stable")
     _, first, count = np.unique(keys[order], return_index=True, return_counts=True)
     few = np.minimum(count, most)
@@ -167,12 +167,12 @@ def _few_of_each(keys: Ints, most: int) -> Ints:
 
 
 def is_free(mesh: ObjectMesh, scene: Scene, poses: Floats) -> Bools:
-    """Whether a gripper, wide open, touches neither object nor table, shape (k,).
+    """Whether a wide-open gripper touches neither object nor table, shape (k,).
 
     Args:
         mesh: The object, whose unit is known.
         scene: The gripper and the table.
-        poses: Its poses (k, 4, 4).
+        poses: Poses of the gripper (k, 4, 4).
     """
     hand = scene.jaws
     assert hand is not None
@@ -181,7 +181,7 @@ def is_free(mesh: ObjectMesh, scene: Scene, poses: Floats) -> Bools:
 
 
 def _poses(mesh: ObjectMesh, hand: Jaws, places: OpposedPlaces) -> Floats:
-    """Poses that grip pairs from all angles at all depths, shape (k, 4, 4)."""
+    """Poses that grip pairs of points from all angles at all depths, shape (k, 4, 4)."""
     closing = unit_rows(places.ends - places.starts)
     down = _across(closing, DOWN)
     side = np.cross(down, closing)
@@ -199,7 +199,7 @@ def _poses(mesh: ObjectMesh, hand: Jaws, places: OpposedPlaces) -> Floats:
 
 
 def _across(axes: Floats, wanted: Floats) -> Floats:
-    """Unit vectors across axes (p, 3) that are nearest to a wanted one, or else to x."""
+    """Unit vectors perpendicular to axes (p, 3), nearest to a wanted vector, or else to x."""
     across = wanted - (axes @ wanted)[:, None] * axes
     along = np.linalg.norm(across, axis=1) < STEP
     x = np.array([1.0, 0.0, 0.0])
@@ -208,7 +208,7 @@ def _across(axes: Floats, wanted: Floats) -> Floats:
 
 
 def _opposed(mesh: ObjectMesh) -> OpposedPlaces:
-    """Starts and exits of all rays."""
+    """Pairs of opposed points at the starts and exits of all rays."""
     faces, weights = _spread(mesh)
     points, normals = _points(mesh, faces, weights), _normals(mesh, faces, weights)
     directions = _fan(normals)
@@ -240,9 +240,9 @@ def _opposed(mesh: ObjectMesh) -> OpposedPlaces:
 
 
 def _spread(mesh: ObjectMesh) -> tuple[Ints, Floats]:
-    """Faces (n,) and barycentric coordinates (n, 3) of points that are spread over the area.
+    """Faces (n,) and barycentric coordinates (n, 3) of points spread evenly over the area.
 
-    Of the part where contacts may be, by a sequence of low discrepancy: the same each time.
+    A low-discrepancy sequence puts them on the part where contacts may be, the same each time.
     """
     faces = mesh.contact_faces
     areas = np.cumsum(Triangles(mesh.normalized, mesh.faces[faces]).areas)
@@ -289,35 +289,35 @@ def _fan(normals: Floats) -> Floats:
 
 
 MOST_TRIED = 50
-"""Poses of the pool that are also evaluated where poses are wrong."""
+"""Poses of the pool that are also evaluated with the pose error, unless more are asked for."""
 
 TURNS = tuple(map(math.radians, (10.0, 5.0, 5.0)))
-"""First turns about x, y and z of the gripper by which poses are refined [rad]."""
+"""Turns about x, y and z of the gripper in the first round of refinement [rad]."""
 
 SHIFT = 0.25
-"""First shifts along y and z, in widths and heights of the pads."""
+"""Shifts along y and z in the first round, in widths and heights of the pads."""
 
 EQUAL = 1e-3
-"""Difference of scores up to which a pose is preferred that does not turn the object."""
+"""Loss of score that is accepted for a pose at which the jaws do not move the object."""
 
 ROUNDS = 2
-"""Rounds of refinement; each that improves less than half of the poses halves the steps."""
+"""Rounds of refinement; a round that improves at most half of the poses halves the steps."""
 
 
 @dataclass(frozen=True, eq=False)
 class PoseSearch:
-    """The search for poses of a gripper on one object."""
+    """Search for poses of a gripper on one object."""
 
     mesh: ObjectMesh
     model: GraspModel
     scene: Scene
     load: Load | None
     openings: tuple[float, float] = (0.0, math.inf)
-    """Smallest and largest distance of the closed jaws [m]."""
+    """Smallest and largest distance between the closed jaws [m]."""
 
     @classmethod
     def of(cls, labels: SurfaceLabels) -> "PoseSearch":
-        """The search for the gripper, the table and the load of a labelled surface."""
+        """Return the search for the gripper, the table and the load of a labelled surface."""
         assert labels.scene is not None
         model = with_fingers(labels.model, labels.scene.hand.fingers[-1])
         limits, sampling = (0.0, math.inf), labels.sampling
@@ -332,20 +332,20 @@ class PoseSearch:
         return self.scene.hand
 
     def pool(self) -> JawGrasps:
-        """All poses of the pool that are free and within the approach, as if they were exact.
+        """All free poses of the pool with an allowed approach, evaluated without a pose error.
 
-        None outside the region of the mesh, or the limits of openings.
+        Their contacts are in the region of the mesh, and their openings within the limits.
         """
         found = self.evaluated(candidate_poses(self.mesh, self.scene), PoseError())
         return found.take(np.flatnonzero(self._allowed(found)))
 
     def best(self, pool: JawGrasps, count: int, *, unstable: bool = False) -> JawGrasps:
-        """The best distinct poses of a pool that may hold, each refined, best first.
+        """Best distinct poses of a pool that may hold, each refined, best first.
 
         Args:
             pool: What `pool` returned.
-            count: Their largest number.
-            unstable: Whether poses that are U follow them.
+            count: Largest number of poses.
+            unstable: Whether poses labelled U follow them.
         """
         least = Label.U if unstable else Label.M
         if self.scene.pose_error:
@@ -356,7 +356,7 @@ class PoseSearch:
         return self.evaluated(chosen.poses[ranked_rows(chosen)])
 
     def _closed_upon(self, chosen: JawGrasps) -> Floats:
-        """Poses (k, 4, 4) at which the closing jaws leave the object where it is, if as good."""
+        """Poses (k, 4, 4) at which the closing jaws do not move the object, where as good."""
         poses, rest = chosen.poses.copy(), chosen.jaws.poses
         rows = np.flatnonzero(self._free(rest))
         found = self.evaluated(rest[rows])
@@ -366,9 +366,9 @@ class PoseSearch:
         return poses
 
     def _distinct(self, pool: JawGrasps, count: int, least: Label) -> Ints:
-        """Rows of distinct poses with such a letter or a better one, best first.
+        """Rows of distinct poses with the label `least` or a better one, best first.
 
-        While fewer than `count` are S, an S that shuts out two distinct ones is exchanged for them.
+        While fewer than `count` are S, an S that excludes two distinct ones is exchanged for them.
         """
         limit = distance_of_distinct(self.mesh)
         order, points = ranked_rows(pool), pool.jaws.points
@@ -382,17 +382,17 @@ class PoseSearch:
         return np.append(sure, others[apart])
 
     def _free(self, poses: Floats) -> Bools:
-        """Whether poses (k, 4, 4) have an allowed approach, and the open gripper is free there."""
+        """Whether poses (k, 4, 4) have an allowed approach and leave the open gripper free."""
         free = self.scene.allows(poses)
         free[free] = is_free(self.mesh, self.scene, poses[free])
         return free
 
     def evaluated(self, poses: Floats, error: PoseError | None = None) -> JawGrasps:
-        """What `evaluate_grasps` says of poses (k, 4, 4).
+        """Evaluate poses (k, 4, 4) as `evaluate_grasps` does.
 
         Args:
             poses: The poses, in metres.
-            error: How wrong they may be; None: as the scene states.
+            error: Pose error; None: that of the scene.
         """
         stroke = self.jaws.max_opening
         given = GraspPoses(
@@ -405,7 +405,7 @@ class PoseSearch:
             return JawGrasps.closed_at(self.mesh, given, self.model, scene, load=self.load)
 
     def _allowed(self, found: JawGrasps) -> Bools:
-        """Whether the jaws close where contacts may be, within the limits of openings."""
+        """Whether the jaws close where contacts may be, with an allowed opening."""
         least, most = self.openings
         # The object yields to the pads, as in the test of the stroke.
         soft = 2.0 * self.jaws.compliance
@@ -415,7 +415,7 @@ class PoseSearch:
     def _refined(self, chosen: JawGrasps) -> JawGrasps:
         """Poses improved by small turns and shifts.
 
-        One that comes upon another stays as it was.
+        A pose that would come too near another one stays as it was.
         """
         limit, scale = distance_of_distinct(self.mesh), 1.0
         for _ in range(ROUNDS if chosen.size else 0):
@@ -441,7 +441,7 @@ class PoseSearch:
         return chosen
 
     def _moves(self, scale: float) -> Floats:
-        """Small motions in the frame of the gripper, shape (m, 4, 4); the first one is none."""
+        """Small motions in the frame of the gripper, shape (m, 4, 4); the first is the identity."""
         turns = np.kron(np.diag(TURNS), [[1.0], [-1.0]])
         sizes = np.array([0.0, self.jaws.pad_width, self.jaws.pad_height])
         shifts = np.kron(np.diag(SHIFT * sizes)[1:], [[1.0], [-1.0]])
@@ -451,13 +451,13 @@ class PoseSearch:
 
 
 LISTED = 10
-"""Poses that are chosen at least, so that shorter lists are the beginnings of this one."""
+"""Fewest poses that are chosen, so that every shorter list is the beginning of this one."""
 
 
 def best_grasps(
     labels: SurfaceLabels, count: int, *, unstable: bool = False
 ) -> GraspTable | JawGrasps:
-    """The best distinct grasps of a labelled surface that may hold, best first.
+    """Best distinct grasps of a labelled surface that may hold, best first.
 
     Without a gripper they are those of the vertices. With a parallel gripper they are poses: the
     best that `evaluate_grasps` finds in a fixed set of candidates, each refined. Approach, load and
@@ -467,11 +467,11 @@ def best_grasps(
     Args:
         labels: The labelled surface.
         count: Largest number of grasps; there may be fewer.
-        unstable: Whether grasps that are U follow those that may hold.
+        unstable: Whether grasps labelled U follow those that may hold.
 
     Returns:
-        At most `count` grasps, none of which is U unless that is asked for. With a gripper what
-        `evaluate_grasps` returns of their poses; else each with its first contact at a vertex.
+        At most `count` grasps, none of them U unless asked for. With a gripper they are the result
+        of `evaluate_grasps` for the poses, else grasps with their first contact at a vertex.
 
     Raises:
         SettingError: A count below 1.
@@ -497,7 +497,7 @@ def best_grasps(
 
 
 def has_poses(labels: SurfaceLabels) -> bool:
-    """Whether the grasps of a surface are made by a gripper that has poses for them."""
+    """Whether a gripper that has poses for them makes the grasps of a labelled surface."""
     scene = labels.scene
     return scene is not None and scene.jaws is not None and labels.mode == "label"
 
@@ -508,7 +508,7 @@ _DISTINCT: WeakKeyDictionary[SurfaceLabels, dict[bool, GraspTable]] = WeakKeyDic
 
 
 def pool_of(labels: SurfaceLabels) -> JawGrasps:
-    """The evaluated poses among which the best of a surface are sought; found once.
+    """Evaluated poses among which the best ones of a surface are sought; found once.
 
     Args:
         labels: Labels with a gripper; see `has_poses`.
@@ -519,7 +519,7 @@ def pool_of(labels: SurfaceLabels) -> JawGrasps:
 
 
 def distinct_grasps(labels: SurfaceLabels, *, unstable: bool = False) -> GraspTable:
-    """The distinct grasps of the vertices that may hold, best first, 1,000 at most; found once.
+    """Distinct grasps of the vertices that may hold, best first, 1,000 at most; found once.
 
     Args:
         labels: The labelled surface.
@@ -538,14 +538,14 @@ def distinct_grasps(labels: SurfaceLabels, *, unstable: bool = False) -> GraspTa
 
 
 def first_vertices(grasps: GraspTable) -> Ints:
-    """The vertices at which grasps of a labelled surface have their first contact, shape (b,)."""
+    """Vertices at which grasps of a labelled surface have their first contact, shape (b,)."""
     contacts, mesh = grasps.contacts.surface_points, grasps.mesh
     corners = contacts.weights[:, 0].argmax(axis=1)
     return np.asarray(mesh.canonical[mesh.faces[contacts.faces[:, 0], corners]])
 
 
 def count_sure(labels: SurfaceLabels) -> int:
-    """Number of distinct poses of the pool that are S, 1,000 at most.
+    """Number of distinct poses of the pool that are labelled S, 1,000 at most.
 
     Args:
         labels: Labels with a gripper; see `has_poses`.

@@ -1,6 +1,6 @@
-"""Given poses of a hand with the grasps that it makes there: what all hands have.
+"""Given poses of a hand with the grasps made there: what all kinds of hands have in common.
 
-They are ranked, the one to be taken first at the front, and told apart from those alike.
+The poses are ranked, best first, and similar ones are told apart.
 """
 
 import itertools
@@ -44,18 +44,18 @@ if TYPE_CHECKING:
 STALE = frozenset(
     {*metric_names(), *(field.name for field in (*FORCES, CLOSING_SHARE, *HAND_GRASPS))}
 )
-"""Columns of given poses that may be of other settings."""
+"""Columns of given poses that may come from other settings."""
 
 
 class EvaluatedPoses(LabelledGrasps):
-    """Given poses of a hand, a row for each, with what it holds there."""
+    """Given poses of a hand, a row for each, with the grasp made there."""
 
     given: GraspPoses
     """The poses as they were given, with their outcomes [m]."""
     load_result = None
-    """What the hand holds is in `payload`, of grippers also in `grip_force`."""
+    """What the hand holds is in `payload`, for grippers also in `grip_force`."""
 
-    if TYPE_CHECKING:  # fields and attributes of the classes that have this base
+    if TYPE_CHECKING:  # fields and attributes of the subclasses
 
         @property
         def scene(self) -> Scene: ...  # noqa: D102
@@ -73,39 +73,39 @@ class EvaluatedPoses(LabelledGrasps):
 
     @property
     def closed(self) -> Bools:
-        """Whether the hand holds the object with two contacts at least, shape (k,)."""
+        """Whether the hand holds the object with at least two contacts, shape (k,)."""
         return np.asarray(self.state == Closing.CLOSED)
 
     @property
     @abstractmethod
     def fields(self) -> tuple[Field, ...]:
-        """What tables and files have of each pose."""
+        """Columns of each pose in tables and files."""
 
     @property
     @abstractmethod
     def reasons(self) -> Reasons:
-        """Why poses are not surely grasps."""
+        """Why poses are not surely stable grasps."""
 
     @abstractmethod
     def contacts_of(self, row: int) -> tuple[Floats, Floats]:
-        """Points of a pose's contacts, and inward normals there, shape (n, 3) each; n may be 0."""
+        """Points of a pose's contacts and inward normals there, shape (n, 3) each; n may be 0."""
 
     @abstractmethod
     def held_at(self, row: int) -> GripperPose:
-        """The hand at a pose, what touches there in the colour of the letter."""
+        """The hand at a pose; parts that touch have the colour of the label."""
 
     @abstractmethod
     def compute(self) -> None:
-        """Compute now what takes long."""
+        """Compute now what takes long, rather than on first use."""
 
     @property
     def remarks(self) -> Iterable[str]:
-        """What else is to be said of the evaluation, one sentence each without a full stop."""
+        """Further remarks on the evaluation, one sentence each without a full stop."""
         return ()
 
     @abstractmethod
     def using(self, **changed: Any) -> Self:
-        """The same poses with another model or load.
+        """Return the same poses with another model or load.
 
         Args:
             changed: `model` or `load`.
@@ -113,12 +113,12 @@ class EvaluatedPoses(LabelledGrasps):
 
     @property
     def reason(self) -> npt.NDArray[np.str_]:
-        """What is wrong with each pose, in one sentence, shape (k,); empty: nothing."""
+        """Why each pose fails or may fail, in one sentence, shape (k,); empty: it does not."""
         return self.reasons.texts
 
     @abstractmethod
     def take(self, rows: Ints) -> Self:
-        """The chosen poses, in that order.
+        """Return the chosen poses, in that order.
 
         Args:
             rows: Their indices, shape (c,).
@@ -129,16 +129,16 @@ class EvaluatedPoses(LabelledGrasps):
         return columns_of(self.fields, self)
 
     def _table_columns(self) -> Arrays:
-        """What tables have besides, shape (k,)."""
+        """Further columns of tables, shape (k,)."""
         return {"outcome": self.outcome, "unit": np.full(self.size, "m")}
 
     @abstractmethod
     def _settings(self) -> dict[str, Any]:
-        """Settings of the evaluation but for `SUSPECTED`; angles in radians."""
+        """Settings of the evaluation except `SUSPECTED`; angles in radians."""
 
     @abstractmethod
     def _warnings(self) -> Iterable[str | None]:
-        """What else may make the results wrong; None: nothing."""
+        """Further reasons why the results may be wrong; None: no reason."""
 
     def _all_settings(self) -> dict[str, Any]:
         return self._settings() | ({SUSPECTED: str(self.reading)} if self.reading else {})
@@ -150,7 +150,7 @@ class EvaluatedPoses(LabelledGrasps):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What may make the results wrong, one sentence each."""
+        """Reasons why the results may be wrong, one sentence each."""
         wrong = str(self.reading) if self.reading else None
         wrong = wrong or pose_warning(self.poses, self.mesh, reach=self.hand.size)
         tilted = self.scene.tilt_warning(self.given.object_pose)
@@ -181,15 +181,15 @@ class EvaluatedPoses(LabelledGrasps):
         return self.given.outcome
 
     def to_poses(self, metrics: Mapping[str, Floats] | None = None) -> GraspPoses:
-        """The poses with the results as columns, as `write_grasps` writes them.
+        """Return the poses with the results as columns, as `write_grasps` writes them.
 
         Args:
-            metrics: Quality measures that become columns, too.
+            metrics: Quality measures that become columns as well.
         """
         own = {**self._columns(), **(metrics or {})}
         scores = own.pop(SCORE.name)
         own.pop(OPENING.name, None)
-        # Measures, forces and labels in the given file may be of other settings.
+        # Measures, forces and labels in the given file may come from other settings.
         others = {
             name: column
             for name, column in self.given.columns.items()
@@ -203,17 +203,17 @@ class EvaluatedPoses(LabelledGrasps):
     def to_table(self) -> Any:
         """Return a `pyarrow.Table` with a row for each pose; nan leaves the cell empty.
 
-        `grasp` (its number from 1), `name`; of grippers `closing`, `label`, `score`,
-        `critical_angle`, `max_resolution`, `margin` [rad], `epsilon`, `epsilon_min`, `epsilon_max`,
-        `approach_margin` [rad], with a load `grip_force` [N] and `payload` [kg], `collides`,
-        `reachable`, `reason`, `area1`, `area2`, `turn` [rad] and more;
-        `outcome`, `opening`, contacts `x1` `y1` `z1` ... and outward normals `nx1` `ny1` `nz1` ...
+        For grippers the columns are `grasp` (its number from 1), `name`, `closing`, `label`,
+        `score`, `critical_angle`, `max_resolution`, `margin` [rad], `epsilon`, `epsilon_min`,
+        `epsilon_max`, `approach_margin` [rad], with a load `grip_force` [N] and `payload` [kg],
+        `collides`, `reachable`, `reason`, `area1`, `area2`, `turn` [rad] and more; `outcome`,
+        `opening`, contacts `x1` `y1` `z1` ... and outward normals `nx1` `ny1` `nz1` ...
 
-        Of hands with joints `label`, `score`, `critical_angle`, `max_resolution`, `margin` [rad],
-        `epsilon`, `rank`, `links`, `gap`, `penetration`, `overlap`,
-        `below_table` [m], `reachable`, `reason`, `outcome`, and `gap_LINK` [m] of
-        every link that comes near the surface at some pose. With a load also `payload` [kg] and
-        more of what the motors hold, and `limit`.
+        For hands with joints they are `grasp`, `name`, `label`, `score`, `critical_angle`,
+        `max_resolution`, `margin` [rad], `epsilon`, `rank`, `links`, `gap`, `penetration`,
+        `overlap`, `below_table` [m], `reachable`, `reason`, `outcome`, and `gap_LINK` [m] of every
+        link that comes near the surface at some pose. With a load, `payload` [kg], `limit` and
+        further results on the motors are added.
         """
         from grasp3d.system.tables import table_of_columns
 
@@ -223,17 +223,17 @@ class EvaluatedPoses(LabelledGrasps):
 
 
 DISTINCT = 1.0 / 8.0
-"""Distance of corresponding contacts, in object sizes, from which grasps are distinct."""
+"""Distance between corresponding contacts, in object sizes, from which grasps are distinct."""
 
 MOST_DISTINCT = 1000
-"""Distinct grasps that are found at most."""
+"""Largest number of distinct grasps that are sought."""
 
 AS_GOOD, STARTS = 0.01, 100
-"""Difference of scores up to which grasps are about as good, and so many of them from which the
-others are chosen."""
+"""Difference of scores up to which grasps are about as good, and number of such grasps from which
+the choice of the others starts."""
 
 MAX_PERMUTED = 5
-"""Most contacts of grasps whose contacts are matched in every order."""
+"""Largest number of contacts that are matched in every order."""
 
 
 def distance_of_distinct(mesh: ObjectMesh) -> float:
@@ -254,11 +254,11 @@ def distinct_rows(points: Floats, count: int, limit: float) -> Ints:
 
 
 def matched_distance(points: Floats, other: Floats) -> Floats:
-    """Distances of grasps from another one: the farthest pair of contacts in the best matching.
+    """Distances of grasps from another one: that of the farthest contacts in the best matching.
 
     Args:
         points: Contacts, shape (b, n, 3).
-        other: Shape (n, 3); more than five contacts are matched in their order.
+        other: Contacts of the other grasp, shape (n, 3); more than five are matched in their order.
 
     Returns:
         Shape (b,).
@@ -273,11 +273,11 @@ def matched_distance(points: Floats, other: Floats) -> Floats:
 
 
 def most_distinct(points: Floats, scores: Floats, limit: float, count: int) -> Ints:
-    """Numbers of distinct grasps (b, 2, 3), `count` at most: a best one and many others.
+    """Indices of at most `count` distinct grasps (b, 2, 3): a best one and as many others as found.
 
-    Where the best ones shut out so many that fewer than `count` are left, those that shut out
-    fewest are taken first, beside each of those that are about as good as the best one, and each is
-    exchanged that shuts out two others.
+    Where the best grasps exclude so many others that fewer than `count` are left, the search starts
+    anew from each of those about as good as the best one and adds those that exclude the fewest.
+    Then each grasp that excludes two distinct others is exchanged for them.
     """
     greedy = distinct_rows(points, count, limit)
     if len(greedy) == min(count, len(points)):
@@ -296,13 +296,13 @@ def most_distinct(points: Floats, scores: Floats, limit: float, count: int) -> I
 
 
 def _exchanged(near: Bools, chosen: list[int]) -> list[int]:
-    """Numbers with those added that are distinct from all, and those exchanged that shut out two.
+    """Add grasps that are distinct from all chosen ones, and exchange one for two where possible.
 
-    The first one stays.
+    The first chosen grasp stays.
 
     Args:
-        near: Which of n are near each other, shape (n, n).
-        chosen: Numbers of those that are chosen.
+        near: Which of n grasps are near each other, shape (n, n).
+        chosen: Indices of the chosen grasps.
     """
     changed = True
     while changed:
@@ -323,12 +323,12 @@ def _exchanged(near: Bools, chosen: list[int]) -> list[int]:
 
 
 def ranked_rows(grasps: LabelledGrasps) -> Ints:
-    """Rows of grasps, the one to be taken first at the front; computes scores and epsilon.
+    """Rows of grasps, best first; computes scores and epsilon.
 
-    By `score`; where that is the same by margin, by epsilon, and by their order.
+    Ordered by `score`, equal scores by margin, then by epsilon, then by their given order.
 
     Args:
-        grasps: A table of grasps, or poses.
+        grasps: A table of grasps, or evaluated poses.
 
     Returns:
         Shape (b,).

@@ -1,4 +1,4 @@
-"""Evaluation of given grasps on a mesh: contacts, and poses at which jaws are closed."""
+"""Evaluation of given grasps on a mesh: contacts, or poses at which a hand closes."""
 
 import math
 from dataclasses import replace
@@ -41,13 +41,13 @@ from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.context import refuse_warnings, report_progress, within
 
 OFF_SURFACE = 1.0 / 100.0
-"""Distance, in object sizes, up to which a given contact is moved to the surface."""
+"""Distance from the surface, in object sizes, up to which a given contact is moved onto it."""
 
 DISTANCE_ROUNDING = 1e-9
-"""Distance, in object sizes, by which a contact on the surface may be off it through rounding."""
+"""Distance, in object sizes, of a contact from the surface that rounding explains."""
 
 PROJECTED, ANGLES_COMPUTED = 0.5, 0.9
-"""Fractions of the work after which contacts are on the surface, and critical angles computed."""
+"""Fractions of the work after which contacts are on the surface and critical angles are known."""
 
 
 @overload
@@ -95,66 +95,66 @@ def evaluate_grasps(
     max_distance: GivenLength | None = None,
     load: GivenLoad = None,
 ) -> GraspTable | EvaluatedPoses:
-    """Compute the label, critical friction angle and epsilon of given grasps: contacts, or poses.
+    """Compute label, critical friction angle and epsilon of given grasps, as contacts or poses.
 
     Contacts are moved to the nearest surface points, and have the normals there. The order of the
     contacts of a grasp does not matter.
 
     At poses of a gripper each jaw moves until it touches, and a free object gives way, with the
-    model's friction; see `close_jaws`, which also says how a touched patch becomes a contact. A
-    pose whose jaws close on nothing is U, without numbers. So is a grasp with a contact outside the
-    mesh's region, with an infinite critical angle.
+    model's friction. `close_jaws` describes this, and how a touched patch becomes a contact. A pose
+    whose jaws close on nothing is U, without numbers. A grasp with a contact outside the mesh's
+    region is U with an infinite critical angle.
 
-    At poses of a hand with joints, given with their values, the links that touch make the grasp:
-    see `LinkGrasps`.
+    At poses of a hand with joints, given with their joint values, the links that touch make the
+    grasp; see `LinkGrasps`.
 
     Args:
-        mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes (a path, a mesh of trimesh,
-            PyVista or Open3D, or a pair of arrays), which is then prepared with default options.
-            One whose unit is not known gets the scale that poses state, if they state one.
+        mesh: The object: an `ObjectMesh`, or anything `load_mesh` takes (a path, a mesh of trimesh,
+            PyVista or Open3D, or a pair of arrays), which is then prepared with default options. If
+            its unit is not known and the poses state a scale, it gets this scale.
         grasps: Contacts in the mesh's frame, shape (b, n, 3), or (n, 3) for one grasp; n is 2 to 32
-            for every grasp. Or poses of a gripper: `GraspPoses`, without a unit in that of the
-            mesh's file, or 4x4 matrices [m], shape (k, 4, 4), or (4, 4) for one. Or a file of
-            either, as `read_grasps` takes it, without a unit in that of the mesh's file.
+            for every grasp. Or poses of a gripper: `GraspPoses`, or 4x4 matrices [m], shape (k, 4,
+            4), or (4, 4) for one. Or a file of either, as `read_grasps` takes it. Poses and files
+            without a unit are in that of the mesh's file.
         model: Friction and sensor resolution [rad], or a dict of fields; None: the defaults, at
             poses with the resolution that the gripper states, if any. Its number of fingers, unless
             it is the default 2, must be that of the grasps.
-        hand: The gripper, or hand, of the poses; also its name or file.
+        hand: The gripper or hand of the poses, or its name or file.
         table: What the object stands on, at poses, as in `label_surface`; None: nothing.
         approach: Allowed approach directions of the gripper; None: any.
-        pose_error: How wrong the poses may be, as a text '5mm,3deg': `robustness` then has numbers
-            of poses that are wrong by so much, and fingers that start in the object by less are not
-            refused. None: the poses are exact.
+        pose_error: How wrong the poses may be, such as '5mm,3deg'. `robustness` then includes poses
+            that are wrong by up to this error, and fingers may start inside the object by less than
+            it. None: the poses are exact.
         scene: The gripper, the table, the approach and the pose error as one, instead of the four.
-        contact_rule: Hands with joints: which contacts a pose makes. given, or None: the points of
-            links within `contact_distance` of the surface; closed: the hand closes from its
+        contact_rule: For hands with joints, which contacts a pose makes. given, or None: the points
+            of links within `contact_distance` of the surface; closed: the hand closes from its
             preshape "open" until its links touch.
-        contact_distance: Hands with joints: distance from the surface, to either side, up to which
-            a link touches, in metres or with a unit; None: 5 mm.
-        object_motion: Of poses of grippers: free, or None: the object settles between the jaws;
+        contact_distance: For hands with joints, the distance from the surface, to either side, up
+            to which a link touches, in metres or with a unit; None: 5 mm.
+        object_motion: For poses of grippers. free, or None: the object settles between the jaws;
             fixed: it does not move.
         max_distance: Largest distance of a contact from the surface, in metres or with a
             unit; None: 1/100 of the object's size.
-        load: What each grasp must hold, and with which force: `load_result` then has the grip force
-            and payload of each, at poses with the greatest force of the gripper at hand unless the
-            load states another one; of hands with joints the payload is that of the motors. The
-            mass is held by the fingers alone, not by the table. None: nothing.
+        load: What each grasp must hold, and with which force. `load_result` then has the grip force
+            and payload of each grasp. At poses the force is the greatest one of the gripper, unless
+            the load states another; hands with joints hold the payload with their motors. The
+            fingers alone hold the mass, not the table. None: nothing.
 
     Returns:
         The grasps in their order, with `label`, `critical_angle` [rad] and `epsilon`, shape (b,)
-        each; of contacts with these on the surface, shape (b, n, 3), of poses with what the jaws
-        touch.
+        each. Given contacts come back on the surface, shape (b, n, 3); poses have the contacts that
+        the jaws or links make.
 
     Raises:
-        MeshError: It is no mesh.
-        ContactError: Contacts of another shape, values that are not finite, or contacts off the
-            surface; or a pose is an internal grasp: its opening is larger than the one before it.
-        SettingError: A setting outside its range, or of contacts where there are poses or the other
-            way round; poses, but no gripper or no unit of the mesh; or a load that needs a mass or
-            unit that is not known.
+        MeshError: The input is not a mesh.
+        ContactError: Contacts have another shape, are not finite or are off the surface; or a pose
+            is an internal grasp: its opening is larger than the pre-grasp opening.
+        SettingError: A setting is outside its range, or is for contacts where there are poses or
+            the other way round; poses come without a gripper, or the mesh without a unit; or a load
+            needs a mass or unit that is not known.
 
     Example:
-        Two fingers opposite to each other, and two that are not:
+        Two fingers opposite each other, and two that are not:
 
         >>> import numpy as np
         >>> import trimesh
@@ -216,7 +216,7 @@ def evaluate_grasps(
 def _on_mesh(
     grasps: GraspPoses | ArrayLike | str | Path, mesh: ObjectMesh, hand: Hand | None
 ) -> tuple[GraspPoses | ArrayLike, ObjectMesh]:
-    """Poses or contacts on a mesh, in the scale that they state."""
+    """Return poses or contacts on a mesh, and the mesh in the scale that the poses state."""
     if isinstance(grasps, str | Path):
         if holds_poses(grasps):
             grasps = poses_of_file(Path(grasps), mesh, hand=hand)
@@ -227,12 +227,12 @@ def _on_mesh(
 
 
 def poses_of_file(path: Path, mesh: ObjectMesh, **stated: Any) -> GraspPoses:
-    """Read poses; where they need a unit and the file states none, it is that of the mesh's file.
+    """Read poses; if they need a unit and the file states none, take that of the mesh's file.
 
     Args:
         path: The file.
         mesh: The object.
-        stated: What is stated of the file, as `read_poses` takes it.
+        stated: What is known of the file, as `read_poses` takes it.
     """
     try:
         return read_poses(path, **stated)
@@ -243,15 +243,15 @@ def poses_of_file(path: Path, mesh: ObjectMesh, **stated: Any) -> GraspPoses:
 
 
 def contacts_on(mesh: ObjectMesh, contacts: Floats, unit: Unit | None) -> Floats:
-    """Contacts (b, n, 3) of a file as those of a mesh.
+    """Contacts (b, n, 3) of a file in the unit of a mesh.
 
     Args:
         mesh: The object.
-        contacts: Contacts as the file has them.
-        unit: The unit that it states; None: they are in that of the mesh's file.
+        contacts: Contacts as they are in the file.
+        unit: The unit that the file states; None: they are in that of the mesh's file.
 
     Raises:
-        SettingError: It states a unit, but that of the mesh is not known.
+        SettingError: The file states a unit, but that of the mesh is not known.
     """
     if unit is not None:
         mesh.needs_metres(f"the contacts are in {unit}")
@@ -259,7 +259,7 @@ def contacts_on(mesh: ObjectMesh, contacts: Floats, unit: Unit | None) -> Floats
 
 
 def _poses_or_contacts(grasps: GraspPoses | ArrayLike) -> GraspPoses | ArrayLike:
-    """What is given; matrices, shape (..., 4, 4), as poses, as contacts end with 3 coordinates."""
+    """Return matrices, shape (..., 4, 4), as poses, and anything else as given."""
     if isinstance(grasps, EvaluatedPoses):
         return grasps.given
     if isinstance(grasps, LabelledGrasps):
@@ -271,7 +271,7 @@ def _poses_or_contacts(grasps: GraspPoses | ArrayLike) -> GraspPoses | ArrayLike
         return grasps
     try:
         shape = np.shape(grasps)
-    except ValueError:  # not as many contacts in each grasp, which is refused as such
+    except ValueError:  # the numbers of contacts differ; this is refused later
         return grasps
     return GraspPoses(poses=np.asarray(grasps), unit="m") if shape[-2:] == (4, 4) else grasps
 
@@ -284,7 +284,7 @@ def evaluate_contacts(
     max_distance: GivenLength | None = None,
     load: Load | None = None,
 ) -> GraspTable:
-    """Move contacts (b, n, 3) to the surface, and evaluate the grasps; see `evaluate_grasps`."""
+    """Move contacts (b, n, 3) to the surface and evaluate the grasps; see `evaluate_grasps`."""
     mesh, positions = load_mesh(mesh), _checked(points)
     own_model = with_fingers(model or GraspModel(), positions.shape[1])
     mesh.check_units(own_model)
@@ -293,7 +293,7 @@ def evaluate_contacts(
     if not (limit >= 0.0 and math.isfinite(limit)):
         raise SettingError(f"max_distance must be a finite length of at least 0; got {limit:g}")
     if load is not None:
-        LoadCase.of(load, mesh, own_model)  # refuse it before the work
+        LoadCase.of(load, mesh, own_model)  # refuse an unusable load before the work
     with within(0.0, PROJECTED):
         contacts, distances = _on_surface(mesh, positions, limit)
     end = ANGLES_COMPUTED if own_model.method == "extremes" else 1.0
@@ -313,7 +313,7 @@ def evaluate_contacts(
 
 
 def _on_surface(mesh: ObjectMesh, points: Floats, limit: float) -> tuple[SurfaceContacts, Floats]:
-    """Contacts (b, n, 3) moved to the surface, and their distances from it before (b, n)."""
+    """Contacts (b, n, 3) moved to the surface, and their distances from it before, (b, n)."""
     size, count = points.shape[:2]
     nearest, _, gaps = nearest_surface_points(
         mesh, points.reshape(-1, 3), limit=limit + DISTANCE_ROUNDING * mesh.size
@@ -325,7 +325,7 @@ def _on_surface(mesh: ObjectMesh, points: Floats, limit: float) -> tuple[Surface
 
 
 def _checked(points: ArrayLike) -> Floats:
-    """Finite contacts of at least one grasp, shape (b, n, 3)."""
+    """Check contacts of at least one grasp; return them as an array of shape (b, n, 3)."""
     try:
         array = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -388,11 +388,11 @@ def evaluate_poses(
             the gripper states, if any.
         scene: The hand, the table and the allowed approach.
         load: What each grasp must hold; None: nothing.
-        options: Of grippers `object_motion`, of hands with joints `contact_rule` and
+        options: For grippers `object_motion`, for hands with joints `contact_rule` and
             `contact_distance`, as in `evaluate_grasps`; None: the default.
 
     Raises:
-        MeshError: It is no mesh.
+        MeshError: The input is not a mesh.
         SettingError: The unit of the mesh is not known, a setting is outside its range or for
             another kind of hand, or the load needs a mass that is not known.
         ContactError: The poses have values of other joints, or one is an internal grasp.
@@ -419,19 +419,19 @@ OPTIONS: dict[type[EvaluatedPoses], tuple[str, ...]] = {
     JawGrasps: ("object_motion",),
     LinkGrasps: ("contact_rule", "contact_distance"),
 }
-"""Options of `evaluate_poses` that are for one kind of hand."""
+"""Options of `evaluate_poses` that apply to one kind of hand only."""
 
 
 def poses_on(
     path: Path, source: MeshSource, options: MeshOptions | None, **stated: Any
 ) -> tuple[GraspPoses, ObjectMesh]:
-    """Read poses and the mesh that they are on.
+    """Read poses and the mesh to which they belong.
 
     Args:
-        path: File of the poses; one that states no unit has them in that of the mesh's file.
+        path: File of the poses; if it states no unit, they are in that of the mesh's file.
         source: The mesh, which gets the scale that the poses state.
-        options: How it is read.
-        stated: What is stated of the file of poses, as `read_grasps` takes it.
+        options: How the mesh is read.
+        stated: What is known of the file of poses, as `read_grasps` takes it.
     """
     mesh = load_mesh(source, options)
     poses = poses_of_file(path, mesh, **stated)
@@ -439,16 +439,16 @@ def poses_on(
 
 
 def in_stated_scale(mesh: ObjectMesh, grasps: GraspPoses | Floats) -> ObjectMesh:
-    """The mesh in metres, where its unit is not known and poses state the scale of its file.
+    """Return the mesh in metres if its unit is not known and poses state the scale of its file.
 
-    Where its unit is known, and is another than the scale says, the mesh gets a warning.
+    If its unit is known and differs from this scale, the mesh gets a warning.
 
     Args:
         mesh: The object.
         grasps: Poses on it; contacts state no scale.
 
     Raises:
-        SettingError: The unit is another, and the poses name this file.
+        SettingError: The unit differs, and the poses name this file.
     """
     scale = grasps.object_scale if isinstance(grasps, GraspPoses) else None
     if scale is None or any(step.name == SCALED for step in mesh.report.repairs):
@@ -467,17 +467,17 @@ def in_stated_scale(mesh: ObjectMesh, grasps: GraspPoses | Floats) -> ObjectMesh
 
 
 SCALED = "scaled"
-"""Name of the step that scales a mesh as poses state."""
+"""Name of the repair step that scales a mesh as poses state."""
 
 SCALE_ROUNDING = 1e-4
-"""Fraction by which a scale may differ through rounding."""
+"""Relative difference of scales that rounding explains."""
 
 
 def _checked_scale(mesh: ObjectMesh, unit: Unit, scale: float, file: str | None) -> ObjectMesh:
-    """The mesh, with a warning if its unit is not the scale that poses state of its file.
+    """Return the mesh, with a warning if its unit differs from the scale that poses state.
 
     Raises:
-        SettingError: It is not, and the mesh is of the file that they name.
+        SettingError: It differs, and the poses name the mesh's file.
     """
     units = [one for one in METRES if math.isclose(METRES[one], scale, rel_tol=SCALE_ROUNDING)]
     report = mesh.report

@@ -39,40 +39,40 @@ JAWS_CLOSED = 0.7
 """Fraction of the work after which the jaws are closed."""
 
 ROUNDING = 1e-9
-"""Angle by which a limit may be exceeded through rounding [rad]."""
+"""Relative or angular [rad] excess over a limit that rounding explains."""
 
 EXECUTABLE = math.radians(5.0)
-"""Angle by which the approach of a grasp must be able to turn either way for a robot to execute it
-[rad]; a stated error of poses may ask for more."""
+"""Angle by which the approach of a grasp must be free to turn either way for a robot to execute it
+[rad]; a stated pose error may ask for more."""
 
 TURNS = 4
-"""Equal steps in which turned approaches are tested."""
+"""Number of equal steps in which turned approaches are tested."""
 
 NOWHERE = np.zeros((1, 3))
-"""No shift."""
+"""A shift of zero."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class JawGrasps(GraspRows, EvaluatedPoses):
     """Poses of a gripper with the grasps that its jaws make there, a row for each.
 
-    Contacts are where the jaws touch, at the mean normals of the patches. Numbers are nan, and the
-    label is U, where the jaws do not close on the object.
+    Contacts are where the jaws touch, at the mean normals of the patches. Where the jaws do not
+    close on the object, numbers are nan and the label is U.
     """
 
     given: GraspPoses
     scene: Scene
     jaws: ClosedJaws
-    """Where the jaws touch, and what happens where they do not."""
+    """Where the jaws touch, and the state of closing where they do not."""
     object_motion: ObjectMotion = "fixed"
-    """Whether the object gave way to the jaws."""
+    """Whether the object was free to give way to the jaws."""
     collides: Bools
-    """Whether the gripper collides with object or table on the way to the pose, shape (k,): with a
-    fixed object also when it holds it, or with the clearance before closing; wide open where it
-    holds nothing, or the object is free."""
+    """Whether the gripper collides with object or table on the way to the pose, shape (k,). It is
+    tested as it holds a fixed object and with the clearance before closing; where it holds nothing,
+    or the object is free, it is tested wide open."""
     reachable: Bools
-    """Whether the jaws close on the object, within the stroke with its clearance, without
-    collision, and from an allowed direction, shape (k,)."""
+    """Whether the jaws close on the object within the stroke with its clearance, without a
+    collision and from an allowed direction, shape (k,)."""
 
     load_result = None
     __repr__ = short_repr
@@ -116,7 +116,7 @@ class JawGrasps(GraspRows, EvaluatedPoses):
         own_model = with_fingers(own_model, hand.fingers[-1])
         mesh.check_units(own_model)
         if load is not None:
-            LoadCase.of(load, mesh, own_model, hand)  # refuse it before the work
+            LoadCase.of(load, mesh, own_model, hand)  # refuse an unusable load before the work
         return cls.closed_at(mesh, start, own_model, scene, object_motion=object_motion, load=load)
 
     @classmethod
@@ -130,12 +130,12 @@ class JawGrasps(GraspRows, EvaluatedPoses):
         object_motion: ObjectMotion = "free",
         load: Load | None = None,
     ) -> Self:
-        """Close the jaws of a gripper at poses that are known to be sound; see `evaluate_grasps`.
+        """Close the jaws of a gripper at poses that are known to be valid; see `evaluate_grasps`.
 
         Args:
             mesh: The object, of a known unit.
             start: The poses, in metres.
-            model: Friction and sensor resolution, of as many fingers as close.
+            model: Friction and sensor resolution, for as many fingers as close.
             scene: The gripper, the table and the allowed approach.
             object_motion: As in `evaluate_grasps`.
             load: What each grasp must hold; None: nothing.
@@ -176,7 +176,7 @@ class JawGrasps(GraspRows, EvaluatedPoses):
 
     @property
     def first(self) -> Ints:
-        """The rows themselves, shape (k,); -1: the jaws do not close on the object."""
+        """Indices of the rows where the jaws close on the object, else -1, shape (k,)."""
         return np.where(self.jaws.closed, np.arange(self.size), -1)
 
     @property
@@ -191,7 +191,7 @@ class JawGrasps(GraspRows, EvaluatedPoses):
 
     @cached_property
     def robustness(self) -> Robustness:
-        """Scores of the touched patches, and of poses that are a little wrong; rows (k,).
+        """Scores of the touched patches, also at slightly wrong poses; rows (k,).
 
         Computed when first read.
         """
@@ -202,7 +202,7 @@ class JawGrasps(GraspRows, EvaluatedPoses):
 
     @cached_property
     def label(self) -> Bytes:
-        """`Label` codes of everything that is stated: `Robustness.label`; shape (k,).
+        """`Label` codes with everything that is stated: `Robustness.label`; shape (k,).
 
         U where the pose is not `reachable`.
         """
@@ -215,11 +215,11 @@ class JawGrasps(GraspRows, EvaluatedPoses):
 
     @cached_property
     def approach_margin(self) -> Floats:
-        """How far the approach may turn about the closing axis, either way, free of collisions.
+        """Angle by which the approach may turn about the closing axis, either way, collision-free.
 
-        Tested in `TURNS` steps up to 5 degrees, or the angle of the pose error if that is larger
-        [rad], shape (k,); nan where the pose is not reachable. A gripper that turns may draw back
-        by half the height of its pads, which still touch.
+        It is tested in `TURNS` steps up to 5 degrees, or up to the angle of the pose error if that
+        is larger [rad], shape (k,); nan where the pose is not reachable. A turned gripper may draw
+        back by half the height of its pads, which still touch.
         """
         margin = np.where(self.reachable, 0.0, math.nan)
         free = np.flatnonzero(self.reachable)
@@ -246,15 +246,15 @@ class JawGrasps(GraspRows, EvaluatedPoses):
 
     @property
     def quality(self) -> Floats:
-        """How far each grasp is from failing, s: `Robustness.score`; shape (k,)."""
+        """Distance of each grasp from failure, s: `Robustness.score`; shape (k,)."""
         return self.robustness.score
 
     @cached_property
     def score(self) -> Floats:
-        """The one number of each pose, from 0 to 1: its letter, and within that its quality s.
+        """Score of each pose, from 0 to 1: its label and, within the label, its quality s.
 
-        1 + s is reduced in proportion where `approach_margin` is smaller than the angle up to which
-        it is tested: what has no tolerance cannot be executed. See `written_scores`.
+        1 + s is reduced in proportion where `approach_margin` is smaller than the largest angle
+        tested, as a grasp without tolerance cannot be executed. See `written_scores`.
         """
         turn = np.nan_to_num(self.approach_margin) / self._most_turn
         return written_scores(self.letter, (1.0 + self.quality) * turn - 1.0)
@@ -266,19 +266,19 @@ class JawGrasps(GraspRows, EvaluatedPoses):
 
     @property
     def payload(self) -> Floats:
-        """What the force at hand holds at the worst normals [kg], shape (k,)."""
+        """Mass that the force at hand holds at the worst normals [kg], shape (k,)."""
         return self.robustness.stated.payload
 
     def to_poses(self, metrics: Mapping[str, Floats] | None = None) -> GraspPoses:
-        """The poses with the results as columns; see `EvaluatedPoses.to_poses`."""
+        """Return the poses with the results as columns; see `EvaluatedPoses.to_poses`."""
         poses = super().to_poses(metrics)
         touched = {"contacts": self.jaws.points, "normals": self.jaws.normals}
-        # Where the object yields to the pads the first touch may be beyond the stroke.
+        # Where the object yields to the pads, the first touch may be beyond the stroke.
         opening = np.minimum(self.opening, self.hand.max_opening)
         return replace(poses, opening=opening, columns={**poses.columns, **touched})
 
     def compute(self) -> None:
-        """Compute the letters of closed jaws, which take long with method extremes."""
+        """Compute the labels of closed jaws, which take long with method extremes."""
         with within(JAWS_CLOSED, 1.0):
             self.compute_labels()
 
@@ -286,7 +286,7 @@ class JawGrasps(GraspRows, EvaluatedPoses):
         return [None if self.reading else self._starting_inside()]
 
     def _starting_inside(self) -> str | None:
-        """What suggests that most poses are too deep."""
+        """Warn if a finger starts in the object in most poses."""
         inside = int((self.state == Closing.STARTS_INSIDE).sum())
         if self.size < FEWEST or 2 * inside <= self.size:
             return None
@@ -305,12 +305,12 @@ class JawGrasps(GraspRows, EvaluatedPoses):
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """What tables and files have of each pose."""
+        """Columns of each pose in tables and files."""
         others = given_poses(self.jaws.area.shape[1])
         return (*(one for one in others if one is not REASON), OPENING, REASON)
 
     def contacts_of(self, row: int) -> tuple[Floats, Floats]:
-        """Points and inward normals where the jaws touch, (2, 3) each; (0, 3): they do not."""
+        """Points and inward normals where the jaws touch, (2, 3) each; (0, 3) if they do not."""
         touching = np.flatnonzero(self.jaws.closed[[row, row]])
         return self.jaws.points[row, touching], self.jaws.normals[row, touching]
 
@@ -327,7 +327,7 @@ class JawGrasps(GraspRows, EvaluatedPoses):
         )
 
     def using(self, **changed: Any) -> Self:
-        """The same poses with another model or load, at which jaws are closed again."""
+        """Return the same poses with another model or load; the jaws close again if needed."""
         model, load = changed.get("model", self.model), changed.get("load", self.load)
         model = replace(model, fingers=self.model.fingers)
         if model == self.model:
@@ -347,9 +347,9 @@ class JawGrasps(GraspRows, EvaluatedPoses):
 def _blocked(
     mesh: ObjectMesh, start: GraspPoses, jaws: ClosedJaws, held: Bools, scene: Scene, most: float
 ) -> tuple[Bools, Floats]:
-    """Whether the gripper collides at each pose, and how far it gave way before [m], (k,).
+    """Whether the gripper collides at each pose, and how far it gave way before that [m], (k,).
 
-    It gives way along the closing axis by at most as much as is stated.
+    It gives way along the closing axis, by no more than the stated pose error.
     """
     shift = np.array(jaws.shift)
 

@@ -1,4 +1,4 @@
-"""Poses of a hand with joints: the grasps of its links there, and what its motors hold."""
+"""Poses of a hand with joints: the grasps that its links make, and what its motors hold."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -49,16 +49,16 @@ from grasp3d.system.context import report_progress, within
 from grasp3d.system.names import counted, short_number
 
 FORCE_RTOL = 1e-2
-"""Width of the brackets of payloads, relative to them."""
+"""Relative width of the brackets of payloads."""
 
 WHY = {
     OF_LINKS: "the weight of the links alone is too much for the motors",
     OF_LINE: "point contacts on one line resist no torque about it",
 }
-"""Limits with which nothing is held, as sentences."""
+"""Limits at which nothing is held, as sentences."""
 
 UNKNOWN = HandPayload(math.nan, math.nan, "")
-"""Of a pose that is no grasp."""
+"""Payload of a pose that is no grasp."""
 
 FLAT = 1e-3
 """Angle by which cones must be narrower than a half-space [rad]."""
@@ -66,32 +66,32 @@ FLAT = 1e-3
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MotorLoads:
-    """What the motors of a hand hold at each of k poses: masses [kg], or factors of wrenches."""
+    """Loads that the motors of a hand hold at k poses: masses [kg] or factors of wrenches."""
 
     case: LoadCase
     hand: ArticulatedHand
     torques: Floats
-    """As `torques_of` has them, shape (p,)."""
+    """As `torques_of` returns them, shape (p,)."""
     friction: tuple[float, float]
-    """The smallest coefficient, which counts for what is sure, and the largest one."""
+    """Smallest coefficient, which counts for sure results, and largest one."""
     sets: ContactSets
     jacobians: Floats
-    """Of the contacts, in the mesh's frame [m], shape (c, 3, p)."""
+    """Jacobians of the contacts, in the mesh's frame [m], shape (c, 3, p)."""
     tilts: Floats
     """Largest angle between true and perceived normals [rad], shape (c,)."""
     postures: Floats
-    """Shape (k, p)."""
+    """Joint values, shape (k, p)."""
     link_loads: Floats | None = None
-    """Torques that hold the links per acceleration of gravity, in the mesh's frame [kg m], shape
-    (k, p, 3); None: no link has a known mass."""
+    """Joint torques that hold the links, per acceleration of gravity in the mesh's frame [kg m],
+    shape (k, p, 3); None: no link has a known mass."""
 
     __repr__ = short_repr
 
     def held(self, chosen: Bools, angles: Floats, tilts: Floats | None = None) -> list[HandPayload]:
-        """What is held at each pose, `UNKNOWN` at those that are not chosen.
+        """Payload at each pose, `UNKNOWN` at those that are not chosen.
 
         Args:
-            chosen: Shape (k,).
+            chosen: Whether each pose is chosen, shape (k,).
             angles: Half-angles of the friction cones of the contacts [rad], shape (c,).
             tilts: Largest angles between true and given normals [rad], shape (c,); None: 0.
         """
@@ -117,20 +117,20 @@ class MotorLoads:
 
     @cached_property
     def payload(self) -> Floats:
-        """Largest masses that are surely held, at the worst normals, shape (k,); nan: no grasp."""
+        """Largest masses surely held, at the worst normals, shape (k,); nan: no grasp."""
         return locked([one.lower for one in self._sure])
 
     @cached_property
     def limit(self) -> npt.NDArray[np.str_]:
-        """What limits them, such as a joint, shape (k,)."""
+        """What limits each payload, such as a joint, shape (k,)."""
         return np.array([one.limit for one in self._sure], dtype=np.str_)
 
     @cached_property
     def payload_most(self) -> Floats:
-        """Masses above which no normals, of those that may be true, let the hand hold, (k,).
+        """Masses above which the hand cannot hold, whichever normals are true, (k,).
 
-        The cones of all of them are within beta + a, so one of these masses need not be held at any
-        one of the normals. nan where it is not known, or does not matter: the mass is surely held.
+        Upper bounds: cones of half-angle beta + a contain those of all possible normals, so perhaps
+        no one choice of normals holds as much. nan where unknown, or where the mass is surely held.
         """
         angles = self._angles(self.friction[1]) + self.tilts
         chosen = self.payload < self._mass
@@ -139,7 +139,7 @@ class MotorLoads:
 
     @property
     def doubts(self) -> Iterator[str]:
-        """Torques of the load that are hardly true, one sentence each."""
+        """Doubtful torques of the load, one sentence each."""
         hand, stated = self.hand, self.case.load.torque_limits or 0.0
         driven = np.array(hand.joint_names)[~np.isnan(self.torques)].tolist()
         yield from too_strong(hand, "torque_limits", dict.fromkeys(driven, stated))
@@ -161,24 +161,24 @@ class MotorLoads:
 
     @property
     def _mass(self) -> float:
-        """What must be held, nan: it is not known."""
+        """What must be held; nan if it is not known."""
         mass = self.case.mass if self.case.by_mass else 1.0
         return math.nan if mass is None else mass
 
     @cached_property
     def load_fraction(self) -> Floats:
-        """Mass over what is surely held, shape (k,): above 1 it is not; nan: no mass is known."""
+        """Mass over the mass surely held, shape (k,); above 1: not held; nan: no mass known."""
         with np.errstate(divide="ignore"):
             return locked(self._mass / self.payload)
 
     def label(self, codes: Bytes) -> Bytes:
-        """Labels that take the load into account, shape (k,), where its mass is known.
+        """Labels that take the load into account, shape (k,), if its mass is known.
 
-        A grasp is S if the motors hold the mass at the worst normals, too, and U if they do not at
-        any that may be true.
+        A grasp is S if the motors hold the mass at the worst normals, too, and U if they hold it at
+        no normals that may be true.
 
         Args:
-            codes: Those without a load, shape (k,).
+            codes: Labels without a load, shape (k,).
         """
         if math.isnan(self._mass):
             return codes
@@ -188,11 +188,11 @@ class MotorLoads:
 
     @property
     def unit(self) -> str:
-        """Unit of the masses, with a space; of wrenches alone what their factors are."""
+        """Unit of the masses after a space; for wrenches alone, what their factors are."""
         return " kg" if self.case.by_mass else " times the wrenches"
 
     def shortfall(self, row: int) -> str:
-        """Why the mass is not surely held at a pose, in one sentence."""
+        """Say in one sentence why the mass is not surely held at a pose."""
         most, sure = self.payload_most[row], self.payload[row]
         why = f": {WHY[cause]}" if (cause := str(self.limit[row])) in WHY else ""
         if most < self._mass:
@@ -201,19 +201,19 @@ class MotorLoads:
 
 
 TOUCHED = 0.5
-"""Fraction of the work after which contacts are known."""
+"""Fraction of the work after which the contacts are known."""
 
 FEW_BEYOND = 0.1
-"""Fraction of poses beyond limits up to which an order of joints that is assumed is not doubted."""
+"""Fraction of poses beyond limits up to which an assumed order of joints is not doubted."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LinkGrasps(EvaluatedPoses):
     """Poses of a hand with joints, with the grasps that its links make there, a row for each.
 
-    What a link touches is one contact, whose normal it knows within its resolution: its own, or
-    that of the model. The letters are those of a posture that does not give way. Numbers are nan,
-    and the label is U, where fewer than two links touch.
+    Each link that touches makes one contact, whose normal it knows within its own sensor
+    resolution, or else that of the model. The labels assume that the posture does not give way.
+    Where fewer than two links touch, numbers are nan and the label is U.
     """
 
     mesh: ObjectMesh
@@ -221,14 +221,14 @@ class LinkGrasps(EvaluatedPoses):
     model: GraspModel
     """Friction and sensor resolution."""
     scene: Scene
-    """The hand, and what it must not touch."""
+    """The hand, and the table that it must not touch."""
     given: GraspPoses
-    """The poses as they were given, with their outcomes [m]; the posture in the
-    order of the hand's joints."""
+    """The poses as they were given, with their outcomes [m]; the joint values are in the order of
+    the hand's joints."""
     contacts: HandContacts
-    """What the links touch, by which rule, with gaps and collisions."""
+    """Contacts of the links, the rule that makes them, gaps and collisions."""
     contact_distance: float
-    """Distance of a link from the surface up to which it touches [m]."""
+    """Distance from the surface up to which a link touches [m]."""
     load: Load | None = None
     """What each grasp must hold; None: nothing is stated."""
 
@@ -246,7 +246,7 @@ class LinkGrasps(EvaluatedPoses):
         contact_distance: GivenLength = CONTACT_DISTANCE,
         load: Load | None = None,
     ) -> Self:
-        """Find what the links touch at given poses; see `evaluate_grasps`.
+        """Find the contacts of the links at given poses; see `evaluate_grasps`.
 
         Args:
             mesh: The object, of a known unit.
@@ -254,12 +254,12 @@ class LinkGrasps(EvaluatedPoses):
             model: Friction and sensor resolution; None: the defaults.
             scene: The hand and the table.
             contact_rule: given or closed.
-            contact_distance: Distance of a link from the surface up to which it touches.
+            contact_distance: Distance from the surface up to which a link touches.
             load: What each grasp must hold; None: nothing.
 
         Raises:
-            SettingError: A setting that does not apply to hands with joints, or a load of which the
-                mass or the torques are not known.
+            SettingError: A setting does not apply to hands with joints, or the mass or the torques
+                of the load are not known.
             ContactError: The poses have values of other joints, or none.
         """
         hand, own_model = scene.hand, model or GraspModel()
@@ -267,7 +267,7 @@ class LinkGrasps(EvaluatedPoses):
         _refuse(hand, scene, own_model, load)
         mesh.check_units(own_model)
         if load is not None:
-            torques_of(hand, load.torque_limits)  # refuse it before the work
+            torques_of(hand, load.torque_limits)  # refuse an unusable load before the work
             LoadCase.of(load, mesh, own_model, hand)
         distance = mesh.length("contact_distance", contact_distance)
         poses = replace(matched(start, hand), joint_names=hand.joint_names)
@@ -282,7 +282,7 @@ class LinkGrasps(EvaluatedPoses):
         )  # fmt: skip
 
     def compute(self) -> None:
-        """Compute what takes long: letters, and what the motors hold."""
+        """Compute labels and payloads of the motors, which take long."""
         with within(TOUCHED, 1.0):
             _ = self.label
 
@@ -305,7 +305,7 @@ class LinkGrasps(EvaluatedPoses):
 
     @property
     def state(self) -> Bytes:
-        """`Closing` codes, shape (k,): closed with two links at least."""
+        """`Closing` codes, shape (k,); closed means that at least two links touch."""
         codes = np.array([Closing.NOTHING, Closing.ONE_SIDE, Closing.CLOSED], dtype=np.uint8)
         return np.asarray(codes[np.minimum(self.touching.sum(axis=1), 2)])
 
@@ -318,14 +318,14 @@ class LinkGrasps(EvaluatedPoses):
 
     @cached_property
     def _counted(self) -> tuple[Ints, Ints]:
-        """Poses and links of the contacts where two links touch, all in the region, shape (c,)."""
+        """Poses and links of the contacts, where two or more touch, all in the region, (c,)."""
         grasped = (self.touching.sum(axis=1) >= 2) & ~self.outside
         row, link = np.nonzero(self.touching & grasped[:, None])
         return row, link
 
     @cached_property
     def sets(self) -> ContactSets:
-        """The contacts relative to the centre of mass, of poses at which two links touch."""
+        """Contacts relative to the centre of mass, of poses at which at least two links touch."""
         points, normals = self.contacts.points[self._counted], self.contacts.normals[self._counted]
         error = self.model.location_error
         return ContactSets(
@@ -351,7 +351,7 @@ class LinkGrasps(EvaluatedPoses):
 
     @cached_property
     def motors(self) -> MotorLoads | None:
-        """What the motors hold at each pose; None: no load is stated."""
+        """Loads that the motors hold at each pose; None: no load is stated."""
         if self.load is None or self.load_case is None:
             return None
         hand, posture = self.hand, self.contacts.posture
@@ -366,10 +366,10 @@ class LinkGrasps(EvaluatedPoses):
 
     @cached_property
     def label(self) -> Bytes:
-        """`Label` codes of everything that is stated: 0 U, 1 M, 2 S; shape (k,).
+        """`Label` codes with everything that is stated: 0 U, 1 M, 2 S; shape (k,).
 
-        With a load whose mass is known S is what the motors surely hold. U where the hand cannot be
-        there without a collision.
+        With a load whose mass is known, S also means that the motors surely hold it. A pose that
+        the hand cannot reach without a collision is U.
         """
         codes, motors = self._labels.label, self.motors
         held = codes if motors is None else motors.label(codes)
@@ -377,9 +377,9 @@ class LinkGrasps(EvaluatedPoses):
 
     @cached_property
     def quality(self) -> Floats:
-        """How far each grasp is from failing, shape (k,); see `quality_of_contacts`.
+        """Distance of each grasp from failure, shape (k,); see `quality_of_contacts`.
 
-        -1 where the hand cannot be there without a collision.
+        -1 where the hand cannot be without a collision.
         """
         held, motors = self.epsilon, self.motors
         if motors is not None and motors.case.decided:
@@ -404,7 +404,7 @@ class LinkGrasps(EvaluatedPoses):
 
     @cached_property
     def max_resolution(self) -> Floats:
-        """Resolution of all sensors alike below which a grasp is S [rad], shape (k,); 0: none."""
+        """Resolution, the same for all sensors, below which a grasp is S [rad], (k,); 0: none."""
         return max_resolution(np.nan_to_num(self.critical_angle, nan=math.inf), self.model)
 
     @cached_property
@@ -422,12 +422,12 @@ class LinkGrasps(EvaluatedPoses):
 
     @property
     def payload(self) -> Floats | None:
-        """What the motors surely hold [kg], shape (k,); None: there is no load."""
+        """Mass that the motors surely hold [kg], shape (k,); None: there is no load."""
         return None if self.motors is None else self.motors.payload
 
     @cached_property
     def jacobians(self) -> Floats:
-        """How the links move at the contacts of `sets` with the joints, in the mesh's frame [m].
+        """Jacobians of the contacts of `sets` with respect to the joints, in the mesh's frame [m].
 
         Shape (c, 3, p).
         """
@@ -446,16 +446,16 @@ class LinkGrasps(EvaluatedPoses):
 
     @cached_property
     def gap(self) -> Floats:
-        """Largest gap between the surface and a link that touches [m], shape (k,).
+        """Largest gap between the surface and a touching link [m], shape (k,).
 
-        0: all of them are inside; nan: none touches.
+        0: all touching links are inside; nan: no link touches.
         """
         gaps = np.where(self.touching, np.maximum(self.contacts.gaps, 0.0), math.nan)
         return locked(np.fmax.reduce(gaps, axis=1))
 
     @property
     def penetration(self) -> Floats:
-        """How deep the deepest link is inside the object [m], shape (k,)."""
+        """Depth of the deepest link inside the object [m], shape (k,)."""
         return np.asarray(np.maximum(0.0, -self.contacts.gaps.min(axis=1, initial=math.inf)))
 
     @property
@@ -465,7 +465,7 @@ class LinkGrasps(EvaluatedPoses):
 
     @property
     def below_table(self) -> Floats:
-        """How far the hand reaches below the table [m], shape (k,); nan: no table."""
+        """Depth of the hand below the table [m], shape (k,); nan: no table."""
         return np.maximum(0.0, self.contacts.table_depth)
 
     @cached_property
@@ -476,12 +476,12 @@ class LinkGrasps(EvaluatedPoses):
 
     @property
     def reachable(self) -> Bools:
-        """Whether the hand can be there without a collision, shape (k,)."""
+        """Whether the hand can be at the pose without a collision, shape (k,)."""
         return locked(~self._collisions.impossible)
 
     @cached_property
     def reasons(self) -> HandReasons:
-        """What is wrong with each grasp."""
+        """Why grasps fail or may fail."""
         reasons, motors = self._collisions, self.motors
         reasons.add_contacts(self.touching)
         reasons.add("touches outside --region", self.outside)
@@ -493,7 +493,7 @@ class LinkGrasps(EvaluatedPoses):
 
     @property
     def remarks(self) -> Iterable[str]:
-        """Which contacts count, and whether the weight of the links does."""
+        """Say which contacts count, and whether the weight of the links does."""
         distance = small_length(self.contact_distance, metres=True)
         yield f"contacts {self.contacts.rule}, within {distance}"
         if self.motors is not None:
@@ -511,16 +511,16 @@ class LinkGrasps(EvaluatedPoses):
             yield from self.motors.doubts
 
     def metrics(self, names: str) -> NoReturn:
-        """Refuse: measures are for grasps of equal numbers of contacts. Raises SettingError."""
+        """Raise SettingError: measures need grasps of equal numbers of contacts."""
         raise SettingError(f"{self.hand.name} is a hand with joints, and takes no metrics {names}")
 
     def contacts_of(self, row: int) -> tuple[Floats, Floats]:
-        """Points of a pose's contacts, and inward normals there, shape (n, 3) each."""
+        """Points of a pose's contacts and inward normals there, shape (n, 3) each."""
         mine = self.touching[row]
         return self.contacts.points[row, mine], self.contacts.normals[row, mine]
 
     def held_at(self, row: int) -> GripperPose:
-        """The hand at a pose, links that touch in the colour of the letter."""
+        """The hand at a pose; links that touch have the colour of the label."""
         color = COLORS[Label(int(self.letter[row]))]
         return GripperPose(
             self.contacts.poses[row], 0.0, math.nan, math.nan, math.nan,
@@ -530,7 +530,7 @@ class LinkGrasps(EvaluatedPoses):
         )  # fmt: skip
 
     def take(self, rows: Ints) -> Self:
-        """The chosen poses, in that order.
+        """Return the chosen poses, in that order.
 
         Args:
             rows: Their indices, shape (c,).
@@ -538,20 +538,20 @@ class LinkGrasps(EvaluatedPoses):
         return replace(self, given=self.given.take(rows), contacts=self.contacts.take(rows))
 
     def using(self, **changed: Any) -> Self:
-        """The same contacts with another model or load."""
+        """Return the same contacts with another model or load."""
         return replace(self, **changed)
 
     def to_poses(self, metrics: Mapping[str, Floats] | None = None) -> GraspPoses:
-        """As in `EvaluatedPoses`: poses and values of joints are those where the contacts are.
+        """Return poses and joint values at which the contacts are; see `EvaluatedPoses`.
 
-        Closed ones are not those that were given.
+        Those of a hand that has closed differ from the given ones.
         """
         poses = super().to_poses(metrics)
         return replace(poses, poses=self.contacts.poses, posture=self.contacts.posture)
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """What tables and files have of each pose."""
+        """Columns of each pose in tables and files."""
         return HAND_GRASPS
 
     def _columns(self) -> Arrays:
@@ -578,7 +578,7 @@ class LinkGrasps(EvaluatedPoses):
 
 
 def _refuse(hand: ArticulatedHand, scene: Scene, model: GraspModel, load: Load | None) -> None:
-    """Refuse settings that do not apply to hands with joints. Raises SettingError."""
+    """Raise SettingError for settings that do not apply to hands with joints."""
     refused = {
         "fingers: a hand touches with as many links as it happens to": model.fingers != 2,
         "method extremes: its labels are exact": model.method != "exact",

@@ -1,4 +1,4 @@
-"""Why poses are no grasps, or no sure ones: one sentence for each."""
+"""Reasons why poses are no grasps, or not surely stable ones: one sentence for each."""
 
 import math
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from grasp3d.system.names import short_number
 
 
 class Reasons:
-    """Sentences on poses; of each the first one that was added.
+    """Sentences on poses; each pose keeps the first sentence that was added.
 
     Args:
         count: Number of poses.
@@ -32,7 +32,7 @@ class Reasons:
     def __init__(self, count: int) -> None:
         self._texts = [""] * count
         self.kinds = [""] * count
-        """What the sentences are about, to count them."""
+        """Topics of the sentences, by which they are counted."""
 
     @property
     def texts(self) -> npt.NDArray[np.str_]:
@@ -40,16 +40,16 @@ class Reasons:
         return np.array(self._texts, dtype=np.str_)
 
     def without(self, chosen: Bools) -> Ints:
-        """Rows of those of some poses (k,) that have no sentence yet."""
+        """Rows of chosen poses (k,) that have no sentence yet."""
         return np.flatnonzero(chosen & (self.texts == ""))
 
     def add(self, kind: str, wrong: Bools | Ints, texts: Sequence[str] = ()) -> None:
         """Add sentences.
 
         Args:
-            kind: What they are about.
-            wrong: Of which poses: shape (k,), or their rows.
-            texts: One for each of these; empty: `kind`.
+            kind: Topic of the sentences.
+            wrong: The poses they apply to: a mask, shape (k,), or rows.
+            texts: A sentence for each of these poses; empty: `kind` for all.
         """
         rows = np.flatnonzero(wrong) if wrong.dtype == np.bool_ else wrong
         for number, row in enumerate(rows.tolist()):
@@ -64,30 +64,30 @@ class Reasons:
 
 
 def _aside(angle: float, limit: float) -> str:
-    """An approach at an angle [rad] from the best direction, beyond the limit."""
+    """Sentence on an approach at an angle [rad] from the best direction, beyond the limit."""
     angle, limit = math.degrees(angle), math.degrees(limit)
     return f"comes {angle:.0f}° from the approach direction, more than {limit:.0f}°"
 
 
 PARTS = ("finger 1", "finger 2", "palm")
-"""Parts of a gripper by their numbers."""
+"""Parts of a gripper, by number."""
 
 MISSED, OFF_PADS, UNSURE = (
     "may close on nothing within the pose error",
     "contacts may leave the pads",
     "not sure within the pose error",
 )
-"""Reasons that only the error of a pose gives."""
+"""Reasons that only a pose error can cause."""
 
 SAMPLES = (3, 5, 9)
-"""Points along x, y and z of a part at which its depth in the object is measured."""
+"""Number of points along x, y and z of a part at which its depth in the object is measured."""
 
 
 class GripperReasons(Reasons):
     """Sentences on evaluated poses of a parallel gripper.
 
     Args:
-        poses: `JawGrasps`, which import this module.
+        poses: The poses, `JawGrasps`; that module imports this one.
     """
 
     def __init__(self, poses: Any) -> None:
@@ -113,7 +113,7 @@ class GripperReasons(Reasons):
         self.add("comes from another direction", wrong, texts)
 
     def _add_wide(self, hand: Jaws) -> None:
-        """Add where fingers start in an object that is wider than the stroke."""
+        """Add poses at which fingers start in the object because it is wider than the stroke."""
         poses = self._poses
         rows = self.without(poses.jaws.state == Closing.STARTS_INSIDE)
         if not len(rows):
@@ -121,13 +121,13 @@ class GripperReasons(Reasons):
         wider = hand.opening_to(hand.max_opening + poses.mesh.size)
         closed = close_jaws(poses.mesh, poses.poses[rows], wider)
         excess = closed.opening - self._widest
-        wide = excess > 0.0  # nan: they do not close there either
+        wide = excess > 0.0  # nan: not closed there either
         self.add("wider than the stroke", rows[wide], [
             f"wider than the stroke by {self.length(value)}" for value in excess[wide]
         ])  # fmt: skip
 
     def _add_parts(self, hand: Jaws) -> None:
-        """Add which part of the open gripper is in the object, or else in the table."""
+        """Add which part of the open gripper is in the object or, failing that, in the table."""
         poses, jaws, scene = self._poses, self._poses.jaws, self._poses.scene
         inside = poses.jaws.state == Closing.STARTS_INSIDE
         rows = self.without(inside | (poses.collides & jaws.closed))
@@ -163,9 +163,9 @@ class GripperReasons(Reasons):
             ])  # fmt: skip
 
     def _depths(self, poses: Floats, hand: Jaws) -> Floats:
-        """How deep each part is in the object at poses (r, 4, 4), shape (r, 3).
+        """Depth of each part in the object at poses (r, 4, 4), shape (r, 3).
 
-        Measured at points of a grid; 0 where none is inside, or the object is open.
+        Measured at the points of a grid; 0 where none is inside, or the mesh is not closed.
         """
         mesh, depths = self._poses.mesh, np.zeros((len(poses), len(PARTS)))
         if not mesh.report.closed:
@@ -186,7 +186,7 @@ class GripperReasons(Reasons):
         return depths
 
     def _add_states(self) -> None:
-        """Add where the jaws do not close on the object."""
+        """Add poses at which the jaws do not close on the object."""
         poses = self._poses
         for state, meaning in MEANING.items():
             if state != Closing.CLOSED:
@@ -250,7 +250,7 @@ class GripperReasons(Reasons):
 
 
 def _box(hand: Jaws, part: int) -> tuple[Floats, Floats]:
-    """Lowest and highest corner of a part of the open gripper in its frame."""
+    """Lowest and highest corner of a part of the open gripper, in the gripper's frame."""
     top = 0.0 if hand.round_tips else 0.5 * hand.pad_height
     bottom = top - hand.finger_length
     if part == len(PARTS) - 1:
@@ -270,21 +270,21 @@ class HandReasons(Reasons):
 
     Args:
         hand: The hand.
-        contacts: What its links touch at k poses.
-        tolerance: Depth up to which links may be inside something [m].
+        contacts: Contacts of its links at k poses.
+        tolerance: Depth up to which a link may be inside something [m].
     """
 
     def __init__(self, hand: ArticulatedHand, contacts: HandContacts, tolerance: float) -> None:
         super().__init__(len(contacts.poses))
         self._hand, self._contacts, self._tolerance = hand, contacts, tolerance
         self.impossible: Bools = np.zeros(len(contacts.poses), dtype=np.bool_)
-        """Whether the hand cannot be there, shape (k,)."""
+        """Whether the hand cannot be at the pose, shape (k,)."""
 
     def add_impossible(self, posture: Floats, scene: Scene) -> None:
-        """Add why the hand cannot be there.
+        """Add why the hand cannot be at poses.
 
         Args:
-            posture: Values of its joints as they were given, shape (k, p).
+            posture: Joint values as they were given, shape (k, p).
             scene: The table, and the allowed approach.
         """
         for kind, (wrong, texts) in {
@@ -312,7 +312,7 @@ class HandReasons(Reasons):
         ])  # fmt: skip
 
     def _joints(self, posture: Floats) -> tuple[Bools, list[str]]:
-        closed = self._contacts.rule == "closed"  # given postures are not those that are evaluated
+        closed = self._contacts.rule == "closed"  # the given postures are not evaluated
         values = self._contacts.posture if closed else posture
         ranges = self._hand.ranges
         excess = self._hand.excess(values)
@@ -358,7 +358,7 @@ class HandReasons(Reasons):
 
     def _approach(self, scene: Scene) -> tuple[Bools, list[str]]:
         within, angles = scene.approach.within, scene.approach_angles(self._contacts.poses)
-        # The table itself is what keeps hands from coming from below.
+        # The table itself keeps hands from coming from below.
         wrong = np.asarray((angles > within + BEYOND) & (within < LEVEL))
         return wrong, [_aside(angle, within) for angle in angles[wrong]]
 

@@ -1,10 +1,10 @@
-"""How well grasps of closed jaws hold with their whole patches, and where poses are a little wrong.
+"""Scores and payloads of closed jaws with their whole patches, also at slightly wrong poses.
 
-Points stay the contacts of the label. The score takes what each jaw touches as points of its patch
-that share the jaw's force: torsion and rolling then follow from where the patch is and how large,
-also where it hangs over the end of a pad. Payloads are those in the worst tilt of the patches that
-the sensor allows, exact for hard contacts (Wan & Howe 2018, Sec. III, with the bound on the sum of
-the lengths of a jaw's forces).
+The label takes contacts as points. The score divides the force of each jaw among points of its
+patch: torsion and rolling resistance then follow from the position and size of the patch, also
+where it reaches over the end of a pad. Payloads hold for the worst tilt of the patches that the
+sensor allows, and are exact for hard contacts (Wan & Howe 2018, Sec. III, with a bound on the sum
+of the lengths of a jaw's forces).
 """
 
 import math
@@ -37,30 +37,30 @@ from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.context import unreported
 
 PAYLOAD_RTOL = 1e-2
-"""Fraction of a patch payload that may lie between its bounds; the smaller one is given."""
+"""Relative distance between the bounds of a patch payload; the lower bound is returned."""
 
 CHUNK = 8192
-"""Poses whose errors are tried at a time."""
+"""Number of poses whose errors are tried at a time."""
 
 LOST = -1.0
 """Score of a pose at which the jaws do not close on the object."""
 
 
 class ClosedNumbers(NamedTuple):
-    """Numbers of grasps where jaws are closed, shape (...) each."""
+    """Numbers of grasps with closed jaws, shape (...) each."""
 
     closes: Bools
     """Whether the jaws close on the object."""
     label: Bytes
     """`Label` codes of the pose; U where the jaws do not close. See `Robustness.label`."""
     margin: Floats
-    """[rad]; -inf where the jaws do not close."""
+    """Angle by which the grasp is S [rad]; -inf where the jaws do not close."""
     payload: Floats
-    """What the patches, pressed evenly, hold at the worst normals [kg], with the force at hand or,
+    """Mass that evenly pressed patches hold at the worst normals [kg], with the force at hand or,
     where none is known, with 1 N of each finger; nan: the task does not depend on the mass."""
     grip_force: Floats
-    """Force that each finger needs for that at these normals [N], for the mass or, where it is not
-    known, for 1 kg; inf: no force suffices, or the jaws do not close."""
+    """Force that each finger needs at these normals [N] for the mass or, where it is not known, for
+    1 kg; inf: no force suffices, or the jaws do not close."""
     score: Floats
     """See `Robustness.score`."""
 
@@ -68,11 +68,11 @@ class ClosedNumbers(NamedTuple):
     def of(
         cls, mesh: ObjectMesh, jaws: ClosedJaws, model: GraspModel, case: LoadCase | None
     ) -> "ClosedNumbers":
-        """The numbers of closed jaws, shape (k,) each.
+        """Return the numbers of closed jaws, shape (k,) each.
 
         Args:
             mesh: The object.
-            jaws: What the jaws touch.
+            jaws: Contacts and patches of the jaws.
             model: Friction, sensor resolution and errors.
             case: What must be held, and with which force; None: nothing is stated.
         """
@@ -96,24 +96,24 @@ class ClosedNumbers(NamedTuple):
             label[outside], score[outside] = Label.U, LOST
             held[outside], force[outside] = 0.0, math.inf
         clear = closes & (jaws.shift == 0.0)
-        # Where a finger started in the object it may hold, but this is not sure.
+        # Where a finger started in the object the grasp may hold, but not surely.
         label = np.where(clear, label, np.minimum(label, Label.M))
         return cls(closes, label, margin, held, force, score)
 
     def reshaped(self, *shape: int) -> "ClosedNumbers":
-        """The same in another shape."""
+        """Return the same numbers in another shape."""
         return ClosedNumbers._make(one.reshape(shape) for one in self)
 
     def take(self, rows: Any) -> "ClosedNumbers":
-        """The chosen rows."""
+        """Return the chosen rows."""
         return ClosedNumbers._make(locked(one[rows]) for one in self)
 
     def tried(self, rows: Ints, others: "ClosedNumbers") -> "ClosedNumbers":
-        """These of one pose each, (k, 1), with t others of some rows; elsewhere t times the same.
+        """Add t other poses to these numbers of one pose each, (k, 1); (k, 1 + t).
 
         Args:
-            rows: The rows, shape (r,).
-            others: Numbers of their other poses, shape (r, t).
+            rows: Rows that have other poses, shape (r,); all other rows repeat their number.
+            others: Numbers of the other poses, shape (r, t).
         """
         every: list[Any] = [np.repeat(one, 1 + others.score.shape[1], axis=1) for one in self]
         for one, added in zip(every, others, strict=True):
@@ -123,19 +123,19 @@ class ClosedNumbers(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Patches:
-    """What jaws touch: points of each patch that share the force of its jaw.
+    """Patches of closed jaws: points of each patch that share the force of its jaw.
 
-    Scores are of the extreme points, at which a jaw may press; payloads, forces and letters of
-    those drawn toward the centre: a patch that is pressed evenly resists no more torsion than they.
+    Scores use the extreme points, at which a jaw may press. Payloads, forces and labels use points
+    drawn toward the centre: an evenly pressed patch resists no more torsion than these.
     """
 
     contacts: JawContacts
     model: GraspModel
     case: LoadCase | None
     points: Floats
-    """Their extreme points, relative to the centre of mass, shape (b, n, m, 3)."""
+    """Extreme points of the patches, relative to the centre of mass, shape (b, n, m, 3)."""
     pressed: Floats
-    """These drawn toward the centre of each patch."""
+    """The same points drawn toward the centre of each patch."""
 
     @classmethod
     def of(cls, contacts: JawContacts, model: GraspModel, case: LoadCase | None) -> "_Patches":
@@ -151,27 +151,27 @@ class _Patches:
 
     @property
     def decided(self) -> bool:
-        """Whether mass and force are known, or a task without a mass and the force."""
+        """Whether the force is known, and the mass unless the task needs none."""
         return self.case is not None and self.case.complete
 
     @property
     def task(self) -> Task:
-        """What must be held; the weight in any direction where nothing is stated."""
+        """Task that must be resisted; the weight in any direction where nothing is stated."""
         return Weight() if self.case is None else self.case.task
 
     @property
     def force(self) -> float:
-        """Force at hand [N], 1 where it is not known."""
+        """Force at hand [N], or 1 if it is not known."""
         return 1.0 if self.case is None or self.case.available is None else self.case.available
 
     def numbers(self, angles: Floats) -> tuple[Floats, ...]:
         """Payload, grip force, ratio and score of `ClosedNumbers`, shape (b,) each.
 
-        The ratio is the force at hand over the grip force; where mass or force are not known, the
-        weight that is held per newton of each finger.
+        The ratio is the force at hand over the grip force or, where mass or force are not known,
+        the weight that is held per newton of each finger.
 
         Args:
-            angles: Critical angles of points (b,).
+            angles: Critical angles of the point contacts (b,).
         """
         tilt = self.model.tilt
         held, needed, most = self._held(self.points, tilt)
@@ -185,11 +185,11 @@ class _Patches:
         return held, needed, ratio, score
 
     def _spare(self, rows: Ints, angles: Floats) -> Floats:
-        """How far normals may tilt until the patches do not hold what must be held, or close [rad].
+        """Angle by which normals may tilt before the patches do not hold the load, or close [rad].
 
         Args:
-            rows: The chosen ones (r,).
-            angles: Critical angles of their points (r,).
+            rows: The chosen grasps (r,).
+            angles: Critical angles of their point contacts (r,).
         """
         model = self.model
         patches = critical_friction_angle(self._contacts(self.points[rows], 0.0, rows))
@@ -198,20 +198,20 @@ class _Patches:
         if not self.decided:
             return spare
         _, _, nominal = self._held(self.points[rows], 0.0, rows)
-        # With the tilt the payload falls about in proportion, to 0 where they do not close; no more
-        # lacks than to 90 degrees of friction.
+        # With the tilt the payload falls about in proportion, to 0 where the patches do not close.
+        # What lacks is limited to a friction angle of 90 degrees.
         with np.errstate(divide="ignore", invalid="ignore"):
             loaded = np.where(spare > 0.0, spare * (1.0 - 1.0 / nominal), -math.inf)
         return np.clip(loaded, friction - 0.5 * math.pi + np.minimum(spare, 0.0), spare)
 
     def label(self, codes: Bytes, ratio: Floats) -> Bytes:
-        """Labels of points (b,) with the load: S only where the patches surely hold it.
+        """Labels of point contacts (b,) with the load: S only where the patches surely hold it.
 
-        U also where they do not hold it whichever the normals are (Wan & Howe 2018, Sec. III, with
+        U also where they hold it at no normals that are possible (Wan & Howe 2018, Sec. III, with
         the force at hand as a bound on what each jaw presses along its normal).
 
         Args:
-            codes: `Label` codes of points.
+            codes: `Label` codes of the point contacts.
             ratio: What `numbers` returned.
         """
         if self.case is None:
@@ -227,7 +227,7 @@ class _Patches:
         return codes
 
     def _contacts(self, points: Floats, friction: float, rows: Any) -> Contacts:
-        """Points (b, n, m, 3) as contacts, in groups of the jaws."""
+        """Points (b, n, m, 3) as contacts, grouped by jaw."""
         _, jaws, each, _ = points.shape
         normals = np.repeat(self.contacts.jaws.normals[rows], each, axis=1)
         return Contacts(
@@ -238,7 +238,7 @@ class _Patches:
     def _held(
         self, points: Floats, tilt: float, rows: Any = slice(None)
     ) -> tuple[Floats, Floats, Floats]:
-        """Payload [kg], grip force [N] and ratio of points of rows, at the worst of a tilt."""
+        """Payload [kg], grip force [N] and ratio of points of rows, at the worst tilt."""
         contacts = self._contacts(points, self.model.friction_interval[0], rows)
         options: dict[str, Any] = {"tilt": tilt, "bound": "norm", "rtol": PAYLOAD_RTOL}
         task, force = self.task, self.force
@@ -256,48 +256,48 @@ class _Patches:
 
 @dataclass(frozen=True, eq=False)
 class Robustness:
-    """How far grasps of closed jaws are from failing, at poses that may be a little wrong.
+    """Distance of grasps with closed jaws from failure, also at slightly wrong poses.
 
     A row for each of k grasps. With a pose error (`Scene.pose_error`) the jaws are closed at
-    `tried` poses around each stated one, the same for all grasps; without one at the stated pose.
+    `tried` poses around each stated one, the same for all grasps; without one, at the stated pose.
     """
 
     stated: ClosedNumbers
     """Numbers at the stated poses."""
     tried: int
-    """Number of poses tried of each grasp, the stated one among them."""
+    """Number of poses tried for each grasp, including the stated one."""
     pad_margin: Floats | None
     """Distance of the contacts from the border of flat pads [m], the smaller one of both jaws,
-    below 0 beside them, shape (k,); nan where a jaw touches nothing; None: no flat pads."""
+    negative beside the pads, shape (k,); nan: a jaw touches nothing; None: no flat pads."""
     closing_share: Floats
-    """Share of the poses tried at which the jaws close on the object, shape (k,)."""
+    """Fraction of the poses tried at which the jaws close on the object, shape (k,)."""
     score: Floats
-    """Mean score, shape (k,), less what contacts near the border of flat pads may lose.
+    """Mean score, shape (k,), reduced where contacts are near the border of flat pads.
 
-    It is the mean times the probability that the contacts stay on the pads, and -1 times that of
-    the contrary, for normally distributed errors of the position, of which two standard deviations
-    are stated.
+    With P the probability that the contacts stay on the pads, it is P times the mean score plus (1
+    - P) times -1. Errors of the position are normally distributed; the stated error is two standard
+    deviations.
 
-    The score of a pose is in [-1, 1). Where the patches hold what must be held at the worst normals
-    it is r / (1 + r), with r the payload over the mass, at least 1. Where they do not, it is the
-    angle by which normals tilt less at most than the sensor's resolution allows, over pi: negative,
-    (beta - alpha/2 - beta*) / pi with beta* the angle of friction with which the patches hold it.
-    Where mass or force are not known, r is the weight that is held per newton of each finger, any
-    above 0, and beta* that with which the patches close. It is -1 where the jaws do not close on
-    the object."""
+    The score of a pose is in [-1, 1). Where the patches hold the load at the worst normals it is r
+    / (1 + r), with r the payload over the mass, at least 1. Where they do not, it is negative:
+    (beta - alpha/2 - beta*) / pi, with beta* the friction angle with which the patches hold the
+    load. This is the angle by which the normals must tilt less than the sensor's resolution allows,
+    over pi. Where mass or force are not known, r is the weight held per newton of each finger, any
+    value above 0, and beta* is the friction angle with which the patches close. The score is -1
+    where the jaws do not close on the object."""
     label: Bytes
-    """`Label` codes of everything that is stated, shape (k,): the worst of the poses tried.
+    """`Label` codes with everything that is stated, shape (k,): the worst of the poses tried.
 
-    That of the contacts at which the jaws have closed. S also requires that the patches, pressed
-    evenly, hold the load at the worst normals, where mass and force are known; where they do not
-    hold it at any it is U. A pose at which a finger starts in the object is M at most, as is one
-    whose contacts leave the pads where the position error shifts them. Other poses are tried only
-    where the jaws close at the stated one, and it is not U."""
+    The label of a pose is that of its contacts once the jaws have closed. If mass and force are
+    known, S also requires that evenly pressed patches hold the load at the worst normals; where
+    they hold it at no normals the label is U. A pose is at most M if a finger starts in the object,
+    or if the position error can shift the contacts off the pads. Other poses are tried only where
+    the jaws close at the stated pose and its label is not U."""
 
     __repr__ = short_repr
 
     def take(self, rows: Any) -> "Robustness":
-        """The chosen grasps."""
+        """Return the chosen grasps."""
         return Robustness(**{name: rows_of(one, rows) for name, one in vars(self).items()})
 
 
@@ -311,12 +311,12 @@ def robustness_of(
     *,
     object_motion: ObjectMotion,
 ) -> Robustness:
-    """Numbers of grasps at closed jaws, and where their poses are a little wrong.
+    """Compute numbers of grasps with closed jaws, also at slightly wrong poses.
 
     Args:
         mesh: The object.
         poses: The stated poses, shape (k, 4, 4).
-        jaws: What the jaws touch from there.
+        jaws: Contacts and patches of the jaws at these poses.
         scene: The gripper, and the error of its pose.
         model: Friction, sensor resolution and errors.
         case: What must be held, and with which force; None: nothing is stated.
@@ -340,7 +340,7 @@ def robustness_of(
     if (pads := scene.jaws) and not pads.round_tips:
         margin = _to_border(jaws, pads)
         if position:
-            # Two standard deviations are the error; a contact that leaves the pad is lost.
+            # The error is two standard deviations; a contact off the pad is lost.
             deviation = 0.5 * position
             stay = np.where(np.isnan(margin), 1.0, ndtr(margin / deviation))
             stays = margin >= position
@@ -375,12 +375,12 @@ def _tried(
 
 
 def _to_border(closed: ClosedJaws, pads: Jaws) -> Floats:
-    """Least distances of contacts from the borders of pads [m], the smaller one of both jaws, (k,).
+    """Smaller distance of both contacts from the borders of their pads [m], (k,).
 
-    Borders are those of all inner faces of a finger together, seen along the closing axis.
+    The border encloses all inner faces of a finger together, seen along the closing axis.
 
     Args:
-        closed: Where they touch, k rows.
+        closed: Contacts of the closed jaws, k rows.
         pads: The gripper.
     """
     corners = np.concatenate([np.array(face) for face in inner_faces(pads)])[:, 1:]

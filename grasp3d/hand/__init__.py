@@ -1,1 +1,1 @@
-"""Grippers: their shape, what they can reach, and what they stand beside."""
+"""Grippers and hands: their shape, the grasps that they reach, and the scene around them."""

@@ -1,4 +1,4 @@
-"""A hand with joints: the motions of its links, and what is known of its fingertips and motors."""
+"""A hand with joints: the motions of its links, its fingertips and its motors."""
 
 import math
 from collections.abc import Mapping
@@ -24,12 +24,12 @@ _KINDS = {"fixed": kinematics.FIXED, "slides": kinematics.SLIDES, "turns": kinem
 
 
 class Coupling(NamedTuple):
-    """Joints whose values have fixed ratios; structure carries what the motor does not."""
+    """Joints with fixed ratios of their values; the structure bears what the motor does not."""
 
     joints: tuple[str, ...]
-    """Their names; only the first is in a posture."""
+    """Names of the joints; a posture contains only the first."""
     ratios: tuple[float, ...]
-    """Of their values."""
+    """Ratios of their values."""
 
 
 BEYOND = 1e-3
@@ -37,70 +37,70 @@ BEYOND = 1e-3
 
 
 class JointRange(NamedTuple):
-    """The limits of a joint that moves, whose value a joint of a posture states."""
+    """Limits of a movable joint, and how its value follows from a joint of a posture."""
 
     name: str
     column: int
-    """Of the joint that states its value: itself, or the one that it follows."""
+    """Column in a posture of the joint that determines its value: itself, or the one it follows."""
     factor: float
     offset: float
     limits: tuple[float, float] = (-math.inf, math.inf)
-    """Its smallest and largest value [m or rad]; infinite: none."""
+    """Its smallest and largest value [m or rad]; infinite: unlimited."""
 
 
 BASE = Joint("", "fixed", "", np.eye(4), np.zeros(3))
-"""In place of the joint that the base does not have."""
+"""Stands for the joint of the base, which has none."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ArticulatedHand:
-    """A hand whose fingers have joints; lengths in metres, angles in radians.
+    """A hand with jointed fingers; lengths in metres, angles in radians.
 
-    It is a `Hand`, of which poses with values of its joints are evaluated. It has no opening, and
-    does not close as sliding jaws do: what needs that refuses it.
+    It is a `Hand`; its grasps are poses with joint values. It has no opening and does not close
+    like sliding jaws: methods that need either raise SettingError.
     """
 
     name: str
     tree: LinkTree
     """Its links and joints. The hand's frame is that of the first link, the base."""
     palm: str
-    """Name of the link from which the fingers start."""
+    """Name of the link that carries the fingers."""
     approach: Floats = field(default_factory=lambda: locked([0.0, 0.0, 1.0]))
-    """Direction from the palm to the object, in the hand's frame where all joints are at the open
-    preshape, unit vector, shape (3,)."""
+    """Unit vector from the palm to the object, in the hand's frame with all joints at the open
+    preshape, shape (3,)."""
     fingertips: tuple[str, ...] = ()
-    """Names of the links with which the fingers end."""
+    """Names of the last links of the fingers."""
     sensors: Mapping[str, float] = field(default_factory=dict)
-    """Sensor resolution alpha of links that have one of their own [rad]; the others have that of
-    the contact model."""
+    """Sensor resolution alpha [rad] of links that state their own; other links have that of the
+    contact model."""
     torques: Floats = field(default_factory=lambda: locked(np.zeros(0)))
     """Greatest torque, or force, of the motor of each joint [N m or N], shape (p,); nan: not
-    stated; 0: it has none, and turns freely."""
+    stated; 0: the joint has no motor and moves freely."""
     couplings: tuple[Coupling, ...] = ()
     masses: Mapping[str, LinkMass] = field(default_factory=dict)
-    """What links weigh."""
+    """Masses of the links, by name."""
     preshapes: Mapping[str, Floats] = field(default_factory=dict)
-    """Postures by name, each of shape (p,); "open" is the one from which the hand closes."""
+    """Postures by name, each of shape (p,); the hand closes from "open"."""
     closing: Floats = field(default_factory=lambda: locked(np.zeros(0)))
-    """Speeds of the joints when the hand closes, shape (p,); 0: they do not move."""
+    """Speeds of the joints when the hand closes, shape (p,); 0: the joint does not move."""
     source: str = ""
     """Where its numbers come from."""
     assumed: tuple[str, ...] = ()
-    """Sentences on what was not stated, and assumed."""
+    """Assumptions made where nothing was stated, one sentence each."""
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
-        """The p joints of a posture, in their order in the file: without those that follow."""
+        """Names of the p joints of a posture, in file order, without joints that follow others."""
         return tuple(name for name, one in self.tree.by_name.items() if one.follows is None)
 
     @cached_property
     def slides(self) -> frozenset[str]:
-        """Joints that slide."""
+        """Names of the joints that slide."""
         return frozenset(name for name, one in self.tree.by_name.items() if one.kind == "slides")
 
     @cached_property
     def ranges(self) -> tuple[JointRange, ...]:
-        """Limits of all joints that move: of those of a posture, then of those that follow."""
+        """Limits of all movable joints: first those of a posture, then those that follow."""
         joints = sorted(self.tree.by_name.values(), key=lambda one: one.follows is not None)
         sources = ((joint, *self.tree.source_of(joint)) for joint in joints)
         return tuple(
@@ -109,7 +109,7 @@ class ArticulatedHand:
         )
 
     def excess(self, postures: Floats) -> Floats:
-        """How far the joints of `ranges` are beyond their limits at postures, shape (k, r)."""
+        """How far postures exceed the limits of the joints of `ranges`, shape (k, r)."""
         columns, factors, offsets, limits = zip(*(one[1:] for one in self.ranges), strict=True)
         values = np.array(factors) * postures[:, list(columns)] + np.array(offsets)
         low, high = np.array(limits).T
@@ -117,9 +117,9 @@ class ArticulatedHand:
 
     @cached_property
     def limits_of_joints(self) -> Floats:
-        """Smallest and largest values of the joints of a posture, shape (p, 2); inf: none.
+        """Smallest and largest values of the joints of a posture, shape (p, 2); inf: unlimited.
 
-        Joints that follow one end its range, too, unless they leave nothing of it.
+        Joints that follow another also limit its range, unless nothing would be left of it.
         """
         limits = np.full((len(self.joint_names), 2), (-np.inf, np.inf))
         for one in self.ranges:
@@ -143,7 +143,7 @@ class ArticulatedHand:
 
     @cached_property
     def bodies(self) -> LinkShapes:
-        """Collision geometry as kernels have it."""
+        """Collision geometry as the kernels take it."""
         return link_bodies(self.shapes)
 
     @cached_property
@@ -153,7 +153,7 @@ class ArticulatedHand:
 
     @cached_property
     def chain(self) -> kinematics.Chain:
-        """Links and joints as kernels have them."""
+        """Links and joints as the kernels take them."""
         numbers = {name: number for number, name in enumerate(("", *self.link_names), -1)}
         joints = [self.tree.joints.get(link, BASE) for link in self.link_names]
         ranges, still = {one.name: one for one in self.ranges}, JointRange("", -1, 1.0, 0.0)
@@ -173,12 +173,12 @@ class ArticulatedHand:
         return SettingError(printable(f"{self.name}{problem}"))
 
     def postures(self, values: ArrayLike) -> Floats:
-        """Values of the joints as an array, shape (k, p).
+        """Check values of the joints and return them as an array, shape (k, p).
 
         Raises:
-            SettingError: They are of another number than `joint_names`, or not finite.
+            SettingError: Their number is not that of `joint_names`, or a value is not finite.
         """
-        # A copy: kernels are compiled ahead for arrays that can be written to.
+        # Copied, as the kernels are compiled ahead of time for writable arrays.
         postures = np.atleast_2d(np.array(values, dtype=np.float64, order="C"))
         count = len(self.joint_names)
         if postures.ndim != 2 or postures.shape[1] != count:
@@ -200,23 +200,23 @@ class ArticulatedHand:
             postures: Values of the joints `joint_names`, shape (k, p) or (p,).
 
         Raises:
-            SettingError: They are of another number, or not finite.
+            SettingError: The number of values is wrong, or a value is not finite.
         """
         poses: Floats = kinematics.link_poses(self.postures(postures), self.chain)
         return poses
 
     def jacobians(self, link_poses: Floats, row: Ints, link: Ints, points: Floats) -> Floats:
-        """How points that move with links move with the joints, shape (c, 3, p).
+        """Jacobians of points that move with links, shape (c, 3, p).
 
         Args:
             link_poses: What the method `link_poses` returned, shape (k, L, 4, 4).
             row: Posture of each point, shape (c,).
             link: Number of its link, shape (c,).
-            points: Where it is in the hand's frame [m], shape (c, 3).
+            points: Its position in the hand's frame [m], shape (c, 3).
 
         Returns:
-            Velocities in the hand's frame per unit of velocity of the joints of a posture; those
-            that follow others move with them.
+            Velocities in the hand's frame per unit velocity of each joint of a posture; joints that
+            follow it move as well.
         """
         found: Floats = kinematics.jacobians(
             np.array(link_poses, order="C"), np.array(row, np.int64), np.array(link, np.int64),
@@ -225,14 +225,14 @@ class ArticulatedHand:
         return found
 
     def link_loads(self, postures: Floats, link_poses: Floats) -> Floats | None:
-        """Torques that hold the links per acceleration of gravity [kg m], shape (k, p, 3).
+        """Joint torques that hold the links, per acceleration of gravity [kg m], shape (k, p, 3).
 
         Args:
             postures: Values of the joints, shape (k, p).
-            link_poses: What the method `link_poses` returns for them.
+            link_poses: Poses that the method `link_poses` returns for them.
 
         Returns:
-            In the hand's frame; None: no link that moves has a known mass.
+            In the hand's frame; None if no moving link has a known mass.
         """
         moved = [name for name in self.beyond_base if name in self.masses]
         if not moved:
@@ -247,7 +247,7 @@ class ArticulatedHand:
         return np.asarray(loads)
 
     def shape(self, opening: float, posture: ArrayLike = ()) -> Triangles:
-        """Its links at a posture, or without one at the open preshape; `opening` has no meaning."""
+        """Its links at a posture, by default the open preshape; `opening` is ignored."""
         del opening
         values = np.asarray(posture, dtype=np.float64)
         (poses,) = self.link_poses(values if values.size else self.preshapes["open"])
@@ -267,36 +267,36 @@ class ArticulatedHand:
 
     @cached_property
     def beyond_palm(self) -> frozenset[str]:
-        """Links that a joint between them and the palm moves."""
+        """Links below the palm that move relative to it."""
         return frozenset(self.tree.branch(self.palm).links) - self.tree.rigid(self.palm).keys()
 
     @cached_property
     def beyond_base(self) -> tuple[str, ...]:
-        """Links that move in the hand's frame, in their order."""
+        """Links that move in the hand's frame, parents first."""
         still = self.tree.rigid(self.link_names[0])
         return tuple(name for name in self.link_names if name not in still)
 
-    # What a `Hand` has besides.
+    # Further members of the protocol `Hand`.
     fingers = ()
-    """Numbers of contacts of the grasps for which it finds poses itself: none."""
+    """Contact counts of the grasps for which it finds poses itself: none."""
     limits, max_opening = (0.0, 0.0), 0.0
-    """It has no opening: 0 is all."""
+    """Both are 0, as it has no opening."""
     max_force = None
-    """Not stated: what its fingers press depends on the posture."""
+    """Not stated: how hard its fingers press depends on the posture."""
     sensor_resolution = None
-    """Not one for all fingertips: see `sensors`."""
+    """Not stated for all fingertips together: see `sensors`."""
     touch_area = 0.0
     """Not stated: 0."""
 
     @cached_property
     def size(self) -> float:
-        """Diagonal of the box around it at the open preshape [m]."""
+        """Diagonal of its bounding box at the open preshape [m]."""
         corners = self.shape(0.0).vertices
         return float(np.linalg.norm(np.ptp(corners, axis=0))) if len(corners) else 0.0
 
     @property
     def finger_length(self) -> float:
-        """About how far its fingers reach [m]: its size."""
+        """Approximate reach of its fingers [m]: its size."""
         return self.size
 
     def torsion_radius(self, friction: float) -> float:
@@ -304,7 +304,7 @@ class ArticulatedHand:
         return 0.0 * friction
 
     fitting = "at least two links touch the object, and none is deeper than 15 mm in it,"
-    """What is the case at poses that fit."""
+    """What holds at poses that fit, for a sentence; see `Hand.fitting`."""
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
         raise self._error(
@@ -316,7 +316,7 @@ class ArticulatedHand:
     check_fingers = distances = reach = close = blocked = opens_to = fits = _refuse
 
     def description(self) -> Mapping[str, Any]:
-        """What files state of it; `description` is the file of its links, wherever they are."""
+        """Its description for files; the key `description` is the path of the robot model."""
 
         def by_name(values: Floats) -> Mapping[str, float]:
             pairs = zip(self.joint_names, values.tolist(), strict=True)
@@ -347,16 +347,14 @@ AT_STOP = 1e-3
 
 
 def torques_of(hand: ArticulatedHand, torque_limits: float | None = None) -> Floats:
-    """Greatest torque of the motor of each joint [N m or N], (p,).
-
-    It is nan where a joint has no motor.
+    """Greatest torque of the motor of each joint [N m or N], shape (p,); nan: it has no motor.
 
     Args:
         hand: The hand.
-        torque_limits: That of every motor, instead of the stated ones.
+        torque_limits: Greatest torque of every motor; None: the stated ones.
 
     Raises:
-        SettingError: A torque is not stated.
+        SettingError: A torque is not stated, or no joint has a motor that could be limited.
     """
     missing = np.array(hand.joint_names)[np.isnan(hand.torques)].tolist()
     if torque_limits is None and missing:
@@ -376,13 +374,13 @@ def actuation_of(
 ) -> Actuation:
     """The drives of a hand in a posture.
 
-    Couplings are in the posture: a joint that follows another one has no torque of its own. A joint
-    at its limit is also pushed back by the stop there.
+    The posture already reflects couplings: a joint that follows another has no torque of its own. A
+    joint at its limit is also pushed back by its stop.
 
     Args:
         hand: The hand.
         posture: Values of its joints (p,).
-        torques: Greatest torques of their motors, as `torques_of` has them, shape (p,).
+        torques: Greatest torques of their motors, as `torques_of` returns them, shape (p,).
         links: Torques that hold the links per acceleration of gravity, as in `Actuation`; None:
             their weight is neglected.
     """

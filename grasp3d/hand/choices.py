@@ -3,7 +3,7 @@
 from typing import Literal
 
 Standing = Literal["none", "as-is", "stable"]
-"""What an object stands on: nothing, a table below it as it is, or in a resting pose."""
+"""What an object stands on: nothing, or a table, as it is or in a resting pose."""
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 AXES: dict[str, tuple[float, float, float]] = {
@@ -16,5 +16,5 @@ ObjectMotion = Literal["free", "fixed"]
 """Whether an object gives way to closing fingers."""
 
 ContactRule = Literal["given", "closed"]
-"""By which rule poses of hands with joints become contacts: as they are given, or closed from an
-open preshape."""
+"""How poses of hands with joints become contacts: as given, or by closing the hand from its open
+preshape."""

@@ -1,4 +1,4 @@
-"""Closing the jaws of a gripper on an object: contacts, and the patches that are touched."""
+"""Closing the jaws of a gripper on an object: contacts and the patches that the jaws touch."""
 
 import math
 from concurrent.futures import ThreadPoolExecutor
@@ -19,7 +19,7 @@ from grasp3d.system.context import report_progress, thread_count, unreported
 
 
 class Closing(IntEnum):
-    """What happens when the jaws close."""
+    """Outcome of closing the jaws."""
 
     CLOSED = 0
     """Both jaws touch the object."""
@@ -28,7 +28,7 @@ class Closing(IntEnum):
     ONE_SIDE = 2
     """Only one jaw touches."""
     STARTS_INSIDE = 3
-    """A finger is in the object, or overlaps with it, before the jaws move."""
+    """A finger is inside the object, or overlaps it, before the jaws move."""
     SLIPS_OUT = 4
     """A free object slides out of the closing jaws."""
 
@@ -47,23 +47,24 @@ MEANING: dict[Closing, str] = {
 class ClosedJaws:
     """Where the n fingers of a hand touch an object, a row for each pose.
 
-    A parallel gripper has two, its jaws. One that touches nothing has nan, and an area of 0.
+    A parallel gripper has two fingers, its jaws. A finger that touches nothing has nan and an area
+    of 0.
     """
 
     state: Bytes
     """`Closing` codes, shape (k,)."""
     poses: Floats
-    """The gripper in the object's frame when the jaws are closed [m], shape (k, 4, 4): as
-    given where the object is fixed; one that is free has moved relative to the gripper, whose TCP
-    is then midway between the jaws."""
+    """The gripper in the object's frame when the jaws are closed [m], shape (k, 4, 4): as given if
+    the object is fixed. A free object has moved relative to the gripper, whose TCP is then midway
+    between the jaws."""
     points: Floats
-    """Contacts, in the mesh's frame, shape (k, n, 3): of a fixed object the centroids of
-    the touched patches, of a free one the centres of pressure."""
+    """Contacts, in the mesh's frame, shape (k, n, 3): the centroids of the touched patches if the
+    object is fixed, the centres of pressure if it is free."""
     normals: Floats
     """Unit normals into the object, means over the patches, shape (k, n, 3)."""
     opening: Floats
-    """Distance of the pads, or of the nearest points of round tips, when both touch first
-    [m], shape (k,); nan unless CLOSED."""
+    """Distance between the pads, or the nearest points of round tips, when both first touch [m],
+    shape (k,); nan unless CLOSED."""
     positions: Floats
     """Where the jaws stop: x of the pads, or of the foremost points of round tips, in the frame of
     `poses` [m], shape (k, n)."""
@@ -72,11 +73,11 @@ class ClosedJaws:
     extents: Floats
     """Sizes of the touched patches along y and z of the gripper [m], shape (k, n, 2)."""
     corners: Floats
-    """Points of the touched patches that are farthest in eight directions of the pads, in the
-    mesh's frame, shape (k, n, 8, 3): their convex hull is within that of the patch."""
+    """Points of each touched patch that are farthest in eight directions along the pad, in the
+    mesh's frame, shape (k, n, 8, 3). Their convex hull lies within that of the patch."""
     shift: Floats
-    """How far the gripper moved along the closing axis, relative to the object, before the jaws
-    closed, as they would have started in it [m], shape (k,)."""
+    """How far the gripper was moved along the closing axis, relative to the object, before the jaws
+    closed, because a finger would have started inside it [m], shape (k,)."""
     turn: Floats
     """Angle by which the object has turned relative to the gripper [rad], shape (k,); 0 where it is
     fixed or has not moved."""
@@ -92,19 +93,19 @@ class ClosedJaws:
     def offset(self) -> Floats:
         """How far the middle between the jaws is from the TCP, along x [m], shape (k,).
 
-        A rigid hand whose jaws move symmetrically pushes the object by as much, against x.
+        A rigid hand whose jaws move symmetrically pushes the object this far along -x.
         """
         return locked(self.positions.mean(axis=1))
 
     def take(self, which: slice | Ints | Bools) -> "ClosedJaws":
-        """The chosen poses."""
+        """The rows of the chosen poses."""
         return ClosedJaws(**{name: locked(values[which]) for name, values in vars(self).items()})
 
 
 def closed_jaws(
     mesh: ObjectMesh, result: ClosedOn, start: Floats, shift: Floats, *, least: float, free: bool
 ) -> ClosedJaws:
-    """States, and everything in the mesh's frame.
+    """Find the states, and convert everything to the mesh's frame.
 
     Args:
         mesh: The object.
@@ -130,7 +131,7 @@ def closed_jaws(
         points = centres_of_pressure(points, low, high, result.poses)
     poses[:, :3] = result.poses
     poses[:, :3, 3] = mesh.from_normalized(poses[:, :3, 3])
-    # The chord of the angle keeps its digits where it is small.
+    # The chord of a small angle keeps its digits.
     chords = np.linalg.norm(start[..., :3] - poses[:, :3, :3], axis=(1, 2))
     turn = 2.0 * np.arcsin(np.minimum(chords / math.sqrt(8.0), 1.0))
     return ClosedJaws(
@@ -149,17 +150,17 @@ def closed_jaws(
 
 
 def centres_of_pressure(points: Floats, low: Floats, high: Floats, poses: Floats) -> Floats:
-    """Where the jaws press on an object that is free, and in equilibrium between them.
+    """Centres of pressure of jaws on a free object that is in equilibrium between them.
 
-    The forces of both jaws are opposite and on one line. Somewhere in each patch is the centre of
-    its pressure, and the patch's centroid only stands for it: where the patches overlap, seen along
-    the closing axis, the jaws press on one line along that axis, the one nearest to both centroids;
-    else at the ends that are nearest to each other.
+    The forces of the two jaws are opposite and on one line. The centre of pressure lies somewhere
+    in each patch; the patch's centroid is only an estimate of it. Where the patches overlap, seen
+    along the closing axis, the jaws press along the line parallel to that axis that is nearest to
+    both centroids; otherwise they press at the ends that are nearest to each other.
 
     Args:
         points: Centroids of the patches in the object's frame, shape (k, 2, 3).
         low: Smallest y and z of the patches in the gripper's frame, shape (k, 2, 2).
-        high: Largest ones.
+        high: Largest y and z.
         poses: The gripper's frame to the object's, shape (k, 3, 4).
     """
     turned, origin = poses[:, None, :, :3], poses[:, None, :, 3]
@@ -172,18 +173,18 @@ def centres_of_pressure(points: Floats, low: Floats, high: Floats, poses: Floats
 
 
 FOOTPRINT = 1.0 / 3.0
-"""Depth, relative to a pad's smaller side, to which the surface opposite it makes the normal.
+"""Depth of the surface that determines the normal at a pad, relative to the pad's smaller side.
 
-A turn by the angle of friction of 0.5 brings onto the pad what was deeper by 1/4 to 1/2 of its
-side: the first where the contact is in the pad's middle, the second where it is at its edge.
+A turn by the friction angle of a coefficient of 0.5 brings onto the pad what was deeper by 1/4 of
+its side (contact in the pad's middle) to 1/2 (contact at its edge).
 """
 
 NO_EDGE = (0.0, 0.0, 1.0)
-"""Fills the rows of faces with fewer sides."""
+"""Padding for faces that have fewer sides."""
 
 
 def jaw_of(gripper: Jaws, scale: float) -> Jaw:
-    """Shape of the jaws of a gripper.
+    """Shape of a gripper's jaws, as the kernels take it.
 
     Args:
         gripper: The gripper.
@@ -211,9 +212,9 @@ def jaw_of(gripper: Jaws, scale: float) -> Jaw:
 
 
 def inner_faces(gripper: Jaws) -> tuple[Corners, ...]:
-    """The faces with which finger 1 touches: those stated, or the pad's rectangle [m].
+    """The faces with which finger 1 touches: `inner_faces`, or else the pad's rectangle [m].
 
-    Of a round tip it is the square around it, seen along x.
+    For a round tip it is the square around the tip, seen along x.
     """
     if gripper.inner_faces:
         return gripper.inner_faces
@@ -230,12 +231,12 @@ def _edges(face: Floats) -> Floats:
     counterclockwise = float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) > 0.0
     outward = np.stack([along[:, 1], -along[:, 0]], axis=1) * (1.0 if counterclockwise else -1.0)
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    # What only grazes a side is not touched.
+    # A surface that only grazes a side is not touched.
     return np.column_stack([outward, (outward * points).sum(axis=1) - ROUNDING])
 
 
 FIXED = -1.0
-"""Friction with which the kernels keep the object where it is."""
+"""Value of the friction for which the kernels keep the object fixed."""
 
 CHUNK = 64
 """Most poses that one thread computes at a time."""
@@ -252,23 +253,24 @@ def close_jaws(
 ) -> ClosedJaws:
     """Close the jaws of a gripper on an object.
 
-    Each jaw is moved along the closing axis until it touches. Flat pads are rectangles, or the
-    `inner_faces` of the gripper; of the faces that face a pad, the parts within it count, exactly.
-    Round tips are balls. What a jaw touches is the surface within the gripper's compliance beyond
-    the first touch: the patch. The contact is the patch's centroid, its normal the mean of the
-    interpolated normals there.
+    Each jaw moves along the closing axis until it touches. Flat pads are rectangles, or the
+    `inner_faces` of the gripper; of the mesh faces opposite a pad, exactly the parts within its
+    outline count. Round tips are balls. The patch that a jaw touches is the surface within the
+    gripper's compliance beyond the first touch. The contact is the patch's centroid, and its normal
+    is the mean of the interpolated normals there.
 
-    A free object gives way before that: squeezed by the jaws it turns about y and z and shifts
-    along them until friction holds it, without friction until no small motion closes the jaws at a
-    finite rate: one that is held exactly by its longest axis stays. The motion is quasi-static,
-    without inertia and weight. In equilibrium the forces of both jaws are on one
-    line, so that the contacts are the centres of pressure (`centres_of_pressure`). Normals are then
-    means over what is opposite the pad within a third of its smaller side: that slope decides where
-    the object goes when it rolls or slips a little.
+    A free object gives way first. Squeezed by the jaws, it turns about y and z and shifts along
+    them until friction holds it. Without friction it moves until no small motion closes the jaws at
+    a finite rate; an object held exactly along its longest axis stays. The motion is quasi-static,
+    without inertia and weight. In equilibrium the forces of both jaws are on one line, so the
+    contacts are the centres of pressure (`centres_of_pressure`). Normals are then means over the
+    surface opposite the pad to a depth of a third of the pad's smaller side: its slope decides
+    where the object goes when it rolls or slips a little.
 
-    On a flat pad both are weighted by the area on the pad: each part of it presses along the
-    closing axis by about the same amount, whatever slope is below it, so steep faces bear little
-    and those parallel to the axis nothing. On a round tip they are weighted by the surface's area.
+    On a flat pad, centroid and normal are weighted by the area on the pad: each part of the pad
+    presses equally hard along the closing axis, whatever slope is below it, so steep faces bear
+    little, and faces parallel to the axis nothing. On a round tip, the weight is the surface's
+    area.
 
     Args:
         mesh: The object, whose unit is known.
@@ -277,12 +279,12 @@ def close_jaws(
         hand: The gripper.
         object_motion: free: the object gives way; fixed: it does not move.
         friction: Coulomb coefficient between the jaws and a free object.
-        give_way: Where a finger starts in the object, how far it may be shifted along the closing
-            axis until none does [m]; see `ClosedJaws.shift`.
+        give_way: Largest shift along the closing axis where a finger would start inside the object
+            [m]; see `ClosedJaws.shift`.
 
     Raises:
         SettingError: The unit of the mesh is not known, or a setting is outside its range.
-        ContactError: Poses that are no rigid motions; see `checked_poses`.
+        ContactError: A pose is not a rigid motion; see `checked_poses`.
 
     Example:
         >>> import numpy as np
@@ -351,7 +353,7 @@ def ways(most: float) -> list[float]:
     """Shifts along the closing axis by which an object may give way, the smallest first.
 
     Args:
-        most: The largest one.
+        most: The largest shift.
     """
     steps = np.linspace(0.0, most, WAYS + 1)[1:].tolist()
     return [sign * step for step in steps for sign in (1.0, -1.0)]

@@ -1,7 +1,7 @@
-"""Frames of grippers, and poses of objects in the frame of a robot.
+"""Frame conventions of grippers, and poses of objects in the frame of a robot.
 
-A frame says which axes and which origin a program gives a gripper's pose in. Nothing here imports
-NumPy until a matrix is made, so that the command line starts quickly.
+A frame convention states which axes and origin a program uses for a gripper's pose. NumPy is
+imported only when a matrix is made, so the command line starts quickly.
 """
 
 import json
@@ -22,19 +22,18 @@ if TYPE_CHECKING:
 
 
 FAR = 100.0
-"""Distance of an object from its robot that suggests millimetres [m]."""
+"""Distance of an object from its robot from which on it is probably in millimetres [m]."""
 
 FORMS = "x,y,z,yaw (metres, degrees) or x,y,z,qx,qy,qz,qw"
-"""Forms of the text, for error messages."""
+"""Text forms of an object's pose, for error messages."""
 
 
 @dataclass(frozen=True)
 class ObjectPose:
-    """The pose of an object, that is of the frame of its mesh, in the frame of a robot.
+    """The pose of an object (of the frame of its mesh) in the frame of a robot.
 
-    As text it has the position and the angle about the robot's z, 'x,y,z,yaw' in metres and
-    degrees, or the position and a quaternion, 'x,y,z,qx,qy,qz,qw'; the name of the robot's frame
-    may follow.
+    As text it is the position and the angle about the robot's z, 'x,y,z,yaw' in metres and degrees,
+    or the position and a quaternion, 'x,y,z,qx,qy,qz,qw'. The name of the robot's frame may follow.
 
     Example:
         >>> from grasp3d.hand.frames import ObjectPose
@@ -65,27 +64,27 @@ class ObjectPose:
 
     @classmethod
     def of(cls, value: "ObjectPose | str | ArrayLike") -> "ObjectPose":
-        """The pose that a text or a matrix states.
+        """Make the pose that a text or a matrix states.
 
         Args:
-            value: A text as above; or a matrix that takes coordinates of the object to those of the
-                robot, translation in metres, shape (4, 4).
+            value: A text as above; or a matrix from object to robot coordinates, translation in
+                metres, shape (4, 4).
 
         Raises:
-            ContactError: It is neither; or the matrix scales, mirrors or shears.
+            ContactError: The value is neither, or the matrix scales, mirrors or shears.
         """
         if isinstance(value, ObjectPose):
             return value
         return _of_text(value) if isinstance(value, str) else _pose_of_matrix(value)
 
     def __str__(self) -> str:
-        """The text of it, which `of` reads."""
+        """The text form, which `of` reads."""
         frame = [] if self.frame == "robot" else [self.frame]
         return ",".join([*map(str, (*self.position, *self.quaternion)), *frame])
 
     @cached_property
     def matrix(self) -> "Floats":
-        """Takes coordinates of the object to those of the robot [m], shape (4, 4)."""
+        """Matrix from object to robot coordinates [m], shape (4, 4)."""
         import numpy as np
         from scipy.spatial.transform import Rotation
 
@@ -96,7 +95,7 @@ class ObjectPose:
 
 
 def _of_text(text: str) -> ObjectPose:
-    """The pose of a text. Raises ContactError."""
+    """Parse the text of a pose. Raises ContactError."""
     parts = [part.strip() for part in text.split(",")]
     frame = parts.pop() if len(parts) in {5, 8} else "robot"
     numbers = [number_of(part) for part in parts]
@@ -112,7 +111,7 @@ def _of_text(text: str) -> ObjectPose:
 
 
 def _pose_of_matrix(value: "ArrayLike") -> ObjectPose:
-    """The pose of a matrix. Raises ContactError."""
+    """Make the pose that a matrix states. Raises ContactError."""
     from scipy.spatial.transform import Rotation
 
     from grasp3d.hand.pose_checks import checked_pose
@@ -126,7 +125,7 @@ Origin = Literal["tcp", "base", "ends"]
 """The tool centre point, the origin of the hand's own frame, or the ends of the fingers."""
 
 AUTO = "auto"
-"""In place of a frame, where poses are read with their object: the one that explains them."""
+"""Stands for the frame that explains the poses, where they are read with their object."""
 
 LARGEST = 1.0
 """Largest distance of the TCP from a frame's origin [m]."""
@@ -134,9 +133,9 @@ LARGEST = 1.0
 
 @dataclass(frozen=True)
 class GripperFrame:
-    """Frame in which a program states the poses of a gripper.
+    """The frame in which a program states the poses of a gripper.
 
-    It has a name in `FRAMES`, is that of a link of a hand with joints, or is stated by the pose of
+    It has a name in `FRAMES`, belongs to a link of a hand with joints, or is defined by the pose of
     the TCP in it.
 
     Example:
@@ -151,33 +150,32 @@ class GripperFrame:
     name: str = field(default="", compare=False)
     """Its name in `FRAMES`; empty: none."""
     approach: str = "z"
-    """Axis of the frame that is the approach direction, such as 'z' or '-x'; empty: as the
-    gripper's `base_axes` state."""
+    """Axis of the frame along the approach direction, such as 'z' or '-x'; empty: as stated by the
+    gripper's `base_axes`."""
     closing: str = "x"
-    """Axis from finger 1 to finger 2; empty as above."""
+    """Axis of the frame from finger 1 to finger 2; empty: as above."""
     turn: float = 0.0
-    """Angle about the approach direction from that axis to the closing axis [rad]."""
+    """Angle about the approach direction from `closing` to the gripper's closing axis [rad]."""
     origin: Origin = "tcp"
-    """What the origin is measured from."""
+    """Point of the hand from which the frame's origin is measured."""
     ahead: float = 0.0
-    """How far that point is before the origin, along the approach direction [m]."""
+    """How far that point is ahead of the origin along the approach direction [m]."""
     link: str = ""
-    """Link of a hand with joints whose frame it is, where the joints above it are at 0; empty: of
-    none."""
+    """Link of a hand with joints whose frame it is, with the joints above it at 0; empty: none."""
     matrix: tuple[tuple[float, ...], ...] = ()
-    """Rows of the pose of the TCP in the frame [m], instead of all above; empty: not stated."""
+    """Rows of the pose of the TCP in the frame [m], replacing all fields above; empty: not
+    stated."""
 
     @classmethod
     def of(cls, value: "GripperFrame | str | ArrayLike") -> "GripperFrame":
-        """The frame that a name or a matrix states.
+        """Make the frame that a name or a matrix states.
 
         Args:
-            value: A name in `FRAMES`, or of a link of a hand with joints; or the pose of the TCP in
-                the frame, translation in metres, shape (4, 4), also as the text of a frame.
+            value: A name in `FRAMES`, the name of a link of a hand with joints, or the pose of the
+                TCP in the frame as a matrix or as text, translation in metres, shape (4, 4).
 
         Raises:
-            ContactError: The matrix is none.
-            SettingError: It is 'auto'.
+            ContactError: The matrix is not a pose. SettingError: The name is 'auto' or empty.
         """
         if isinstance(value, GripperFrame):
             return value
@@ -191,23 +189,22 @@ class GripperFrame:
         return FRAMES.get(value) or GripperFrame(link=value)
 
     def __str__(self) -> str:
-        """The text of it, which `of` reads."""
+        """The text form, which `of` reads."""
         return self.name or self.link or json.dumps(self.matrix)
 
     @property
     def words(self) -> str:
-        """How people state it, of a frame of `frames_of`; those that have no name are described."""
+        """The option that selects a frame of `frames_of`, or its description if it has no name."""
         return f"{'--frame' if self.link or self.name in FRAMES else 'the axes of'} {self}"
 
     def to_tcp(self, hand: "Hand | None") -> "Floats":
-        """Matrix that takes coordinates of the gripper (TCP) to those of this frame, (4, 4) [m].
+        """Matrix from gripper (TCP) coordinates to those of this frame [m], shape (4, 4).
 
         Args:
             hand: The gripper; None: not known.
 
         Raises:
-            SettingError: The frame depends on a gripper, and there is none; or there is no such
-                frame.
+            SettingError: The frame depends on a gripper and none is given, or the frame is unknown.
         """
         import numpy as np
 
@@ -232,7 +229,7 @@ class GripperFrame:
         return pose
 
     def _link_pose(self, hand: "Hand | None") -> "Floats":
-        """Pose of the link in the hand's frame where all joints are at 0."""
+        """Pose of the link in the hand's frame with all joints at 0."""
         import numpy as np
 
         links = getattr(hand, "link_names", ())
@@ -255,7 +252,7 @@ class GripperFrame:
 
 
 def _of_matrix(value: "ArrayLike") -> GripperFrame:
-    """The frame of a matrix. Raises ContactError."""
+    """Make the frame that a matrix states. Raises ContactError."""
     from grasp3d.hand.pose_checks import checked_pose
 
     matrix = checked_pose(value, "the matrix of a gripper's frame")
@@ -287,15 +284,15 @@ FRAMES: dict[str, GripperFrame] = {
         GripperFrame("robotiq_85_base_link", origin="base"),
     )
 }
-"""Frames by name, as the programs state them (see docs/reference/frames.md); several names may
-stand for the same one."""
+"""Frames by name, as the programs define them (see docs/reference/frames.md); several names may
+mean the same frame."""
 
 
 def frames_of(hand: Any) -> Iterator[GripperFrame]:
-    """Frames that poses of a hand may be in.
+    """Yield the frames in which poses of a hand may be stated.
 
-    Those by name, and their axes at the TCP and at the base; of hands with joints those of the
-    links between base and palm, and of what is fixed to these.
+    For grippers these are the named frames, and their axes at the TCP and at the base; for hands
+    with joints, the frames of the links from base to palm and of the links fixed to them.
     """
     if hasattr(hand, "link_poses"):
         joints, path = hand.tree.joints, hand.tree.chain(hand.palm)

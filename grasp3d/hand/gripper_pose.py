@@ -31,14 +31,14 @@ class GripperPose:
     toward: Floats = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     """Approach direction in the gripper's frame, unit vector, shape (3,)."""
     colors: Mapping[int, tuple[int, int, int]] = field(default_factory=dict)
-    """Red, green and blue of links by their number; others have the grey of their part. Those of a
-    parallel gripper have the number 0."""
+    """Red, green and blue of links by number; other links keep the grey of their part. All parts of
+    a parallel gripper have the number 0."""
 
     __repr__ = short_repr
 
     @classmethod
     def of(cls, reach: Reach | None, row: int) -> "GripperPose | None":
-        """The pose of one grasp; None: there is none, as it is not reached.
+        """The pose of one grasp; None if the gripper does not reach it.
 
         Args:
             reach: How a gripper reaches some grasps; None: no gripper.
@@ -61,6 +61,6 @@ class GripperPose:
         return np.asarray(self.pose[:3, :3] @ self.toward)
 
     def triangles(self, hand: Hand) -> Triangles:
-        """The shape of the gripper there, in the frame of the mesh."""
+        """The shape of the gripper at this pose, in the frame of the mesh."""
         shape = hand.shape(self.opening, self.posture)
         return replace(shape, vertices=transform_points(shape.vertices, self.pose))

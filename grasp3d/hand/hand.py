@@ -1,4 +1,4 @@
-"""What holds an object: a gripper, or a hand with joints."""
+"""The protocol `Hand`, which grippers and hands with joints implement."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 @runtime_checkable
 class Hand(Protocol):
-    """Whatever can hold an object; nothing outside its module depends on how many joints it has.
+    """Anything that can hold an object; no other module depends on how many joints it has.
 
-    All lengths are in metres, also those of meshes, poses and results. Its frame has z as the
-    approach direction, from the palm toward the object. Its state is one opening, and a posture,
-    the values of its further joints, of which there may be none.
+    All lengths are in metres, including those of meshes, poses and results. In its frame z is the
+    approach direction, from the palm toward the object, unless an attribute `approach` states
+    another. Its state is an opening and a posture: the values of its further joints, if any.
     """
 
     @property
@@ -30,7 +30,7 @@ class Hand(Protocol):
 
     @property
     def fingers(self) -> tuple[int, ...]:
-        """Numbers of contacts of the grasps for which it has poses; the last one when it closes."""
+        """Contact counts of the grasps for which it has poses; the last applies when it closes."""
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -38,15 +38,15 @@ class Hand(Protocol):
 
     @property
     def max_opening(self) -> float:
-        """Largest opening at all [m]."""
+        """Largest opening of the hand, without clearance [m]."""
 
     @property
     def finger_length(self) -> float:
-        """From the palm to the end of a finger [m]."""
+        """Distance from the palm to the end of a finger [m]."""
 
     @property
     def size(self) -> float:
-        """About how large the whole hand is [m]."""
+        """Approximate size of the whole hand [m]."""
 
     @property
     def max_force(self) -> float | None:
@@ -58,25 +58,25 @@ class Hand(Protocol):
 
     @property
     def touch_area(self) -> float:
-        """Area with which a fingertip touches at most [m^2]."""
+        """Largest contact area of a fingertip [m^2]."""
 
     def torsion_radius(self, friction: float) -> float:
         """Torsion radius of a fingertip that touches with its whole area [m]."""
 
     def check_fingers(self, count: int) -> None:
-        """Refuse grasps of so many fingers if the hand cannot make them. Raises SettingError."""
+        """Raise SettingError if the hand cannot make grasps of `count` fingers."""
 
     def distances(self) -> tuple[float, float]:
-        """Smallest and largest distance of two contacts that may be reached [m]."""
+        """Smallest and largest distance between two contacts that the hand can reach [m]."""
 
     def shape(self, opening: float, posture: "ArrayLike" = ()) -> "Triangles":
         """Its solid parts in its own frame at an opening [m] and a posture."""
 
-    # `*_` beside `**options` lets hands name the options that they take.
+    # With `*_` and `**options`, each hand can name the options that it takes.
     def reach(
         self, mesh: "ObjectMesh", points: Any, normals: Any, *_: Any, **options: Any
     ) -> "Reach":
-        """Which grasps it reaches, and in which pose and opening.
+        """Find the grasps that the hand reaches, and the pose and opening of each.
 
         Args:
             mesh: The object; its unit must be known.
@@ -87,15 +87,15 @@ class Hand(Protocol):
         """
 
     def close(self, mesh: "ObjectMesh", poses: Any, *_: Any, **options: Any) -> "ClosedJaws":
-        """What its fingers touch when they close at poses, wide open at first.
+        """Close the fingers at poses, from wide open, and find what they touch.
 
         Args:
             mesh: The object; its unit must be known.
             poses: From the hand's frame to the mesh's, shape (k, 4, 4).
             options: `object_motion`: free, the object gives way, or fixed, it does not move;
                 `friction`: Coulomb coefficient between the fingers and a free object; `give_way`:
-                how far the object or the fingers may give way where fingers start in it [m], see
-                `ClosedJaws.shift`.
+                how far the object or the fingers may give way where fingers start inside it [m],
+                see `ClosedJaws.shift`.
         """
 
     def blocked(
@@ -107,35 +107,35 @@ class Hand(Protocol):
             mesh: The object.
             poses: As in `close`.
             closed: What `close` returned for them.
-            options: `held`: whether it is tested around the object that it holds there, or else
-                wide open, shape (k,); `table`: what the object stands on, or None.
+            options: `held`: whether it is tested at the opening at which it holds the object, or
+                else wide open, shape (k,); `table`: what the object stands on, or None.
         """
 
     @property
     def fitting(self) -> str:
-        """What is the case at poses that fit, for a sentence: 'jaws ... close on the object,'."""
+        """What holds at poses that fit, for a sentence: 'jaws ... close on the object,'."""
 
     def fits(
         self, mesh: "ObjectMesh", poses: Any, posture: Any, *, table: "Table | None" = None
     ) -> "Bools":
-        """Whether it can close on the object at poses, which tells frames apart, shape (k,).
+        """Whether it can close on the object at poses, shape (k,); a test for wrong frames.
 
         Args:
             mesh: The object; its unit must be known.
             poses: From the hand's frame to the mesh's [m], shape (k, 4, 4).
             posture: Values of its joints there, shape (k, p).
-            table: What it must not meet; None: nothing.
+            table: The table that it must not touch; None: no table.
         """
 
     def opens_to(self, closed: "ClosedJaws") -> "Bools":
         """Whether the openings of closed grasps are within the limits, shape (k,)."""
 
     def description(self) -> Mapping[str, Any]:
-        """What files state of it, as JSON has it, with a "format" by which it is recognised."""
+        """Its description for JSON files, with a "format" that identifies it."""
 
 
 def touching(hand: Hand, model: GraspModel) -> GraspModel:
-    """A model with the hand's sensor resolution, if it states one.
+    """The model with the hand's sensor resolution, if the hand states one.
 
     Args:
         hand: The hand.

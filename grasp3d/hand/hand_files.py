@@ -1,4 +1,4 @@
-"""Hands in files: JSON, descriptions of robots, and lines in other files."""
+"""Read and write hands: JSON files, robot descriptions, and single lines of other files."""
 
 import json
 import os
@@ -36,23 +36,23 @@ def _articulated(content: Any) -> Hand:
 
 
 READERS: dict[str, Callable[[Any], Hand]] = {FORMAT: gripper_of, ARTICULATED: _articulated}
-"""What makes hands of descriptions, by their "format": functions that raise SettingError."""
+"""Functions that make hands from descriptions, by "format"; they raise SettingError."""
 
 MODEL = "description"
-"""Key of the file that a description needs, named from the folder of the JSON file."""
+"""Key for the path of the robot model, relative to the folder of the JSON file."""
 
 SUFFIXES = (".json", *MODELS)
 
 
 GivenHand: TypeAlias = Hand | str | Path | None
-"""A hand as functions take it: also a name or a file, as `read_hand` takes them."""
+"""A hand as functions accept it: a `Hand`, or a name or file for `read_hand`."""
 
 
 def given_hand(hand: GivenHand) -> Hand | None:
-    """The hand that is given as such, by its name or by its file.
+    """The hand that is given as a `Hand`, by name or by file.
 
     Raises:
-        SettingError: It is none of that.
+        SettingError: It is none of these, or `read_hand` raises it.
     """
     found = read_hand(hand) if isinstance(hand, str | Path) else hand
     if found is None or (isinstance(found, Hand) and not isinstance(found, type)):
@@ -72,24 +72,25 @@ def read_hand(
 ) -> Hand:
     """Read a hand: a preset by name, a JSON file, or a URDF or MuJoCo model.
 
-    A URDF or MuJoCo model with two links that slide is a parallel gripper, measured as
-    `grasp3d.hand.measured_gripper` says. If its joint and travel are those of a preset with fingers
-    that turn, it is that preset. Any other model is a hand with joints; `grasp3d.hand.proposal`
-    says how what the file does not state is proposed.
+    A URDF or MuJoCo model with two sliding links becomes a parallel gripper, measured as described
+    in `grasp3d.hand.measured_gripper`. A model whose joint and travel match a preset with turning
+    fingers becomes that preset. Any other model becomes a hand with joints; `grasp3d.hand.proposal`
+    describes how the values that the file does not state are proposed.
 
     Args:
         source: Name of a preset; or a file that `write_hand` wrote (.json), a URDF (.urdf) or a
             MuJoCo model (.xml, .mjcf).
-        fingers: URDF and MuJoCo: names of the links, or bodies, of the two fingers that slide;
-            None: the only two links that slide, if there are.
-        palm: URDF and MuJoCo: name of the link whose geometry is the palm; None: the link
-            that carries the fingers, with what is fixed to it.
-        tcp: URDF and MuJoCo: from the origin of the link that carries the fingers to the TCP, along
-            the approach axis [m]; None: the middle of the flat pads.
+        fingers: URDF and MuJoCo: names of the links, or bodies, of the two sliding fingers; None:
+            the only two links that slide, if any.
+        palm: URDF and MuJoCo: name of the link whose geometry is the palm; None: the link that
+            carries the fingers, with the links fixed to it.
+        tcp: URDF and MuJoCo: distance from the origin of the link that carries the fingers to the
+            TCP, along the approach axis [m]; None: that of a link whose name ends with tcp, or else
+            the middle of the flat pads.
 
     Raises:
-        SettingError: It is no preset and no such file, or describes no gripper of two sliding
-            fingers.
+        SettingError: It is neither a preset nor a file of a hand, or the file describes no usable
+            hand.
 
     Example:
         >>> import grasp3d
@@ -128,7 +129,7 @@ def read_hand(
 def _of_links(
     tree: "LinkTree", fingers: tuple[str, str] | None, palm: str | None, tcp: float | None
 ) -> Hand:
-    """The hand of a URDF or MuJoCo model. Raises SettingError."""
+    """Make the hand that a URDF or MuJoCo model describes. Raises SettingError."""
     from grasp3d.hand.hand_json import proposed_hand
     from grasp3d.hand.measured_gripper import measured_gripper, sliding_fingers, turning_preset
 
@@ -148,11 +149,11 @@ def write_hand(path: str | Path, hand: Hand) -> None:
     """Write the description of a hand as JSON: metres, N, radians.
 
     Args:
-        path: File to make or replace; .json.
+        path: File to create or replace; .json.
         hand: The hand.
 
     Raises:
-        OutputError: It has another suffix, or cannot be written.
+        OutputError: The file has another suffix, or cannot be written.
     """
     path = Path(path)
     check_suffix(path, [".json"], "gripper")
@@ -167,13 +168,13 @@ def write_hand(path: str | Path, hand: Hand) -> None:
 
 
 def hand_of(content: object) -> Hand:
-    """The hand that a description in JSON states.
+    """Make the hand that a JSON description states.
 
     Args:
-        content: What `Hand.description` returned, as JSON has it.
+        content: What `Hand.description` returned, as read from JSON.
 
     Raises:
-        SettingError: It is none, or of no known format.
+        SettingError: It is not a description, or its format is unknown.
     """
     keys = content if isinstance(content, dict) else {}
     stated = keys.get("format", FORMAT if "max_opening" in keys else None)
@@ -186,14 +187,14 @@ def hand_of(content: object) -> Hand:
 
 
 def hand_line(hand: Hand) -> str:
-    """A description in one line, as settings of labels have it: grippers without their format."""
+    """The description of a hand in one line, for settings of labels; grippers omit their format."""
     content = hand.description()
     hidden = KEYS if content["format"] == FORMAT else ()
     return json.dumps({name: value for name, value in content.items() if name not in hidden})
 
 
 def hand_of_line(line: str) -> Hand:
-    """The hand of which `hand_line` is that line. Raises SettingError."""
+    """Make the hand that a line from `hand_line` describes. Raises SettingError."""
     try:
         return hand_of(parse_json(line))
     except ValueError as error:

@@ -1,10 +1,10 @@
-"""Descriptions of hands with joints as JSON: what URDF and MuJoCo models do not say.
+"""JSON descriptions of hands with joints: what URDF and MuJoCo models do not state.
 
     {"format": "grasp3d articulated hand", "version": 1, "description": "allegro.urdf", ...}
 
-`description` names the URDF or MuJoCo model, from the folder of the JSON file. All other keys may
-be left out: `KEYS`. Angles are in radians, torques in N m, lengths in metres; joints and links are
-named as the model names them.
+`description` is the path of the URDF or MuJoCo model, relative to the folder of the JSON file. All
+other keys (`KEYS`) are optional. Angles are in radians, torques in N m, lengths in metres; joints
+and links have the names of the model.
 """
 
 import json
@@ -24,13 +24,13 @@ FOLDER = Path(__file__).with_name("presets")
 
 
 def known_numbers(tree: LinkTree) -> dict[str, Any] | None:
-    """What is known of a hand, in the names that a file has for links and joints.
+    """The description of a known hand, with the names that a file uses for links and joints.
 
     Args:
-        tree: Links and joints of the file; a prefix before all names, as in rh_FFJ1, is found.
+        tree: Links and joints of the file; a prefix of all names, as in rh_FFJ1, is detected.
 
     Returns:
-        The description of a hand without its file; None: none has these joints and links.
+        The description without its file; None if no known hand has these joints and links.
     """
     there = {*tree.by_name, *tree.links}
     for name in NAMES:
@@ -87,7 +87,7 @@ KEYS: dict[str, tuple[Any, str]] = {
     "source": (str, "a text"),
     "assumed": (tuple[str, ...], "a list of texts"),
 }  # fmt: skip
-"""Keys of a description besides format and version: their types, and what they must be."""
+"""Keys of a description besides format and version: types, and in words what values must be."""
 
 HOLDS: dict[str, Callable[[Any], bool]] = {
     "approach": any,
@@ -99,14 +99,14 @@ HOLDS: dict[str, Callable[[Any], bool]] = {
     ),
     "masses": lambda values: all(one.mass > 0.0 for one in values.values()),
 }
-"""What values of some keys must fulfil."""
+"""Conditions that the values of some keys must meet."""
 
 
 def stated_of(content: Mapping[str, Any]) -> dict[str, Any]:
-    """What a description in JSON states, by its keys, checked by itself.
+    """The values of a JSON description, by key, each checked on its own.
 
     Raises:
-        SettingError: A value is not what its key means.
+        SettingError: A key is unknown, or its value is not allowed.
     """
     check_keys(content, KEYS, version=VERSION)
     stated: dict[str, Any] = {}
@@ -124,13 +124,13 @@ def stated_of(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def articulated_hand(content: Mapping[str, Any]) -> ArticulatedHand:
-    """The hand that a description in JSON states.
+    """Make the hand with joints that a JSON description states.
 
     Args:
-        content: The description; `description` names the file from the working folder.
+        content: The description; its key `description` is relative to the working folder.
 
     Raises:
-        SettingError: It names no such file, or none of its links and joints.
+        SettingError: The file is missing, or lacks a link or joint that the description names.
     """
     stated = stated_of(content)
     if "description" not in stated:
@@ -139,14 +139,14 @@ def articulated_hand(content: Mapping[str, Any]) -> ArticulatedHand:
 
 
 def proposed_hand(tree: LinkTree, palm: str | None) -> ArticulatedHand:
-    """A hand from its links and joints alone; with the numbers of one whose joints it has.
+    """Propose a hand from links and joints, with the values of a known hand that has them.
 
     Args:
         tree: Links and joints.
-        palm: Name of the palm's link; None: it is found.
+        palm: Name of the palm's link; None: it is proposed.
 
     Raises:
-        SettingError: They are of no hand with joints.
+        SettingError: They do not make a hand with joints.
     """
     stated: dict[str, Any] = {}
     if (content := known_numbers(tree)) is not None:

@@ -1,4 +1,4 @@
-"""Lengths and abilities of a parallel gripper: two fingers that move along one axis, a palm."""
+"""Lengths and limits of a parallel gripper: two fingers that move along one axis, and a palm."""
 
 import json
 import math
@@ -28,13 +28,13 @@ LARGEST_COORDINATE = 1.0
 """Largest coordinate of a corner [m]."""
 
 LARGEST = 10.0
-"""Largest length of a gripper [m]: more is a length in millimetres."""
+"""Largest length of a gripper [m]; a larger one is probably in millimetres."""
 
 AT_MOST = (
     ("min_opening", "max_opening"), ("pad_width", "finger_width"),
     ("pad_height", "finger_length"), ("max_opening", "palm_thickness"),
 )  # fmt: skip
-"""Lengths that are at most as large as others."""
+"""Pairs of lengths, of which the first must not exceed the second."""
 
 UNIFORM_PRESSURE = 2.0 / 3.0
 """Torsional moment of an evenly pressed disc, per friction, normal force and radius."""
@@ -51,14 +51,14 @@ _KINDS: dict[Any, str] = {
 """Descriptions of the types of fields."""
 
 IN_METRES = "hands and grippers are given in metres"
-"""Why the unit of a mesh must be known where there is one, for errors."""
+"""Why the unit of a mesh must be known where there is a hand, for error messages."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Jaws:
     """Fingers with flat pads or round tips that move along one axis, and a palm; lengths in metres.
 
-    The frame, and what each field means, are those of `ParallelGripper`.
+    `ParallelGripper` describes the frame and the fields.
     """
 
     name: str
@@ -105,7 +105,7 @@ class Jaws:
             GraspModel(sensor_resolution=self.sensor_resolution)
 
     def _wrong_sizes(self) -> Iterator[str]:
-        """Lengths that cannot be, or contradict each other, one sentence each."""
+        """Yield a sentence for each length that is impossible or contradicts another."""
         for field in (one for one in fields(self) if one.type is float):
             name, metres = field.name, getattr(self, field.name)
             if not 0.0 <= metres < math.inf:
@@ -125,7 +125,7 @@ class Jaws:
             yield f"the stroke of {stroke:g} m must be {least}"
 
     def _wrong_tips(self) -> Iterator[str]:
-        """What fingertips cannot be, one sentence each."""
+        """Yield a sentence for each fault of the fingertips, faces and force."""
         thick, tip, diameter = self.finger_thickness, self.tip_thickness, 2.0 * self.tip_radius
         if tip is not None and not 0 < tip <= thick:
             yield f"tip_thickness must be above 0 and at most finger_thickness ({thick:g} m)"
@@ -142,7 +142,7 @@ class Jaws:
             yield f"max_force must be a finite force above 0 N; got {self.max_force:g}"
 
     def _wrong_frame(self) -> Iterator[str]:
-        """Texts that are none, axes that are no frame, joints without numbers."""
+        """Yield a sentence for each fault of the texts, axes and joints."""
         for text in (self.name, self.source, *self.joint_names):
             try:
                 check_text(text)
@@ -172,23 +172,20 @@ class Jaws:
 
     @property
     def size(self) -> float:
-        """About how large the whole gripper is [m]."""
+        """Approximate size of the whole gripper [m]."""
         return self.finger_length + self.palm_length + self.palm_thickness
 
     def distances(self) -> tuple[float, float]:
-        """Smallest and largest distance of the contacts of a grasp that may be reached [m].
+        """Smallest and largest distance between the contacts of a grasp that can be reached [m].
 
-        The stroke allows no others; round tips that touch at an angle are nearer to each other.
+        They follow from the stroke; round tips that touch at an angle are closer than the contacts.
         """
         least, most = self.limits
         return least, most + 2.0 * self.tip_radius
 
     @property
     def base_pose(self) -> Floats:
-        """Matrix that takes coordinates of the hand's own frame to the gripper's, shape (4, 4).
-
-        Its translation is in metres.
-        """
+        """Matrix from the hand's own frame to the gripper's [m], shape (4, 4)."""
         closing, approach = (np.array(AXES[name]) for name in self.base_axes)
         pose = np.eye(4)
         pose[:3, :3] = np.stack([closing, np.cross(approach, closing), approach])
@@ -196,10 +193,10 @@ class Jaws:
         return pose
 
     def check_fingers(self, count: int) -> None:
-        """Refuse grasps of so many fingers.
+        """Check that grasps have two fingers.
 
         Raises:
-            SettingError: They are not two.
+            SettingError: The number is not two.
         """
         if count != 2:
             raise SettingError(f"gripper {self.name!r} has two fingers, not {count}: omit fingers")
@@ -214,8 +211,8 @@ class Jaws:
     def torsion_radius(self, friction: float) -> float:
         """Torsion radius of a pad that touches with its whole area [m]; 0 for round tips.
 
-        That of an evenly pressed disc of the pad's area: 2/3 x friction x radius. A real contact
-        is smaller, and holds less.
+        It is that of an evenly pressed disc with the pad's area: 2/3 x friction x radius. A real
+        contact is smaller and holds less.
 
         Args:
             friction: Coulomb coefficient, above 0.
@@ -225,7 +222,7 @@ class Jaws:
 
 
 def _problems_of_face(face: Corners) -> Iterator[str]:
-    """What keeps corners, as in `ParallelGripper.inner_faces`, from being a face of a jaw."""
+    """Yield a phrase for each fault of a face of `ParallelGripper.inner_faces`."""
     if not 3 <= len(face) <= MOST_CORNERS:
         yield f"must have 3 to {MOST_CORNERS} corners; got {len(face)}"
     if any(len(corner) != 3 for corner in face):

@@ -21,11 +21,11 @@ from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.hand.link_tree import LinkShape
 
 SPACING = 0.005
-"""About how far apart the points on the surface of a link are [m]."""
+"""Approximate distance between the points on the surface of a link [m]."""
 
 THINNED, ALIKE = 0.7 * SPACING, math.cos(math.radians(50.0))
-"""Of two points of a hull that are nearer than this [m], with normals whose cosine is larger, one
-is dropped."""
+"""Distance [m] below which, and cosine between normals above which, one of two hull points is
+dropped."""
 
 KINDS = {"box": BOX, "cylinder": CYLINDER, "capsule": CAPSULE, "sphere": SPHERE, "mesh": HULL}
 
@@ -35,20 +35,20 @@ class Hull(NamedTuple):
 
     vertices: Floats = np.zeros((0, 3))
     neighbours: Sequence[Ints] = ()
-    """Of each vertex."""
+    """Neighbours of each vertex."""
     planes: Floats = np.zeros((0, 4))
     triangles: Floats = np.zeros((0, 3, 3))
 
 
 COVERED = 1e-4
-"""Depth in another shape of its link beyond which a point cannot touch anything [m]."""
+"""Depth inside another shape of the same link beyond which a point cannot touch anything [m]."""
 
 
 def link_bodies(shapes: Sequence[Sequence[LinkShape]]) -> LinkShapes:
-    """Prepare the shapes of all links.
+    """Prepare the shapes of all links for the kernels.
 
     Args:
-        shapes: Those of each link.
+        shapes: Shapes of each link.
     """
     links = np.repeat(np.arange(len(shapes)), list(map(len, shapes)))
     every = [shape for some in shapes for shape in some]
@@ -95,7 +95,7 @@ def reach_along(shape: LinkShape, directions: Floats) -> Floats:
 
 
 def half_widths(bodies: LinkShapes, shapes: Sequence[LinkShape]) -> Floats:
-    """Half the smallest width of each shape [m]; of hulls that across a face."""
+    """Half the smallest width of each shape [m]; hulls are measured across their faces."""
     widths = bodies.boxes[:, 3:6].min(axis=1)
     for body, shape in enumerate(shapes):
         if shape.kind == "mesh":
@@ -110,7 +110,7 @@ def _starts(parts: Sequence[Sized]) -> Ints:
 
 
 def _box(shape: LinkShape) -> Floats:
-    """Box around a shape in its frame, and radius of the ball around the box's centre."""
+    """Bounding box of a shape in its frame, and radius of its ball about the box's centre."""
     high, low = reach_along(shape, np.eye(3)), -reach_along(shape, -np.eye(3))
     centre, half = 0.5 * (low + high), 0.5 * (high - low)
     if shape.kind == "mesh":
@@ -121,7 +121,7 @@ def _box(shape: LinkShape) -> Floats:
 
 
 def _hull(shape: LinkShape) -> Hull:
-    """Corners of a mesh's hull, their neighbours, its planes, and its triangles; else none."""
+    """The convex hull of a mesh: corners, neighbours, planes and triangles; else an empty one."""
     if shape.kind != "mesh":
         return Hull()
     hull = ConvexHull(shape.vertices)
@@ -136,7 +136,7 @@ def _hull(shape: LinkShape) -> Hull:
     turned = np.einsum("ij,ij->i", normal, outward) < 0.0
     triangles[turned] = triangles[turned][:, ::-1]
     outward, first = np.unique(outward.round(12), axis=0, return_index=True)
-    if len(outward) > COARSE:  # the largest faces', and those that support it in other directions
+    if len(outward) > COARSE:  # first the largest faces, and planes in other directions
         area = np.linalg.norm(normal[first], axis=1)
         large = outward[np.argsort(-area)[: COARSE // 4]]
         outward = np.concatenate([large, _directions(COARSE - len(large)), outward])
@@ -165,7 +165,7 @@ def _circle(radius: float) -> Floats:
 def _samples(shape: LinkShape, hull: Floats) -> Floats:
     """Points on the surface of a shape in its frame, and outward unit normals, shape (s, 6).
 
-    Of a mesh they are on the triangles of its hull.
+    For a mesh they are on the triangles of its hull.
     """
     if shape.kind == "mesh":
         return _hull_samples(hull)
@@ -202,7 +202,7 @@ def _box_samples(size: Sequence[float]) -> Floats:
 
 
 def _hull_samples(triangles: Floats) -> Floats:
-    """Points on triangles, one in each cube of the spacing, shape (s, 6)."""
+    """Points on triangles, thinned to about the spacing, with normals, shape (s, 6)."""
     normals = unit_rows(
         np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     )
@@ -216,7 +216,7 @@ def _hull_samples(triangles: Floats) -> Floats:
         around = np.broadcast_to(normals[some, None], points.shape)
         rows.append(np.concatenate([points, around], axis=2).reshape(-1, 6))
     samples = np.concatenate(rows)
-    # Faces of a sharp edge have points of their own.
+    # The faces at a sharp edge keep separate points.
     cells = np.hstack([np.floor(samples[:, :3] / SPACING), np.round(samples[:, 3:])])
     _, first = np.unique(cells, axis=0, return_index=True)
     samples, number = samples[np.sort(first)], 0
@@ -231,10 +231,7 @@ def _hull_samples(triangles: Floats) -> Floats:
 def _uncovered(
     samples: Floats, shape: LinkShape, others: Sequence[tuple[LinkShape, Floats]]
 ) -> Floats:
-    """Points of a shape that are not inside other shapes, with planes, of its link.
-
-    Nothing touches these.
-    """
+    """Points of a shape outside the other shapes of its link; those inside can touch nothing."""
     points = samples[:, :3] @ shape.pose[:3, :3].T + shape.pose[:3, 3]
     covered = np.zeros(len(points), dtype=bool)
     for other, planes in others:
@@ -244,7 +241,7 @@ def _uncovered(
 
 
 def _depth(points: Floats, shape: LinkShape, planes: Floats) -> Floats:
-    """Signed distance of points from a shape's surface, inside exact, in its frame."""
+    """Signed distance of points, in a shape's frame, from its surface; exact inside the shape."""
     if shape.kind == "box":
         return np.asarray((np.abs(points) - np.array(shape.size)).max(axis=1))
     if shape.kind == "mesh":

@@ -1,4 +1,4 @@
-"""Contacts of a hand with joints: which of its links touch an object, where, and how far off."""
+"""Contacts of a hand with joints: which links touch an object, where, and at what distance."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -34,14 +34,14 @@ SEARCH = 2.0
 """Largest gap that is measured, in contact distances."""
 
 CHUNK = 16
-"""Poses that a thread takes at once."""
+"""Poses that a thread evaluates at once."""
 
 
 class HandScene:
-    """A hand and an object for the kernels, in the frame of the mesh."""
+    """A hand and an object as the kernels take them, in the frame of the mesh."""
 
     def __init__(self, mesh: "ObjectMesh", hand: ArticulatedHand, distance: float) -> None:
-        """Prepare the surface, once for a mesh, and the hand, once for a hand.
+        """Prepare the surface (once per mesh) and the hand (once per hand).
 
         Args:
             mesh: The object.
@@ -52,10 +52,10 @@ class HandScene:
         self.bodies, self.surface = hand.bodies, mesh.touched_surface
 
     def frames(self, poses: Floats, postures: Floats) -> Floats:
-        """Frames of the links in that of the mesh [m], shape (k, L, 3, 4).
+        """Frames of the links in the mesh's frame [m], shape (k, L, 3, 4).
 
         Args:
-            poses: Hand's frame to that of the mesh, translations in metres, shape (k, 4, 4).
+            poses: From the hand's frame to the mesh's, translations in metres, shape (k, 4, 4).
             postures: Values of the joints, shape (k, p).
         """
         return np.ascontiguousarray(poses[:, None, :3] @ self.hand.link_poses(postures))
@@ -63,7 +63,7 @@ class HandScene:
     def touch(
         self, frames: Floats, *, contacts: bool = True, search: float | None = None
     ) -> Touches:
-        """Gaps up to a distance, and contacts unless they are not wanted."""
+        """Measure gaps up to a distance, and find contacts if they are wanted."""
         count, links, shapes = len(frames), frames.shape[1], len(self.bodies.kinds)
         listed = links if contacts else 0
         touches = Touches(
@@ -89,7 +89,7 @@ class HandScene:
         return gaps
 
     def table_depth(self, frames: Floats, table: Table | None) -> Floats:
-        """How deep the hand is in a table [m], shape (k,); nan without one."""
+        """How deep the hand is in a table [m], shape (k,); nan without a table."""
         if table is None:
             return np.full(len(frames), np.nan)
         lowest = np.full(len(frames), np.inf)
@@ -101,11 +101,11 @@ class HandScene:
         return np.asarray(table.offset - lowest)
 
     def overlaps(self, frames: Floats, allowed: Ints) -> tuple[Floats, Ints]:
-        """How deep the two links that overlap most do [m], (k,), and which they are (k, 2).
+        """Depth of the deepest overlap of two links [m], (k,), and the two links, (k, 2).
 
         Args:
             frames: As `frames` returns them.
-            allowed: 1 for links that may overlap (L, L).
+            allowed: 1 for pairs of links that may overlap (L, L).
         """
         depths, pairs = np.zeros(len(frames)), np.full((len(frames), 2), -1)
 
@@ -117,7 +117,7 @@ class HandScene:
 
     @cached_property
     def may_overlap(self) -> Ints:
-        """1: two links are one, or next to each other, or overlap at the open preshape (L, L)."""
+        """1 for links joined rigidly or by a joint, or overlapping at the open preshape (L, L)."""
         hand = self.hand
         chain, count = hand.chain, len(hand.link_names)
         rigid = np.arange(count)
@@ -144,14 +144,14 @@ SMALLEST_STEP, LARGEST_STEP = 1e-3, 0.03
 def close(scene: HandScene, poses: Floats, postures: Floats) -> Floats:
     """Close hands from postures until links touch (conservative advancement).
 
-    All joints move at their speeds, together. A link that touches stops all joints that move it;
-    others go on. Joints stop at their limits, and where two links of the hand meet those that move
-    one of both alone.
+    All joints move together, each at its speed. A link that touches stops all joints that move it;
+    the others go on. Joints also stop at their limits. Where two links of the hand meet, the joints
+    that move only one of them stop.
 
     Args:
         scene: Hand and object.
-        poses: Hand's frame to that of the mesh [m], shape (k, 4, 4).
-        postures: From which they close, shape (k, p).
+        poses: From the hand's frame to the mesh's [m], shape (k, 4, 4).
+        postures: Postures from which they close, shape (k, p).
 
     Returns:
         Postures, shape (k, p).
@@ -162,7 +162,7 @@ def close(scene: HandScene, poses: Floats, postures: Floats) -> Floats:
     apart = scene.may_overlap[np.ix_(bodies.links, bodies.links)] == 0
     pairs = np.argwhere(np.triu(apart & (moves[:, None] != moves).any(axis=2))).copy(order="C")
     closing = Closing(speeds.copy(), limits.copy(), reach, _largest_steps(scene), pairs)
-    matrices = np.array(poses, order="C")  # kernels are compiled for arrays that can be written to
+    matrices = np.array(poses, order="C")  # kernels are compiled for writable arrays
 
     def run(rows: slice, scratch: tuple[ClosingScratch, TouchScratch]) -> None:
         close_hands(
@@ -180,11 +180,11 @@ def close(scene: HandScene, poses: Floats, postures: Floats) -> Floats:
 
 
 def _largest_steps(scene: HandScene) -> Floats:
-    """Steps of shapes with which no links pass through each other unseen [m], shape (m,).
+    """Largest steps of shapes with which links do not pass through each other [m], shape (m,).
 
-    Of two alike `overlaps` sees the way from touching to filling the same place, except its
-    ends: both together move by three quarters of that. What is thinner than 3 mm, or than the
-    thickest shape of its link, may pass.
+    For two equal links `overlaps` detects the path from touching to coinciding, except its ends, so
+    together they move by three quarters of it. Shapes thinner than 3 mm, or thinner than the
+    thickest shape of their link, may pass.
     """
     steps = np.zeros(len(scene.hand.link_names))
     np.maximum.at(steps, scene.bodies.links, 0.75 * scene.hand.half_widths)
@@ -192,7 +192,7 @@ def _largest_steps(scene: HandScene) -> Floats:
 
 
 def reaches(scene: HandScene) -> Floats:
-    """Largest distance of a shape's points from each joint's axis, shape (m, p); 0: not moved."""
+    """Bounds on how far joints move a shape's points, per m or rad, shape (m, p); 0: not moved."""
     hand, bodies, chain = scene.hand, scene.bodies, scene.hand.chain
     reach = np.zeros((len(bodies.links), len(hand.joint_names)))
     for body, link in enumerate(bodies.links):
@@ -213,17 +213,17 @@ CONTACT_DISTANCE = 0.005
 """Gap up to which a link counts as touching [m]: published postures are off by millimetres."""
 
 TOUCHED = 3e-4
-"""Gap up to which a link touches after the hand closed [m]."""
+"""Gap up to which a link counts as touching after the hand has closed [m]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class HandContacts:
-    """What the links of a hand touch at k poses: one contact of each of its L links, or none."""
+    """Contacts of a hand at k poses: at most one for each of its L links."""
 
     rule: ContactRule
-    """How they were found."""
+    """Rule by which they were found."""
     poses: Floats
-    """Hand's frame to that of the mesh, (k, 4, 4) [m]."""
+    """From the hand's frame to the mesh's [m], shape (k, 4, 4)."""
     posture: Floats
     """Values of the joints [rad or m], shape (k, p)."""
     points: Floats
@@ -233,15 +233,15 @@ class HandContacts:
     gap: Floats
     """Signed distance of the link's shapes from that point [m], shape (k, L)."""
     gaps: Floats
-    """Signed distance of each link from the object [m], shape (k, L); inf: beyond twice the
-    contact distance; negative: a depth, the larger of how far points of the link inside the object
-    are from its surface, and how far points of the surface in the link are from the link's. Found
-    by climbs: of 2,464 poses all but 5 within 0.1 mm or 2 %, these too shallow by 0.4 mm at most.
+    """Signed distance of each link from the object [m], shape (k, L); inf: beyond twice the contact
+    distance. A negative value is a depth: the larger of how deep points of the link are in the
+    object and how deep points of the surface are in the link. It is found by local search: right
+    within 0.1 mm or 2 % for all but 5 of 2,464 poses, for these too shallow by at most 0.4 mm.
     """
     self_collision: Ints
     """The two links that overlap most, shape (k, 2); -1: none."""
     self_depth: Floats
-    """How deep they overlap [m], shape (k,); 0: not at all."""
+    """How deep these two overlap [m], shape (k,); 0: not at all."""
     table_depth: Floats
     """How deep the hand is in the table [m], shape (k,); <= 0: above; nan: no table."""
 
@@ -253,7 +253,7 @@ class HandContacts:
         return ~np.isnan(self.gap)
 
     def take(self, rows: Ints) -> "HandContacts":
-        """Those of the chosen poses, in that order."""
+        """The contacts of the chosen poses, in that order."""
         arrays: Any = {n: locked(one[rows]) for n, one in vars(self).items() if n != "rule"}
         return replace(self, **arrays)
 
@@ -270,23 +270,24 @@ def hand_contacts(
 ) -> HandContacts:
     """Find the contacts of poses of a hand with joints.
 
-    The object's triangles count, not its convex hull: a finger in a mug is outside. A link has one
-    contact, the mean of its points near the surface and of the normals there, or, on both sides of
-    a thin edge, where normals cancel, of those of the nearest side. An open surface has no inside:
-    there a link penetrates as far as the surface is in its shapes.
+    The object's triangles count, not its convex hull: a finger inside a mug is outside the object.
+    A link has at most one contact: the mean of its points near the surface and of the normals
+    there. On both sides of a thin edge, where normals cancel, only the nearest side counts. An open
+    surface has no inside; there a link is as deep as the surface is in its shapes.
 
     Args:
         mesh: The object; its unit must be known.
         hand: The hand.
-        poses: Hand's frame to that of the mesh, translations in metres, shape (k, 4, 4).
+        poses: From the hand's frame to the mesh's, translations in metres, shape (k, 4, 4).
         posture: Values of the hand's joints, shape (k, p).
-        rule: Which contacts count; see `ContactRule`.
+        rule: How poses become contacts; see `ContactRule`.
         contact_distance: Gap up to which a link touches [m].
         table: The table below the object, in the mesh's frame.
 
     Raises:
-        SettingError: The mesh has no unit, poses are no rigid motions, values of joints are of
-            another number or not finite, or a setting is outside its range.
+        SettingError: The mesh has no unit, the number of joint values is wrong, one is not finite,
+            or a setting is outside its range.
+        ContactError: A pose is not a rigid motion.
     """
     mesh.needs_metres(IN_METRES)
     check_choice("rule", rule, ContactRule)
@@ -322,16 +323,16 @@ def hand_contacts(
 
 
 LEAST_LINKS, DEEPEST = 2, 0.015
-"""Links that touch at a pose that fits, and how deep they may be in the object [m]."""
+"""Fewest links that touch at a pose that fits, and how deep a link may be in the object [m]."""
 
 
 def links_fit(mesh: "ObjectMesh", hand: ArticulatedHand, poses: Floats, posture: Floats) -> Bools:
-    """Whether some links touch at poses (k, 4, 4) [m], and none is too deep, shape (k,).
+    """Whether enough links touch at poses, and none is too deep in the object, shape (k,).
 
     Args:
         mesh: The object; its unit must be known.
         hand: The hand.
-        poses: Hand's frame to that of the mesh.
+        poses: From the hand's frame to the mesh's [m], shape (k, 4, 4).
         posture: Values of its joints, shape (k, p).
     """
     scene = HandScene(mesh, hand, CONTACT_DISTANCE)

@@ -15,7 +15,7 @@ from grasp3d.errors import SettingError
 from grasp3d.system.names import printable, unknown
 
 FARTHEST = 1e3
-"""Distance of geometry from its frame that no hand has [m]."""
+"""Distance of geometry from its frame that is impossible for a hand [m]."""
 
 FLAT = 1e-9
 """Width of a mesh, relative to its length, up to which it has no volume."""
@@ -43,9 +43,9 @@ class LinkShape:
 
     @cached_property
     def vertices(self) -> Floats:
-        """Mesh: corners of its convex hull in the shape's frame, shape (n, 3); flat ones have none.
+        """Mesh: corners of its convex hull in the shape's frame, shape (n, 3); none if it is flat.
 
-        Physics engines collide hulls too.
+        Physics engines use convex hulls as well.
         """
         from trimesh import convex
 
@@ -62,7 +62,7 @@ class LinkShape:
         return np.asarray(faces @ self.pose[:3, :3].T + self.pose[:3, 3])
 
     def _solid(self) -> Any:
-        from trimesh import creation  # it brings much that readers of poses do not need
+        from trimesh import creation  # imports much that reading poses does not need
 
         if self.kind == "box":
             return creation.box(2.0 * np.array(self.size))
@@ -75,7 +75,7 @@ class LinkShape:
 
 
 class LinkMass(NamedTuple):
-    """What a link weighs."""
+    """Mass and centre of mass of a link."""
 
     mass: float
     """[kg]"""
@@ -95,16 +95,16 @@ class Joint:
     origin: Floats
     """Pose of the moved link at the joint's value 0, in the frame of its parent, shape (4, 4)."""
     axis: Floats
-    """Direction in which it slides, or about which it turns, in the frame of the moved link, shape
-    (3,)."""
+    """Direction of sliding or axis of turning, in the frame of the moved link, shape (3,)."""
     limits: tuple[float, float] = (-math.inf, math.inf)
     """Smallest and largest value [m or rad]; infinite: unlimited."""
     follows: tuple[str, float, float] | None = None
-    """Its value is that of another joint, of this name, times a factor, plus an offset."""
+    """Joint that it follows, factor and offset: its value is factor times that one's plus
+    offset."""
     position: Floats = field(default_factory=lambda: locked(np.zeros(3)))
-    """A point of the axis about which it turns, in the frame of the moved link, shape (3,)."""
+    """A point on the axis of turning, in the frame of the moved link, shape (3,)."""
     effort: float | None = None
-    """Greatest torque or force that the file states [N m or N]; None: it states none."""
+    """Greatest torque or force that the file states [N m or N]; None: not stated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,12 +119,12 @@ class LinkTree:
     shapes: Callable[[str], tuple[LinkShape, ...]]
     """Collision geometry of a link, by its name."""
     masses: Mapping[str, LinkMass] = field(default_factory=dict)
-    """By links, where the file states them."""
+    """Masses by link, where the file states them."""
     closures: tuple[str, ...] = ()
-    """What ties links together beside the joints: closed loops, and equations that are no
-    straight lines."""
+    """Constraints between links besides the joints: closed loops, and couplings that are not
+    linear."""
     unseen: tuple[str, ...] = ()
-    """Links that have a shape to be seen, but none that touches."""
+    """Links with visual geometry, but no collision geometry."""
 
     def geometry(self, link: str) -> Floats:
         """Corners of the collision geometry of a link in its frame, shape (n, 3, 3)."""
@@ -132,7 +132,7 @@ class LinkTree:
         return np.concatenate([np.zeros((0, 3, 3)), *parts])
 
     def branch(self, base: str) -> "LinkTree":
-        """A link with all below it, as a tree of its own.
+        """A link and all links below it, as a tree of its own.
 
         Raises:
             SettingError: There is no such link.
@@ -150,17 +150,17 @@ class LinkTree:
         return {one.name: one for one in self.joints.values() if one.kind != "fixed"}
 
     def chain(self, link: str) -> list[str]:
-        """A link and all above it, to the root."""
+        """A link and all links above it, up to the root."""
         found = [link]
         while found[-1] in self.joints:
             found.append(self.joints[found[-1]].parent)
         return found
 
     def source_of(self, joint: Joint) -> tuple[str, float, float]:
-        """The joint that states a joint's value, over all that follow: name, factor and offset.
+        """The joint that determines a joint's value in the end: name, factor and offset.
 
         Raises:
-            SettingError: It follows a joint that there is not, or itself.
+            SettingError: It follows a joint that does not exist, or itself.
         """
         name, factor, offset, seen, follows = joint.name, 1.0, 0.0, {joint.name}, joint.follows
         while follows is not None:
@@ -173,21 +173,21 @@ class LinkTree:
         return name, factor, offset
 
     def check_links(self, names: Iterable[str]) -> None:
-        """Refuse names that no link has. Raises SettingError."""
+        """Raise SettingError if a name is not that of a link."""
         for name in names:
             if name not in self.links:
                 raise self.error(unknown("link", name, self.links, self.links[:MAX_LISTED]))
 
     def children(self, link: str) -> tuple[str, ...]:
-        """The links whose joints a link carries, in their order."""
+        """The links whose joints a link carries, in order."""
         return tuple(name for name, joint in self.joints.items() if joint.parent == link)
 
     def error(self, problem: str) -> SettingError:
-        """What is wrong with the file, with its name."""
+        """Make an error that names the file and the problem."""
         return SettingError(printable(f"{self.source}: {problem}"))
 
     def below(self, link: str) -> dict[str, Floats]:
-        """Poses of a link and all that is fixed below it, in its frame."""
+        """Poses of a link and of all links fixed below it, in its frame."""
         poses = {link: np.eye(4)}
         for name in self.links:  # parents come before children
             joint = self.joints.get(name)
@@ -196,7 +196,7 @@ class LinkTree:
         return poses
 
     def rigid(self, link: str) -> dict[str, Floats]:
-        """Poses of all links that are fixed to one, in its frame."""
+        """Poses of a link and of all links fixed to it, in its frame."""
         root, pose = link, np.eye(4)
         while root in self.joints and self.joints[root].kind == "fixed":
             pose = self.joints[root].origin @ pose

@@ -1,13 +1,13 @@
-"""A parallel gripper from a robot's description: boxes around its sliding fingers and its palm.
+"""Measure a parallel gripper in a robot's description: boxes around sliding fingers and palm.
 
-Both fingers must slide along one axis of the frame of the link that carries them, the hand's own
-frame. The approach axis is that axis of this frame, at a right angle to it, which points best from
-the palm to the fingers. The stroke follows from the limits of the joints: the distance between the
-inner sides; fingers that overlap when they are closed, by up to 2 mm, touch. Boxes are placed
-symmetrically about the TCP, and have the larger size of both sides; parts of the fingers that lie
-beside the palm, when they are open, belong to it.
+Both fingers must slide along one axis of the frame of the link that carries them, which is the
+hand's own frame. The approach axis is the axis of this frame, perpendicular to the sliding axis,
+that points best from the palm to the fingers. The stroke is the distance between the inner sides at
+the limits of the joints; closed fingers that overlap by up to 2 mm count as touching. Boxes are
+placed symmetrically about the TCP and have the larger size of the two sides. Parts of the open
+fingers that lie beside the palm belong to the palm.
 
-What is assumed is in the gripper's `source`.
+The gripper's `source` lists what is assumed.
 """
 
 import math
@@ -35,10 +35,10 @@ OFF_AXIS = 0.001
 """Largest distance of the TCP from the approach axis of the hand's frame [m]."""
 
 DIGITS = 9
-"""Decimals of lengths [m] that are kept: fewer than rounding errors have."""
+"""Decimals of lengths [m] that are kept, few enough to remove rounding errors."""
 
 ALIKE = 0.05
-"""Difference of the travels of joints, as a fraction, up to which they are those of a preset."""
+"""Relative difference in travel up to which a joint counts as that of a preset."""
 
 NAME_PALM, DESCRIBE = "name the link of the palm (--palm)", "describe the gripper in a JSON file"
 
@@ -56,7 +56,7 @@ class _Finger(NamedTuple):
 
 
 def sliding_fingers(tree: LinkTree) -> tuple[str, str] | None:
-    """The only two links of a description that slide on one other; None: there are not two."""
+    """The only two links that slide on one rigid body; None unless there is one such pair."""
     sliding = [(link, one.parent) for link, one in tree.joints.items() if one.kind == "slides"]
     pairs = [
         (one, two)
@@ -67,7 +67,7 @@ def sliding_fingers(tree: LinkTree) -> tuple[str, str] | None:
 
 
 def turning_preset(tree: LinkTree) -> ParallelGripper | None:
-    """The gripper with fingers that turn, known by name, whose joint a description has."""
+    """The preset with turning fingers whose joint a description has; None if there is none."""
     turning = [joint for joint in tree.joints.values() if joint.kind == "turns"]
     for gripper in PRESETS.values():
         for name, scale in zip(gripper.joint_names, gripper.joint_scale, strict=True):
@@ -88,12 +88,12 @@ def measured_gripper(
         tree: Links and joints.
         fingers: Names of the fingers' links.
         palm: Name of the palm's link; None: the link that carries the fingers.
-        tcp: From the origin of the hand's frame to the TCP, along the approach axis [m]; None: that
-            of a link whose name ends with tcp, or else the middle of the flat pads.
+        tcp: Distance from the origin of the hand's frame to the TCP, along the approach axis [m];
+            None: that of a link whose name ends with tcp, or else of the middle of the flat pads.
 
     Raises:
-        SettingError: There are no such links; fingers do not slide, do not open, or end behind the
-            palm; or their axes are no axes of the hand's frame.
+        SettingError: A link does not exist; the fingers do not slide, do not open, or end behind
+            the front of the palm; or they do not slide along an axis of the hand's frame.
     """
     tree.check_links([*fingers, *([] if palm is None else [palm])])
     movers = [_mover(tree, link) for link in fingers]
@@ -103,7 +103,7 @@ def measured_gripper(
         raise tree.error(f"the joints of {' and '.join(fingers)} must be two on one link")
     if palm is not None and palm not in around:
         raise tree.error(f"{palm} is not fixed to {carrier}, which carries the fingers")
-    # Without `palm` only links below the carrier count: above it the robot's arm may be.
+    # Without `palm`, only links below the carrier count: the robot's arm may be above it.
     body = tree.triangles({link: around[link] for link in tree.below(palm or carrier)})
     if not len(body):
         what = palm or f"{carrier}, which carries the fingers,"
@@ -130,7 +130,7 @@ def measured_gripper(
 
 
 def _mover(tree: LinkTree, link: str) -> str:
-    """The link, of a finger or above it, that the finger's joint moves. Raises SettingError."""
+    """The link, a finger's or one above it, that a sliding joint moves. Raises SettingError."""
     for name in tree.chain(link)[:-1]:
         joint = tree.joints[name]
         if joint.kind in {"turns", "free"}:
@@ -185,20 +185,20 @@ def _closing_axis(tree: LinkTree, carrier: str, one: _Finger, two: _Finger) -> s
 def _sizes(
     tree: LinkTree, parts: list[_Finger], body: Floats, axes: tuple[str, str], tcp: dict[str, float]
 ) -> tuple[dict[str, Any], str]:
-    """Lengths of a gripper [m], what its joints do, and where its TCP is. Raises SettingError.
+    """Fields of a gripper for lengths [m] and joints, and where its TCP is. Raises SettingError.
 
     Args:
         tree: Links and joints.
         parts: The fingers.
         body: Corners of the palm in the hand's frame [m], shape (n, 3, 3).
         axes: Closing and approach axis.
-        tcp: Where it may be along the approach axis, by its link [m]; by "" it is stated.
+        tcp: Candidates for its position along the approach axis [m], by link; "" for a stated one.
     """
     x, z = UNIT[axes[0]], UNIT[axes[1]]
     frame = np.stack([x, np.cross(z, x), z])
     palm = body.reshape(-1, 3) @ frame.T
     front = float(palm[:, 2].max())
-    # Mirrored, finger 1 is on the side of positive x and opens along it, as finger 2 does.
+    # Finger 1 is mirrored, so that both fingers are at positive x and open along x.
     sides = np.array([-1.0, 1.0])
     whole = [parts[k].triangles @ frame.T * [sides[k], 1.0, 1.0] for k in (0, 1)]
     rates = sides * [part.axis @ x for part in parts]
@@ -216,7 +216,7 @@ def _sizes(
             f"{where} are {1e3 * narrow:.3g} mm apart when they are closed, {1e3 * wide:.3g} mm "
             f"when open; do {' and '.join(names)} move apart, within the right limits?"
         )
-    # Geometry that overlaps a little is thicker than the finger: it touches when it is closed.
+    # A small overlap comes from geometry thicker than the finger: closed fingers touch.
     narrow, wide = max(narrow, 0.0), wide - min(narrow, 0.0)
     points = np.concatenate(fingers).reshape(-1, 3)
     middle, end = 0.5 * float(points[:, 1].min() + points[:, 1].max()), float(points[:, 2].max())

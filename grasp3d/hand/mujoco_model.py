@@ -1,8 +1,8 @@
-"""Links and joints of a robot as MuJoCo reads them, from a URDF or a model of its own.
+"""Read the links and joints of a robot with MuJoCo, from a URDF or a MuJoCo model.
 
-Before that the XML of a URDF is searched for faults that MuJoCo passes over, what it drops, and
-meshes that it cannot read. Left for MuJoCo are links, joints and shapes; meshes are balls there,
-with numbers.
+First, the XML of a URDF is searched for faults that MuJoCo ignores, for data that it drops, and for
+meshes that it cannot read. MuJoCo then reads links, joints and shapes, with a numbered ball in
+place of each mesh.
 """
 
 import math
@@ -30,27 +30,27 @@ KEPT = {"parent", "child", "origin", "axis", "limit", "mimic"}
 
 @dataclass
 class Urdf:
-    """A URDF, ready for MuJoCo, with what that does not keep."""
+    """A URDF prepared for MuJoCo, with the data that MuJoCo does not keep."""
 
     text: str = ""
-    """What MuJoCo reads."""
+    """XML that MuJoCo reads."""
     meshes: dict[tuple[str, int], Element] = field(default_factory=dict)
     """The element of each mesh, by link and number among its shapes."""
     limits: dict[str, tuple[float, float]] = field(default_factory=dict)
     """Smallest and largest value of joints [m or rad]; infinite: none."""
     efforts: dict[str, float] = field(default_factory=dict)
-    """Of joints [N m or N]."""
+    """Efforts of joints [N m or N]."""
     masses: dict[str, LinkMass] = field(default_factory=dict)
-    """Of links, where they are stated and possible."""
+    """Masses of links, where they are stated and possible."""
     unseen: list[str] = field(default_factory=list)
-    """Links that are seen, but have no collision geometry."""
+    """Links with visual geometry, but no collision geometry."""
     has_world: bool = False
-    """Whether it has a link of that name, which is MuJoCo's own."""
+    """Whether it has a link called world, the name of MuJoCo's own root."""
 
 
 def read_urdf(path: Path) -> Urdf:
     """Check and prepare a URDF for MuJoCo. Raises SettingError with the fault."""
-    try:  # prefixes of other programs are often declared nowhere
+    try:  # prefixes of other programs are often undeclared
         data = re.sub(rb"(</?[\w-]+):(?=[\w-])", rb"\1.", file_bytes(path))
         return _prepared(fromstring(data))  # noqa: S314, in a process with limits
     except OSError as error:
@@ -63,7 +63,7 @@ def read_urdf(path: Path) -> Urdf:
 
 
 def _prepared(root: Element) -> Urdf:
-    """What is in a URDF. Raises ValueError."""
+    """Prepare the XML of a URDF for MuJoCo. Raises ValueError."""
     if root.tag != "robot":
         raise ValueError(f"is not a URDF: its first element is {root.tag[:40]}, and must be robot")
     found, robot = Urdf(), Element("robot", name="robot")
@@ -95,7 +95,7 @@ def _prepared(root: Element) -> Urdf:
 
 
 def _by_name(root: Element, kind: str) -> dict[str, Element]:
-    """The elements of a kind; those without a name have an empty one, which MuJoCo refuses."""
+    """The elements of a kind by name; unnamed ones have the name "", which MuJoCo refuses."""
     elements = root.findall(kind)
     found = {element.get("name", ""): element for element in elements}
     for element in elements:
@@ -105,7 +105,7 @@ def _by_name(root: Element, kind: str) -> dict[str, Element]:
 
 
 def _mass(link: Element) -> LinkMass | None:
-    """What a link weighs; None: it is not stated, or impossible."""
+    """The mass of a link; None if it is not stated, or impossible."""
     mass, origin = link.find("inertial/mass"), link.find("inertial/origin")
     weight = math.nan if mass is None else number_of(mass.get("value"))
     try:
@@ -116,7 +116,7 @@ def _mass(link: Element) -> LinkMass | None:
 
 
 def _read_joint(joint: Element, name: str, joints: dict[str, Element], found: Urdf) -> None:
-    """Keep limits and effort of a joint. Raises ValueError."""
+    """Check a joint, and add its limits and effort to `found`. Raises ValueError."""
     limit, mimic, ends = joint.find("limit"), joint.find("mimic"), (-math.inf, math.inf)
     if mimic is not None:
         source = joints.get(mimic.get("joint", ""))
@@ -138,7 +138,7 @@ def _read_joint(joint: Element, name: str, joints: dict[str, Element], found: Ur
 
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
-"""Given to moving links that state none, which MuJoCo would refuse [kg, kg m^2]."""
+"""Mass and inertia for moving links that state none, which MuJoCo would refuse [kg, kg m^2]."""
 
 FAR = 1e3
 """Largest length and distance [m]."""
@@ -150,28 +150,28 @@ SHAPES: dict[str, tuple[ShapeKind, int]] = {
     "mjGEOM_BOX": ("box", 3), "mjGEOM_SPHERE": ("sphere", 1), "mjGEOM_CYLINDER": ("cylinder", 2),
     "mjGEOM_CAPSULE": ("capsule", 2),
 }  # fmt: skip
-"""Kinds of shapes likewise, and how many numbers their sizes are."""
+"""Kinds of shapes by their names in MuJoCo, and how many numbers state their sizes."""
 
 
 def read_links(path: Path) -> LinkTree:
-    """All links and joints of a URDF (.urdf) or a MuJoCo model.
+    """Read all links and joints of a URDF (.urdf) or a MuJoCo model.
 
-    Geometry that collides with nothing (contype and conaffinity 0, in no pair) is not read.
+    Geometry that collides with nothing (contype and conaffinity 0, in no pair) is skipped.
 
     Args:
-        path: The file. Of a URDF a mesh that is missing or damaged is refused when the geometry of
-            its link is asked for; `package://NAME/...` is looked for in a folder NAME that contains
-            the file, or is beside such a folder.
+        path: The file. A missing or damaged mesh of a URDF is an error only when the geometry of
+            its link is read. `package://NAME/...` is looked for in a folder NAME that contains the
+            file, or that lies in any folder which does.
 
     Raises:
-        SettingError: It has a fault, or MuJoCo cannot read it.
+        SettingError: The file has a fault, or MuJoCo cannot read it.
     """
     urdf = read_urdf(path) if path.suffix.lower() == ".urdf" else None
     return _Reader(path, _compiled(path, urdf), urdf).tree()
 
 
 def _compiled(path: Path, urdf: Urdf | None) -> mj.MjModel:
-    warnings = list[str]()  # otherwise they are in a log in the working folder
+    warnings = list[str]()  # otherwise MuJoCo logs them in the working folder
     mj.set_mju_user_warning(warnings.append)
     try:
         spec = mj.MjSpec.from_string(urdf.text) if urdf else mj.MjSpec.from_file(str(path))
@@ -201,7 +201,7 @@ class _Reader:
         self.efforts = self._motors() if urdf is None else {}
 
     def tree(self) -> LinkTree:
-        """Its links, with their masses and shapes."""
+        """The tree of links, with their masses and shapes."""
         model, urdf = self.model, self.urdf
         joints = dict(one for body in range(1, model.nbody) for one in self._joints_of(body))
         root, links = self.links[0], (self.links[0], *joints)
@@ -219,7 +219,7 @@ class _Reader:
             if not urdf.has_world:  # MuJoCo adds one
                 links = links[1:]
                 joints = {link: joint for link, joint in joints.items() if joint.parent != root}
-            # Postures have the order of the file.
+            # Joints keep the order of the file, as postures do.
             order = {name: number for number, name in enumerate(urdf.limits)}
             joints = dict(sorted(joints.items(), key=lambda one: order.get(one[1].name, -1)))
         return LinkTree(
@@ -230,7 +230,7 @@ class _Reader:
     def _joints_of(self, body: int) -> Iterator[tuple[str, Joint]]:
         """The joints that move a body, each with the link that it moves.
 
-        Of several, all but the last one move links of their own without geometry.
+        If there are several, all but the last move additional links without geometry.
         """
         model, name = self.model, self.links[body]
         pose = self._pose(name, model.body_pos[body], model.body_quat[body])
@@ -244,7 +244,7 @@ class _Reader:
             parent, pose = link, np.eye(4)
 
     def _joint(self, number: int, parent: str, pose: Floats) -> Joint:
-        """A joint whose link has a pose in the frame of its parent at its reference value."""
+        """Make a joint; `pose` is that of its link in the parent's frame at the reference value."""
         model, name = self.model, self.names[number]
         kind = JOINTS.get(mj.mjtJoint(model.jnt_type[number]).name, "free")
         axis, position = np.array(model.jnt_axis[number]), np.array(model.jnt_pos[number])
@@ -262,13 +262,13 @@ class _Reader:
         return Joint(name, kind, parent, pose @ back, axis, limits, follows, position, effort)
 
     def _reference(self, joint: int) -> float:
-        """The value of a joint in the file, rarely not 0."""
+        """The value of a joint in the pose of the file, usually 0."""
         return float(self.model.qpos0[self.model.jnt_qposadr[joint]])
 
     def _equations(self) -> tuple[dict[int, tuple[str, float, float]], tuple[str, ...]]:
-        """Which joints follow others, as `Joint.follows`, and names of other constraints.
+        """Couplings of joints, as in `Joint.follows`, and the names of all other constraints.
 
-        A tree with straight couplings does not keep these.
+        A tree with linear couplings cannot represent the latter.
         """
         model, follows, others = self.model, dict[int, tuple[str, float, float]](), list[str]()
         for number in np.flatnonzero(model.eq_active0).tolist():
@@ -276,7 +276,7 @@ class _Reader:
             couples = model.eq_type[number] == mj.mjtEq.mjEQ_JOINT and two >= 0
             offset, factor, *curved = model.eq_data[number][:5].tolist()
             if couples and one not in follows:
-                # The equation is one of changes since the joints' reference values.
+                # The equation couples changes from the joints' reference values.
                 offset += self._reference(one) - factor * self._reference(two)
                 follows[one] = self.names[two], factor, offset
             if not couples or any(curved):
@@ -284,9 +284,9 @@ class _Reader:
         return follows, tuple(others)
 
     def _motors(self) -> dict[int, float]:
-        """Greatest torque or force of the motors at joints, where it is known.
+        """Greatest torque or force of the motors of joints, where it is known.
 
-        It is not where a spring holds the joint, or a motor turns it one way only.
+        It is unknown where a spring acts on the joint, or a motor acts in one direction only.
         """
         model, efforts = self.model, dict[int, float]()
         unknown = {*np.flatnonzero(model.jnt_stiffness).tolist()}
@@ -314,7 +314,7 @@ class _Reader:
         return low, high
 
     def _numbers(self, body: int) -> list[int]:
-        """Pieces of geometry of a body that collide."""
+        """Numbers of the geoms of a body that collide."""
         model = self.model
         first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
         collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
@@ -333,7 +333,7 @@ class _Reader:
 
     def shapes(self, link: str) -> tuple[LinkShape, ...]:
         """Collision geometry of a link, by its name."""
-        if link not in self.links:  # between joints of one body
+        if link not in self.links:  # a link between the joints of one body
             return ()
         found = enumerate(self._numbers(self.links.index(link)))
         return tuple(self._shape(geom, link, number) for number, geom in found)
@@ -364,7 +364,7 @@ def mesh_triangles(mesh: Element, link: str, path: Path) -> Floats:
     """Read a mesh that a URDF names, as the corners of its triangles [m], shape (n, 3, 3).
 
     Raises:
-        SettingError: There is no such file, or it is no mesh.
+        SettingError: The file does not exist, or is not a mesh.
     """
     name, scale = mesh.get("filename", ""), [float(word) for word in mesh.get("scale", "1").split()]
     file = mesh_file(name, path)
@@ -395,13 +395,13 @@ def _collada(file: Path) -> Floats:
 
 
 def mesh_file(name: str, path: Path) -> Path | None:
-    """The mesh that a URDF names; None: there is none."""
+    """The file of a mesh that a URDF names; None if it does not exist."""
     scheme, _, rest = name.rpartition("://")
     folders = path.absolute().parents
     candidates = [folders[0] / rest]  # an absolute path stays what it is
     if scheme in {"package", "model"}:
         package, _, inside = rest.partition("/")
-        inside = inside.lstrip("/")  # some have two
+        inside = inside.lstrip("/")  # some URDFs have two slashes
         candidates = [folder / package / inside for folder in folders]
         candidates += [folder / inside for folder in folders if folder.name == package]
     return next(filter(is_file, candidates), None)

@@ -22,19 +22,19 @@ if TYPE_CHECKING:
     from grasp3d.mesh import ObjectMesh
 
 FORMAT, VERSION = "grasp3d gripper", 1
-"""What the keys `format` and `version` of a file contain."""
+"""Values of the keys `format` and `version` of a file."""
 
 KEYS = ("format", "version", "unit")
-"""Keys that files have besides the fields of a gripper; people may leave them out."""
+"""Keys of files besides the fields of a gripper; they are optional."""
 
 ROUNDING = 1e-9
 """Fraction of the stroke by which a limit may be exceeded through rounding."""
 
 LEAST_TOUCH = 0.05
-"""Fraction of the area of a pad that both jaws touch in a pose that fits."""
+"""Fraction of a pad's area with which each jaw touches in a pose that fits."""
 
 THIN = 1e-3
-"""Thickness of fingers with which bad poses do not hide a wrong frame [m]."""
+"""Thickness of fingers so thin that bad poses do not hide a wrong frame [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,17 +52,17 @@ class ParallelGripper(Jaws):
     Attributes:
         name: Name in tables and files.
         min_opening: Smallest distance between the contacts [m].
-        max_opening: Largest one, the stroke [m].
+        max_opening: Largest distance between the contacts, the stroke [m].
         finger_thickness: Size of a finger along x [m].
         finger_width: Size of a finger along y [m].
         finger_length: From the palm to the end of a finger [m].
         pad_width: Size of a flat pad along y [m], at most that of the finger.
         pad_height: Size of a flat pad along z [m], at most the length of the finger.
         tip_radius: Radius of round tips [m]; 0: flat pads.
-        inner_faces: Faces of the inner side of finger 1, which touch the object when jaws close: of
-            each the corners (x, y, z) in the gripper's frame, with the pad's plane at x = 0 and
-            the others behind it, x <= 0 [m]; each face is flat and convex. Finger 2 mirrors them.
-            Empty: the flat pad alone.
+        inner_faces: Faces of the inner side of finger 1, which touch the object when the jaws
+            close. Each is flat, convex, and given by its corners (x, y, z) in the gripper's frame
+            [m], in the pad's plane x = 0 or behind it (x < 0). Finger 2 mirrors them. Empty: the
+            flat pad alone.
         tip_thickness: Size of a finger along x at its pad [m]; None: that of the whole finger.
         palm_thickness: Size of the palm along x [m], at least the stroke.
         palm_width: Size of the palm along y [m].
@@ -93,7 +93,7 @@ class ParallelGripper(Jaws):
     """
 
     fingers = (2,)
-    """Numbers of contacts of the grasps for which it has poses."""
+    """Contact counts of the grasps for which it has poses."""
 
     @classmethod
     def preset(cls, name: str) -> "ParallelGripper":
@@ -126,13 +126,13 @@ class ParallelGripper(Jaws):
         return jaw_triangles(self, opening)
 
     def reach(self, mesh: "ObjectMesh", points: Any, normals: Any, **options: Any) -> "Reach":
-        """Which grasps it reaches; see `Hand.reach` and `reach_grasps`."""
+        """Find the grasps that it reaches; see `Hand.reach` and `reach_grasps`."""
         from grasp3d.hand.reach import reach_grasps
 
         return reach_grasps(mesh, points, normals, self, **options)
 
     def close(self, mesh: "ObjectMesh", poses: Any, **options: Any) -> "ClosedJaws":
-        """What its jaws touch when they close; see `Hand.close` and `close_jaws`."""
+        """Close its jaws and find what they touch; see `Hand.close` and `close_jaws`."""
         from grasp3d.hand.closing import close_jaws
 
         return close_jaws(mesh, poses, self, **options)
@@ -146,10 +146,10 @@ class ParallelGripper(Jaws):
         held: Bools,
         table: "Table | None" = None,
     ) -> Bools:
-        """Whether it collides on its way to poses at which its jaws then close, shape (k,).
+        """Whether it collides on its way to poses at which its jaws close, shape (k,).
 
-        Where the jaws do not close symmetrically about the TCP, hand or object has given way. See
-        `Hand.blocked`.
+        If the jaws do not close symmetrically about the TCP, the hand or the object gives way until
+        they do. See `Hand.blocked`.
         """
         from grasp3d.hand.reach import collides
 
@@ -161,15 +161,15 @@ class ParallelGripper(Jaws):
     fitting = (
         "jaws that are thin close on the object where it is, each with a twentieth of its pad,"
     )
-    """What is the case at poses that fit."""
+    """What holds at poses that fit, for a sentence; see `Hand.fitting`."""
 
     def fits(
         self, mesh: "ObjectMesh", poses: Any, posture: Any, *, table: "Table | None" = None
     ) -> Bools:
-        """Whether it gets to poses wide open, and then closes on the object, shape (k,).
+        """Whether it reaches poses wide open and then closes on the object, shape (k,).
 
-        Each jaw must touch with a twentieth of a pad, with its own fingers or with thin ones: so
-        bad poses do not hide a wrong frame. See `Hand.fits`.
+        Each jaw must touch with a twentieth of its pad. Thin fingers are tried as well, so that bad
+        poses do not hide a wrong frame. See `Hand.fits`.
         """
         del posture
         thin, fits = self, np.zeros(len(poses), dtype=np.bool_)
@@ -204,7 +204,7 @@ class ParallelGripper(Jaws):
 
 
 def gripper_of(content: Mapping[str, Any]) -> ParallelGripper:
-    """A gripper from the content of a JSON file, an object of the format of grippers.
+    """Make a gripper from the content of a JSON file in the format of grippers.
 
     Raises:
         SettingError: It is not the description of a gripper.
@@ -218,7 +218,7 @@ def gripper_of(content: Mapping[str, Any]) -> ParallelGripper:
 
 
 FOLDER = Path(__file__).with_name("presets")
-"""Where the JSON files of the presets are."""
+"""Folder of the presets' JSON files."""
 
 PRESETS: dict[str, ParallelGripper] = {
     name: gripper_of(read_json(FOLDER / f"{name}.json"))
@@ -226,9 +226,9 @@ PRESETS: dict[str, ParallelGripper] = {
 }
 """The grippers by name.
 
-Makers state strokes and forces; the other lengths are measured on the geometry of published robot
-descriptions. Fingers and palm are boxes around that geometry, but for exceptions that are stated.
-The JSON file of each gripper has notes on where its numbers come from.
+Strokes and forces are those stated by the manufacturers; the other lengths are measured on the
+geometry of published robot descriptions. Fingers and palm are boxes around that geometry, except
+where the notes say otherwise. The JSON file of each gripper has notes on its sources.
 """
 
 ALIASES = {"panda": "franka"}

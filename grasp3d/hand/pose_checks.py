@@ -1,4 +1,4 @@
-"""Checks of grasp poses: rotations, and whether they fit the object."""
+"""Checks of grasp poses: whether they are rigid motions, and near the object."""
 
 from typing import TYPE_CHECKING
 
@@ -20,11 +20,11 @@ ROUNDING = 1e-12
 """Deviation up to which a rotation is left as it is."""
 
 FAR = 20.0
-"""Distance of a TCP from the object, in object sizes, that cannot be meant."""
+"""Distance of a TCP from the object, in object sizes, that cannot be intended."""
 
 BESIDE = 0.02, 1.0, 10.0
-"""Median distances of TCPs, in object sizes: the ends of those with which a unit is likely, and the
-largest with which one is if no other is."""
+"""Median distances of TCPs, in object sizes: the range in which a unit is likely, and the largest
+with which the best unit is likely if no other is."""
 
 GIVE_UNIT = "give their unit: a column unit in their table, in Python unit=..."
 """Remedy for messages."""
@@ -35,7 +35,7 @@ NEAR = 1.0 / 200.0
 
 
 def checked_pose(value: ArrayLike, what: str) -> Floats:
-    """One pose, as `checked_poses`, shape (4, 4). Raises ContactError, which says what it is."""
+    """One pose, checked as in `checked_poses`, shape (4, 4). Raises ContactError, naming `what`."""
     try:
         (pose,) = checked_poses(value)
     except (ContactError, ValueError) as error:
@@ -47,14 +47,14 @@ def checked_pose(value: ArrayLike, what: str) -> Floats:
 def checked_poses(values: ArrayLike) -> Floats:
     """Poses as finite 4x4 matrices with rotations, shape (k, 4, 4).
 
-    Rotations that deviate by no more than 0.001, as those written with few digits do, are replaced
-    by the nearest rotation.
+    Matrices within 0.001 of a rotation, such as those written with few digits, are replaced by the
+    nearest rotation.
 
     Args:
         values: Shape (k, 4, 4), or (4, 4) for one pose.
 
     Raises:
-        ContactError: Another shape, values that are not finite, or no rotations.
+        ContactError: The shape is wrong, a value is not finite, or a matrix is not a rotation.
     """
     try:
         poses = np.array(values, dtype=np.float64)
@@ -80,14 +80,14 @@ def checked_poses(values: ArrayLike) -> Floats:
 
 
 def checked_quaternions(values: Floats, where: str = "") -> Floats:
-    """Unit quaternions from those written with few digits, shape (k, 4), in any order.
+    """Normalise quaternions that were written with few digits, shape (k, 4), in any order.
 
     Args:
         values: Shape (k, 4), finite.
         where: Start of the message, such as the name of a column.
 
     Raises:
-        ContactError: Their length is not 1.
+        ContactError: A length is not 1.
     """
     lengths = np.linalg.norm(values, axis=1)
     for k in np.flatnonzero(~(np.abs(lengths - 1.0) <= TOLERANCE)):
@@ -119,7 +119,7 @@ def _rotations(matrices: Floats) -> Floats:
 
 
 def _why_no_rotation(product: Floats) -> str:
-    """What the products of the columns of a matrix suggest."""
+    """Why a matrix is not a rotation, from the products of its columns."""
     lengths = np.sqrt(np.diagonal(product))
     if not (lengths > 0.0).all():
         return "one of its axes has the length 0"
@@ -135,16 +135,17 @@ def _why_no_rotation(product: Floats) -> str:
 def check_near(
     poses: Floats, mesh: "ObjectMesh", *, stated: Unit | None = None, reach: float = 0.0
 ) -> None:
-    """Refuse poses that are all far away from the object.
+    """Raise ContactError if all poses are far away from the object.
 
     Args:
         poses: TCP frame to the object's frame, shape (k, 4, 4).
         mesh: The object.
-        stated: Unit that was stated of the poses; None: none, they were read in that of its file.
+        stated: Unit that was stated for the poses; None: they were read in the unit of the mesh
+            file.
         reach: Distance up to which no pose is far, such as the size of the hand.
 
     Raises:
-        ContactError: They are; the message names the unit that would bring them near.
+        ContactError: All are far away; the message names a unit that would bring them near.
 
     Example:
         >>> import numpy as np
@@ -177,7 +178,7 @@ def check_near(
 
 
 def _likely_units(points: Floats, mesh: "ObjectMesh", unit: Unit) -> str:
-    """Units in which positions [m] that were read in `unit` are at the object; empty: none."""
+    """Other units in which positions [m] read in `unit` would be at the object; empty: none."""
     ratios = {}
     for other in (one for one in METRES if one != unit):
         away = np.linalg.norm(points * (METRES[other] / METRES[unit]) - mesh.center, axis=1)
@@ -188,7 +189,7 @@ def _likely_units(points: Floats, mesh: "ObjectMesh", unit: Unit) -> str:
 
 
 def pose_warning(poses: Floats, mesh: "ObjectMesh", *, reach: float = 0.0) -> str | None:
-    """What suggests that poses are in another unit or frame than the object.
+    """Return a warning if poses seem to be in another unit or frame than the object.
 
     Args:
         poses: As in `check_near`.
@@ -196,7 +197,7 @@ def pose_warning(poses: Floats, mesh: "ObjectMesh", *, reach: float = 0.0) -> st
         reach: As in `check_near`.
 
     Returns:
-        One sentence, or None if nothing does.
+        One sentence; None if nothing suggests that.
     """
     points, size, unit = poses[:, :3, 3], mesh.size, mesh.file_unit
     if far := int((_distances(poses, mesh) > max(FAR * size, reach)).sum()):

@@ -1,22 +1,24 @@
-"""A hand with joints from its links and joints, and what a description states of it.
+"""Make a hand with joints from its links and joints and from what a description states.
 
-What is not stated follows from the geometry, and is said:
+What is not stated is proposed from the geometry, and reported:
 
-* The base is the root; in a MuJoCo model the body in the world with most joints below it.
+* The base is the root; in a MuJoCo model it is the body in the world with most joints below it.
 * Fingertips are the last links with collision geometry that joints move.
-* The palm is the last link that all fingertips are below.
-* The fingertips meet in the posture that brings them closest together: the least sum of squares of
-  their distances to their common middle, with a little for the distance from the joints' value 0.
-* The approach direction is that axis of the palm's frame along which the palm is thinnest, among
+* The palm is the last link that carries all fingertips.
+* The fingertips meet in the posture that brings them closest together: it minimises the sum of
+  squares of their distances from their common middle, plus a small term for the distance of the
+  joints from 0.
+* The approach direction is the axis of the palm's frame along which the palm is thinnest, among
   those within 65 degrees of the direction from the middle of the palm to where the fingertips meet.
-* Joints close the hand that turn about nearly the same axis, within 37 degrees, as the last one of
-  their finger, in the direction in which its tip comes nearer to where the fingertips meet. In the
-  open preshape they have the value nearest to 0 within their limits. So have the other joints, but
-  for those, such as the base of a thumb, that are more than 34 degrees from it where the fingertips
-  meet, unless another finger spreads about the same axis: these stay as they are there.
+* Joints close the hand if they turn about nearly the same axis, within 37 degrees, as the last
+  joint of their finger; they turn so that the fingertip comes nearer to where the fingertips meet.
+  In the open preshape every joint has the value nearest to 0 within its limits. Exceptions are
+  joints that do not close the hand and are more than 34 degrees from that value where the
+  fingertips meet, such as the base of a thumb: they keep their value there, unless another finger
+  spreads about the same axis.
 * Torques are the efforts that the file states, where these are plausible.
 
-Numbers that no hand has, mostly stated in other units than they must be, are named.
+Implausible numbers, which are mostly stated in wrong units, are reported.
 """
 
 import math
@@ -35,34 +37,34 @@ from grasp3d.hand.link_tree import LinkTree
 from grasp3d.system.names import unknown
 
 TORQUE_OF_FINGER, TORQUE_ELSEWHERE = 5.0, 100.0
-"""Torques from which on a finger's motor, or another one, is not believed [N m]; forces [N] are
-believed up to 100 times that."""
+"""Torques from which on the motor of a finger, or another one, is implausible [N m]; forces [N] are
+implausible from 100 times that."""
 
 COARSEST = 1.0
-"""Sensor resolution from which on it is not believed [rad]."""
+"""Sensor resolution from which on it is implausible [rad]."""
 
 LARGEST_MESH = 2.0
-"""Size of a link's mesh from which on it is not believed [m]."""
+"""Size of a link's mesh beyond which it is implausible [m]."""
 
 TURN = 2.0 * math.pi + 0.01
-"""Limit of a joint that turns beyond which it is not believed [rad]."""
+"""Limit of a turning joint beyond which it is implausible [rad]."""
 
 NO_TRAVEL = 1e-6
-"""Travel of a joint that is none [rad or m]."""
+"""Travel up to which a joint cannot move [rad or m]."""
 
 LISTED = 4
 """Most joints that a sentence names."""
 
 
 def largest_torque(hand: ArticulatedHand, joint: str) -> float:
-    """Torque, or force, from which on that of a joint is not believed [N m or N]."""
+    """Torque, or force, of a joint from which on it is implausible [N m or N]."""
     beyond = {hand.tree.joints[link].name for link in hand.beyond_palm}
     most = TORQUE_OF_FINGER if joint in beyond else TORQUE_ELSEWHERE
     return most * (100.0 if joint in hand.slides else 1.0)
 
 
 def implausible(hand: ArticulatedHand) -> Iterator[str]:
-    """What is known of a hand, but hardly true, one sentence each."""
+    """Yield a sentence for each implausible value of a hand."""
     yield from _contradictions(hand)
     for name, shapes in zip(hand.link_names, hand.shapes, strict=True):
         meshes = [one.vertices for one in shapes if one.kind == "mesh"]
@@ -86,7 +88,7 @@ def implausible(hand: ArticulatedHand) -> Iterator[str]:
 
 
 def _contradictions(hand: ArticulatedHand) -> Iterator[str]:
-    """Limits of joints that are hardly true."""
+    """Yield a sentence for implausible limits of joints."""
     beyond: dict[tuple[float, float], list[str]] = {}
     for one in hand.ranges:
         low, high = one.limits
@@ -114,11 +116,11 @@ def _listed(names: list[str]) -> str:
 
 
 def too_strong(hand: ArticulatedHand, what: str, torques: Mapping[str, float]) -> Iterator[str]:
-    """A sentence for each torque that is not believed.
+    """Yield a sentence for each implausible torque.
 
     Args:
         hand: The hand.
-        what: What has them.
+        what: What states them, the start of the sentence.
         torques: Torques, or forces, of joints by their names [N m or N].
     """
     joints: dict[tuple[float, float, bool], list[str]] = {}
@@ -136,33 +138,33 @@ def too_strong(hand: ArticulatedHand, what: str, torques: Mapping[str, float]) -
 
 
 FARTHEST_APPROACH = 65.0
-"""Largest angle between the approach direction and the way to where fingertips meet [degrees]."""
+"""Largest angle between approach direction and the way to where the fingertips meet [degrees]."""
 
 KEPT = 0.02
-"""Weight of a joint's distance from 0 [m/rad] beside the distances of fingertips."""
+"""Weight of a joint's distance from 0 [m/rad] against the distances of fingertips."""
 
 ROUNDED = 1e-9
-"""Difference of a length from 1 that is rounding."""
+"""Difference of a length from 1 up to which it is rounding."""
 
 TURNED = 0.6
-"""Distance from 0 from which a joint that does not close the hand is part of its open preshape
-[rad or m]."""
+"""Distance from 0 beyond which a joint that does not close the hand keeps, in the open preshape,
+its value where the fingertips meet [rad or m]."""
 
 PARALLEL = 0.8
 """Least cosine of the angle between axes that count as nearly the same."""
 
 
 def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None) -> ArticulatedHand:
-    """A hand from its links and joints.
+    """Make a hand from its links and joints, and propose what is not stated.
 
     Args:
         tree: Links and joints.
-        stated: What is known of it, as `grasp3d.hand.hand_json.stated_of` returns it;
-            what is missing is proposed, which `ArticulatedHand.assumed` says.
+        stated: What is known of it, as `grasp3d.hand.hand_json.stated_of` returns it. What is
+            missing is proposed, and listed in `ArticulatedHand.assumed`.
 
     Raises:
-        SettingError: There are no such links or joints, nothing moves, or it moves in ways that
-            have no posture: free joints, closed loops.
+        SettingError: A stated link or joint does not exist, nothing moves, or the motion has no
+            posture (free joints, closed loops).
     """
     known = dict(stated or {})
     assumed, couplings = [*known.get("assumed", ())], known.get("couplings", ())
@@ -171,7 +173,7 @@ def articulated_hand_of(tree: LinkTree, stated: Mapping[str, Any] | None = None)
         assumed.append(f"the base is {base}, with most joints below it")
     whole = _coupled(tree.branch(base), couplings)
     _check(whole)
-    # Read at once: a missing mesh is then refused here, and another process gets all of it.
+    # All shapes are read now: a missing mesh is an error here, and other processes get all data.
     shapes = {link: whole.shapes(link) for link in whole.links}
     for link, some in shapes.items():
         if any(shape.kind == "mesh" and not len(shape.vertices) for shape in some):
@@ -205,12 +207,12 @@ def _base(tree: LinkTree) -> str:
     while not tree.shapes(base) and len(below := tree.children(base)) == 1:
         if tree.joints[below[0]].kind == "fixed":
             break
-        (base,) = below  # joints that let the whole hand fly
+        (base,) = below  # joints that move the whole hand
     return base
 
 
 def _coupled(tree: LinkTree, couplings: Iterable[Coupling]) -> LinkTree:
-    """A tree whose joints follow others as couplings say. Raises SettingError."""
+    """The tree with joints that follow others as couplings state. Raises SettingError."""
     links = {joint.name: link for link, joint in tree.joints.items() if joint.kind != "fixed"}
     joints = dict(tree.joints)
     for coupling in couplings:
@@ -225,7 +227,7 @@ def _coupled(tree: LinkTree, couplings: Iterable[Coupling]) -> LinkTree:
 
 
 def _check(tree: LinkTree) -> None:
-    """Refuse what has no posture. Raises SettingError."""
+    """Raise SettingError if a posture cannot describe the tree."""
     for joint in tree.joints.values():
         if joint.kind == "free":
             raise tree.error(
@@ -238,7 +240,7 @@ def _check(tree: LinkTree) -> None:
 
 
 class _Proposal:
-    """What is stated of a hand, with what is proposed for the rest."""
+    """The stated values of a hand, with proposals for the rest."""
 
     def __init__(self, hand: ArticulatedHand, known: Mapping[str, Any], assumed: list[str]) -> None:
         self.known, self.assumed, self.tree, self.bare = known, assumed, hand.tree, hand
@@ -247,7 +249,7 @@ class _Proposal:
         self.zero = np.clip(np.zeros(len(self.names)), *self.limits.T)
 
     def hand(self) -> ArticulatedHand:
-        """The hand. Raises SettingError."""
+        """Make the hand. Raises SettingError."""
         tree, known = self.tree, self.known
         tips = tuple(known.get("fingertips") or self._fingertips())
         tree.check_links(tips)
@@ -276,7 +278,7 @@ class _Proposal:
         return [name for name, one in zip(self.names, which, strict=True) if one]
 
     def _fingertips(self) -> tuple[str, ...]:
-        # What carries something that moves, or is fixed to it as a camera on the palm, is no end.
+        # No end: a link that carries a moving one, or is fixed to one that does (a palm's camera).
         carriers = {joint.parent for joint in self.tree.by_name.values()}
         ends = [
             name for name in self.bare.beyond_base
@@ -303,14 +305,14 @@ class _Proposal:
 
     @cached_property
     def _middles(self) -> Floats:
-        """Middles of the boxes around the fingertips, in their frames, shape (n, 3)."""
+        """Middles of the fingertips' bounding boxes, in the frames of the tips, shape (n, 3)."""
         boxes = [self.tree.geometry(tip).reshape(-1, 3) for tip in self.bare.fingertips]
         return np.array([
             0.5 * (box.min(axis=0) + box.max(axis=0)) if len(box) else np.zeros(3) for box in boxes
         ])  # fmt: skip
 
     def _tips(self, posture: Floats) -> Floats:
-        """Where these middles are, shape (n, 3)."""
+        """Middles of the fingertips in the hand's frame at a posture, shape (n, 3)."""
         poses = self.bare.link_poses(posture)[0, self._numbers(self.bare.fingertips)]
         points: Floats = np.einsum("nij,nj->ni", poses[:, :3, :3], self._middles) + poses[:, :3, 3]
         return points
@@ -358,9 +360,9 @@ class _Proposal:
         return np.where(bends, np.sign(toward), 0.0)
 
     def _in_fingers(self, posture: Floats) -> list[tuple[str, str, Floats] | None]:
-        """For each joint the links that it and the last joint of its finger move, and their axes.
+        """For each joint: the link that it moves, that of its finger's last joint, and both axes.
 
-        None: it moves several fingers at once, as that of a wrist does, or none.
+        None where it moves several fingers at once, like the joint of a wrist, or no finger.
         """
         poses, joints = self.bare.link_poses(posture)[0], self.tree.joints
         chains = [self.tree.chain(tip) for tip in self.bare.fingertips]
@@ -378,10 +380,10 @@ class _Proposal:
         return found
 
     def _spreads(self, closing: Floats) -> Bools:
-        """Joints that do not close the hand, with a counterpart in another finger, shape (p,).
+        """Joints that do not close the hand but have a counterpart in another finger, shape (p,).
 
-        Both turn about nearly the same axis, and so do the last joints of their fingers: fingers
-        side by side spread so, while the base of a thumb is alone.
+        Both turn about nearly the same axis, and so do the last joints of their fingers. Fingers
+        side by side spread like this, while the base of a thumb has no counterpart.
         """
         found = self._in_fingers(self.zero)
         still = [one if speed == 0.0 else None for one, speed in zip(found, closing, strict=True)]
@@ -413,7 +415,7 @@ class _Proposal:
         return found
 
     def _check_limits(self, name: str, posture: Floats) -> None:
-        """Refuse a preshape beyond the limits of joints. Raises SettingError."""
+        """Raise SettingError if a preshape is beyond the limits of joints."""
         for one, excess in zip(self.bare.ranges, self.bare.excess(posture[None])[0], strict=True):
             if excess > BEYOND:
                 (low, high), joint, value = one.limits, self.names[one.column], posture[one.column]

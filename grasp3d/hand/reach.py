@@ -1,4 +1,4 @@
-"""What a parallel gripper reaches on an object, from where, and where it collides."""
+"""Which grasps of an object a parallel gripper reaches, from where, and where it collides."""
 
 import math
 from dataclasses import dataclass
@@ -32,26 +32,26 @@ class Reachability(IntEnum):
     TIP = gripper_parts.TIP
     """A round tip touches the object elsewhere too."""
     DIRECTION = gripper_parts.DIRECTION
-    """No tested approach direction is within the allowed ones."""
+    """No tested approach direction is allowed."""
     TABLE = gripper_parts.TABLE
     """Only the table is in the way."""
     BLOCKED = gripper_parts.BLOCKED
     """At every tested angle the gripper collides with the object."""
     NO_GRASP = gripper_parts.NO_GRASP
-    """There is no grasp that could be reached."""
+    """There is no grasp to reach."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """What a gripper reaches of b grasps; lengths in metres."""
+    """How a gripper reaches b grasps; lengths in metres."""
 
     state: Bytes
     """`Reachability` of each grasp, shape (b,)."""
     poses: Floats
     """From the gripper's frame to the mesh's, nan where not reached, shape (b, 4, 4)."""
     approach_margin: Floats
-    """Angle about the closing axis by which the approach may turn either way, all tested angles on
-    the way being free [rad]; pi: all around. Nan where not reached, shape (b,)."""
+    """Angle about the closing axis by which the approach may turn either way with all tested angles
+    free [rad], shape (b,); pi: all around; nan where not reached."""
     opening: Floats
     """Distance between the inner faces of the fingers, or between the nearest points of round tips,
     when the object is held; nan where not reached, shape (b,)."""
@@ -90,7 +90,7 @@ class Reach:
         return Reach(**{name: locked(values[which]) for name, values in vars(self).items()})
 
     def among(self, count: int, rows: Ints) -> "Reach":
-        """The same with `count` rows, of which these are `rows`; the others are no grasps."""
+        """The same grasps as `rows` among `count` rows; the other rows are no grasps."""
         every = {}
         for name, values in vars(self).items():
             empty = math.nan if values.dtype.kind == "f" else 0
@@ -154,12 +154,13 @@ def reach_grasps(
 ) -> Reach:
     """Test whether a gripper reaches grasps, and find a pose for each.
 
-    A grasp of two fingers is reached where the gripper fits at one of the approach angles about the
-    closing axis at least: no part of it meets the object beyond the compliance, or the table, in
+    A grasp of two fingers is reached if the gripper fits at one or more approach angles about the
+    closing axis. It fits if no part of it meets the object beyond the compliance, or the table: in
     the final pose, on the straight way there from outside the object's bounding ball, and while the
     fingers close from the pre-grasp opening. The middle of the widest arc of free angles becomes
-    the pose. With flat pads the contacts are at the pads' centres, or else up to 0.4 pad heights
-    away from them along z, where that makes the widest arc. Angles between those tested are not.
+    the pose. With flat pads the contacts are at the pads' centres, or up to 0.4 pad heights away
+    from them along z if that gives the widest arc. Only `ANGLES` angles are tested, none between
+    them.
 
     Args:
         mesh: The object; its unit must be known.
@@ -232,7 +233,7 @@ def collides(
         table: What the object stands on; None: nothing.
         swept: Whether the straight approach and the clearance are tested too; else the final
             pose only.
-        only: 0 or 1: that finger is tested without its round tip; 2: the palm, both without the
+        only: 0 or 1: only that finger, without its round tip; 2: only the palm, each without the
             table; -1: all.
 
     Returns:
@@ -240,7 +241,7 @@ def collides(
 
     Raises:
         SettingError: The mesh has no unit.
-        ContactError: Poses that are no rigid motions.
+        ContactError: A pose is not a rigid motion.
 
     Example:
         >>> import numpy as np, trimesh, grasp3d

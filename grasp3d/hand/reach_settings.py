@@ -19,8 +19,8 @@ class ReachSettings(Settings):
 
     Attributes:
         hand: Gripper or hand that must reach each grasp: the name of a preset, or a JSON file
-            (which grasp3d hand makes of a URDF or MuJoCo model). Fingers and palm touch neither the
-            object nor the table on a straight approach. none: ideal point contacts.
+            (which grasp3d hand makes from a URDF or MuJoCo model). Fingers and palm must touch
+            neither the object nor the table on a straight approach. none: ideal point contacts.
         table: What the object stands on. none: nothing; as-is: a table below its lowest points;
             stable: a table in the most probable resting pose.
         up: Axis of the mesh's frame that points up. Not with table stable, which finds its own up
@@ -28,9 +28,9 @@ class ReachSettings(Settings):
         resting_pose: Table stable: which of the resting poses; 1: the most probable one.
         approach_within: Largest angle between the approach direction and straight down, above 0, up
             to 180 degrees; with a table at most 90: never from below.
-        pose_error: Error of the gripper's pose: how far the true one may be from the stated one, as
-            the radius of a ball, the largest turn, or both: 5mm,3deg. The jaws are also closed at
-            poses that are wrong by as much.
+        pose_error: Error of the gripper's pose: how far the true pose may be from the stated one,
+            as the radius of a ball, the largest turn, or both: 5mm,3deg. The jaws are also closed
+            at poses that are wrong by as much.
     """
 
     hand: Hand | None = None
@@ -64,7 +64,7 @@ class ReachSettings(Settings):
             raise SettingError("up does not apply to table stable, whose resting pose says it")
 
     def touching(self, model: GraspModel) -> GraspModel:
-        """The model with the gripper's sensor resolution, where it has the default one itself."""
+        """The model with the gripper's sensor resolution, unless the model changes the default."""
         if self.hand is None or model.sensor_resolution != GraspModel().sensor_resolution:
             return model
         return touching(self.hand, model)

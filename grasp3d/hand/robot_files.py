@@ -1,4 +1,4 @@
-"""Files of hands: JSON, and URDF and MuJoCo models with what is made of their links."""
+"""Read files of hands: JSON, and URDF and MuJoCo models."""
 
 import json
 from collections.abc import Callable, Collection, Mapping
@@ -14,10 +14,10 @@ from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import printable, unknown
 
 FORMAT, VERSION = "grasp3d articulated hand", 1
-"""What the keys `format` and `version` of the JSON of a hand with joints contain."""
+"""Values of the keys `format` and `version` in the JSON of a hand with joints."""
 
 NAMES = ("allegro", "leap", "shadow", "barrett")
-"""Hands that are known; their JSON files have notes on where the numbers come from."""
+"""Names of known hands; their JSON files have notes on where the numbers come from."""
 
 SUFFIXES = (".urdf", ".xml", ".mjcf")
 
@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 
 def made_of(path: Path, make: Callable[..., T], *arguments: Any) -> T:
-    """What a function makes of a robot's description.
+    """Read a robot's description and return what a function makes of it.
 
     Args:
         path: The file.
@@ -48,17 +48,17 @@ def made_of(path: Path, make: Callable[..., T], *arguments: Any) -> T:
 def _make(path: Path, make: Callable[..., T], *arguments: Any) -> T:
     from grasp3d.hand.mujoco_model import read_links  # slow to import
 
-    with np.errstate(over="ignore", invalid="ignore"):  # of lengths that are refused
+    with np.errstate(over="ignore", invalid="ignore"):  # lengths that are refused
         return make(read_links(path), *arguments)
 
 
 def check_keys(content: Mapping[str, Any], known: Collection[str], **fixed: str | int) -> None:
-    """Refuse keys of JSON that are not known, or of another value than they must have.
+    """Raise SettingError for unknown keys of JSON, or fixed keys with another value.
 
-    Notes are what only people read, such as where lengths come from: any JSON.
+    The key notes may hold any JSON, for people only, such as where lengths come from.
 
     Raises:
-        SettingError: There are such.
+        SettingError: There is such a key.
     """
     for key, value in content.items():
         if key in fixed and (value != fixed[key] or isinstance(value, bool)):

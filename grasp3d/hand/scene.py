@@ -20,14 +20,14 @@ from grasp3d.settings import Sampling
 from grasp3d.settings.pose_error import PoseError
 
 LEVEL = math.pi / 2.0 + 1e-6
-"""Largest angle from straight down at which a gripper beside a table comes [rad]: level, with a
-tolerance for rounding. Farther back, where no box of the gripper is tested, is the table."""
+"""Largest angle from straight down at which a gripper approaches beside a table [rad]: level, but
+for rounding. Beyond it the table would be behind the gripper, where no box is tested."""
 
 ROUNDING = 1e-9
 """Angle by which an approach may be beyond the limit through rounding [rad]."""
 
 TILTED = 5.0
-"""Angle between up of the table and z of the robot that is warned of [degrees]."""
+"""Angle between the table's up and the robot's z beyond which a warning is given [degrees]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +37,11 @@ class Scene:
     hand: Hand
     """The hand [m]."""
     table: Table | None = None
-    """In the frame of the mesh; None: nothing is in the way but the object."""
+    """Table in the frame of the mesh; None: only the object is in the way."""
     approach: Approach = field(default_factory=Approach)
     """Allowed approach directions, in the frame of the mesh."""
     pose_error: PoseError = field(default_factory=PoseError)
-    """How wrong its poses may be."""
+    """Error of the hand's poses."""
 
     @classmethod
     def of(cls, settings: ReachSettings, mesh: ObjectMesh) -> "Scene | None":
@@ -55,8 +55,8 @@ class Scene:
             None without a hand.
 
         Raises:
-            SettingError: There are not so many resting poses, the mesh has no unit, or there is a
-                pose error but no hand.
+            SettingError: There are fewer resting poses, the mesh has no unit, or there is a pose
+                error but no hand.
         """
         if settings.hand is None:
             if settings.pose_error:
@@ -77,13 +77,13 @@ class Scene:
         approach: Approach | None = None,
         pose_error: PoseError | str | None = None,
     ) -> "Scene | None":
-        """What keywords of one name each state beside an object.
+        """Make the scene that separate keyword arguments state beside an object.
 
         Returns:
             None without a hand.
 
         Raises:
-            SettingError: A table, an approach or a pose error, but no hand; or it is none of that.
+            SettingError: A table, an approach or a pose error, but no hand; or an invalid value.
         """
         error, table = PoseError.of(pose_error or PoseError()), given_table(mesh, table)
         if (found := given_hand(hand)) is not None:
@@ -96,7 +96,7 @@ class Scene:
 
     @property
     def up(self) -> Floats:
-        """Direction that is up: out of the table, else opposite to the best approach, else z."""
+        """The up direction: out of the table, else opposite to the best approach, else z."""
         if self.table is not None:
             return self.table.normal
         direction = self.approach.direction
@@ -115,7 +115,7 @@ class Scene:
     def approach_angles(self, poses: Floats) -> Floats:
         """Angles of the approaches of poses (k, 4, 4) from the best direction [rad], shape (k,).
 
-        0 where any direction is as good.
+        0 if all directions are equally good.
         """
         direction = best_approach(self.table, self.approach)
         if direction is None:
@@ -128,7 +128,7 @@ class Scene:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """The hand, how the object stands or where up is, and how wrong poses may be."""
+        """Texts on the hand, the resting pose or up direction, and the pose error."""
         words = [f"gripper {self.hand.name}"]
         if self.table is not None and self.table.probability is not None:
             words.append(f"resting pose of probability {100.0 * self.table.probability:.0f} %")
@@ -141,7 +141,7 @@ class Scene:
         return tuple(words)
 
     def tilt_warning(self, object_pose: ObjectPose | None) -> str | None:
-        """What suggests that the object does not stand so beside its robot; None: nothing does."""
+        """A warning if the table is not level in the robot's frame; None if it is."""
         if object_pose is None or self.table is None:
             return None
         tilt = math.degrees(float(angles_between(object_pose.matrix[2, :3], self.table.normal)))
@@ -151,7 +151,7 @@ class Scene:
         return f"the table's up is {tilt:.0f}° from z of the robot's frame: {text}"
 
     def within_stroke(self, mesh: ObjectMesh, sampling: Sampling) -> Sampling:
-        """Settings of the search with openings limited to what the hand may reach.
+        """Settings of the search with openings limited to those that the hand can reach.
 
         Args:
             mesh: The object.

@@ -57,12 +57,12 @@ class Table:
             number: 1: the most probable pose, 2: the next one, and so on.
 
         Raises:
-            SettingError: There are not so many resting poses.
+            SettingError: There are fewer resting poses.
         """
         import trimesh
 
         body = trimesh.Trimesh(mesh.normalized, mesh.faces, process=False)
-        # Without noise in the centre of mass there is nothing random in it.
+        # Without noise in the centre of mass nothing in it is random.
         transforms, probabilities = trimesh.poses.compute_stable_poses(
             body.convex_hull,
             center_mass=(mesh.center_mass - mesh.center) / mesh.size,
@@ -81,23 +81,23 @@ class Table:
 
 
 GivenTable: TypeAlias = Table | Standing | None
-"""A table as functions take it: also what the object stands on, in words."""
+"""A table as functions accept it: a `Table`, or what the object stands on, in words."""
 
 
 def given_table(
     mesh: "ObjectMesh", table: GivenTable, up: Axis = "z", number: int = 1
 ) -> Table | None:
-    """The table that is given as such or in words.
+    """The table that is given as a `Table` or in words.
 
     Args:
         mesh: The object.
         table: The table; none, as-is (below the object as it is) or stable (below it in a resting
             pose).
-        up: Axis that points up as it is.
+        up: Axis that points up if the table is as-is.
         number: Which of the resting poses; 1: the most probable one.
 
     Raises:
-        SettingError: It is none of that.
+        SettingError: It is none of these.
     """
     if table is None or isinstance(table, Table):
         return table
@@ -123,10 +123,9 @@ class Approach:
     """Approach directions: a cone about one direction, in the frame of the mesh."""
 
     direction: Floats | None = None
-    """The direction in which the gripper would best move, shape (3,); None: into the table, or
-    any direction where there is no table."""
+    """Preferred approach direction, shape (3,); None: into the table, or any without a table."""
     within: float = math.pi
-    """Largest angle between it and the approach direction [rad]."""
+    """Largest angle between this direction and the approach direction [rad]."""
 
     def __post_init__(self) -> None:
         if self.direction is not None:
@@ -136,7 +135,7 @@ class Approach:
 
 
 def best_approach(table: Table | None, approach: Approach) -> Floats | None:
-    """The direction in which a gripper would best move, shape (3,); None: any is as good."""
+    """The preferred approach direction, shape (3,); None: all directions are equally good."""
     if approach.direction is None and table is not None:
         return -table.normal
     return approach.direction

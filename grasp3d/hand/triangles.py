@@ -1,4 +1,4 @@
-"""Shapes of hands, of their free approaches and of tables as triangles, for pictures."""
+"""Triangles of hands, of their free approach angles and of tables, for pictures."""
 
 import math
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ ARC_STEP = math.radians(3.0)
 """Largest angle between neighbouring points of an arc [rad]."""
 
 TABLE_SIZE, TABLE_DEPTH, TABLE_GAP = 1.3, 0.01, 5e-4
-"""Radius of a table beside that of the object on it; its thickness, and the gap that keeps faces of
-the object from lying in it, as fractions of the object's size."""
+"""Radius of a table relative to that of the object on it; its thickness, and the gap that keeps
+faces of the object from lying in it, as fractions of the object's size."""
 
 TABLE_SIDES = 72
 
@@ -55,13 +55,13 @@ class Triangles:
     parts: Bytes
     """Part of the gripper that each triangle belongs to, a `Part`, shape (F,); 0 elsewhere."""
     links: Ints
-    """Number of its link of a hand with joints, shape (F,); 0 elsewhere."""
+    """For a hand with joints, the link of each triangle, shape (F,); 0 elsewhere."""
 
 
 def triangles_of(
     vertices: ArrayLike, faces: ArrayLike, parts: Bytes | None = None, links: Ints | None = None
 ) -> Triangles:
-    """Triangles with arrays that are locked; without parts or links all are of number 0."""
+    """Make `Triangles` with locked arrays; without parts or links these are 0."""
     none = np.zeros(len(np.asarray(faces)), np.uint8)
     return Triangles(
         locked(vertices, np.float64), locked(faces, np.int64),

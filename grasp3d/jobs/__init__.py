@@ -1,4 +1,4 @@
-"""Jobs: a function called for each of many things, in watched processes or on a cluster."""
+"""Jobs: a function is called for each of many items, in watched processes or on a cluster."""
 
 from lazy_loader import attach_stub
 

@@ -1,7 +1,7 @@
-"""Processes of this machine that make calls, each watched by a thread of this process.
+"""Processes on this machine that make calls, each watched by a thread of this process.
 
-They are spawned, not forked, since locks of threads and compilers do not survive a fork, and are
-used again for later calls.
+They are spawned, not forked, since the locks of threads and compilers do not survive a fork. Later
+calls use them again.
 """
 
 import contextlib
@@ -30,7 +30,7 @@ ValueT = TypeVar("ValueT")
 
 
 USABLE_MEMORY = 0.9
-"""Fraction of the memory that jobs may take; the rest is for the system and for this program."""
+"""Fraction of the memory that jobs may use; the rest is for the system and for this program."""
 
 PERIOD = 0.1
 """Time between two checks of the limits [s]."""
@@ -39,7 +39,7 @@ _ONE_THREAD = {
     f"{library}_NUM_THREADS": "1"
     for library in ("NUMBA", "OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB_MAXIMUM")
 }
-"""Environment for one thread per process, since each processor has a process already."""
+"""Environment for one thread per process, since each processor already has a process."""
 
 _START = """
 import sys
@@ -57,36 +57,36 @@ _lock = threading.Lock()
 
 
 class LostError(GraspError):
-    """A call ended without a result; the message is a sentence without its subject."""
+    """A call ended without a result; the message is a predicate without its subject."""
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """One job as it is sent to a child process."""
+    """A job as it is sent to a child process."""
 
     work: bytes
-    """The pickled call: scheduler and worker need not import what only the child needs."""
+    """The pickled call; scheduler and worker need not import what only the child needs."""
     seconds: float | None
-    """Time limit [s]; none: no limit."""
+    """Time limit [s]; None: no limit."""
     memory: float | None
-    """Memory limit [GB]; none: an equal part of what there is."""
+    """Memory limit [GB]; None: an equal part of the available memory."""
 
     @classmethod
     def of(
         cls, work: Callable[..., object], job: object, cluster: ClusterSettings, threads: int
     ) -> "Attempt":
-        """The attempt at a job, whose relative paths begin in this process's folder."""
-        with contextlib.suppress(OSError):  # the folder was deleted
+        """Prepare a job, whose relative paths start in this process's folder."""
+        with contextlib.suppress(OSError):  # the folder has been deleted
             work = partial(_in_folder, str(Path.cwd()), work)
         pickled = cloudpickle.dumps(partial(work, job, threads=threads))
         return cls(pickled, cluster.timeout, cluster.worker_memory)
 
     def answer(self, share: float, cancelled: Callable[[], bool]) -> bytes | str:
-        """The pickled `Done`, or why there is none: every failure is an answer, no exception.
+        """Return the pickled `Done`, or the reason why there is none; it never raises.
 
         Args:
-            share: Memory for a job where no limit is given [GB].
-            cancelled: Whether it is no longer needed.
+            share: Memory for a job without its own limit [GB].
+            cancelled: Function that returns whether the job is no longer needed.
         """
         try:
             memory = self.memory or share
@@ -105,15 +105,15 @@ def _in_folder(folder: str, work: Callable[..., ValueT], *arguments: Any, **opti
 def call(
     work: bytes, *, memory: float, seconds: float | None, cancelled: Callable[[], bool]
 ) -> bytes:
-    """Make a call in another process, which is used again for later calls.
+    """Make a call in another process, which later calls use again.
 
-    It has one thread per numerical library, and its standard output is discarded.
+    The process has one thread per numerical library, and its standard output is discarded.
 
     Args:
-        work: A pickled function without arguments: this process need not import what it needs.
-        memory: Limit for the resident memory of the process [GB].
-        seconds: Time limit [s]; none: no limit.
-        cancelled: Polled in another thread: whether the result is no longer needed.
+        work: A pickled function without arguments, whose imports this process does not need.
+        memory: Limit on the resident memory of the process [GB].
+        seconds: Time limit [s]; None: no limit.
+        cancelled: Polled in another thread; it returns whether the result is no longer needed.
 
     Returns:
         The pickled return value of the function.
@@ -139,7 +139,7 @@ def end_idle() -> None:
 
 
 def _taken() -> "_Worker":
-    """An idle process that is still alive, or a new one."""
+    """Return an idle process that is still alive, or a new one."""
     while True:
         with _lock:
             worker = _idle.pop() if _idle else None
@@ -150,12 +150,12 @@ def _taken() -> "_Worker":
         worker.close()
     try:
         return _Worker()
-    except OSError as error:  # the machine has too many processes: not an error of the job
+    except OSError as error:  # the machine has too many processes: no error of the job
         raise LostError(f"cannot be started ({error.strerror})") from error
 
 
 class _Worker:
-    """A process, and the pipes to it."""
+    """A process and its pipes."""
 
     def __init__(self) -> None:
         package = str(Path(grasp3d.__file__).parents[1])
@@ -170,7 +170,7 @@ class _Worker:
         )
 
     def answer(self, work: bytes, watch: "_Watch") -> bytes | str:
-        """Send a call and read what `child_main` answers; after any error the process is ended.
+        """Send a call and read the answer of `child_main`; after any error the process is ended.
 
         Raises:
             LostError: The process exceeded a limit, or ended by itself.
@@ -186,26 +186,26 @@ class _Worker:
         except (OSError, EOFError, pickle.UnpicklingError) as error:
             ended = self.close()
             raise LostError(watch.reason or _reason(ended)) from error
-        except BaseException:  # Ctrl-C included: half an answer must not be read by the next job
+        except BaseException:  # also Ctrl-C: half an answer must not be read by the next job
             self.close()
             raise
-        if watch.reason:  # a limit may be exceeded while the answer comes
+        if watch.reason:  # a limit may be exceeded while the answer is read
             self.close()
             raise LostError(watch.reason)
         return answer
 
     def kill(self) -> None:
-        """End the process, and those that it started."""
+        """End the process, and the processes that it has started."""
         with contextlib.suppress(OSError, AttributeError):  # Windows has no groups
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.kill()
 
     def close(self) -> int:
-        """End the process, and return its exit code; unchanged if it had ended before."""
-        if self.process.returncode is None:  # else the id may belong to another process by now
+        """End the process, and return its exit code, unchanged if it had already ended."""
+        if self.process.returncode is None:  # otherwise the id may now belong to another process
             self.kill()
         for pipe in (self.process.stdin, self.process.stdout):
-            with contextlib.suppress(OSError, AttributeError):  # what could not be written
+            with contextlib.suppress(OSError, AttributeError):  # for data that could not be written
                 pipe.close()  # type: ignore[union-attr]
         return self.process.wait()
 
@@ -236,12 +236,12 @@ class _Watch:
             self._worker.kill()
 
     def _exceeded(self) -> str:
-        """Which limit is exceeded; empty: none."""
+        """Return which limit is exceeded; empty if none is."""
         if self._cancelled():
             return "was cancelled"
         if self._seconds is not None and time.monotonic() - self._started >= self._seconds:
             return f"took longer than {self._seconds:g} s and was ended"
-        with contextlib.suppress(psutil.Error):  # it has just ended
+        with contextlib.suppress(psutil.Error):  # the process has just ended
             if self._process.memory_info().rss > 1e9 * self._memory:
                 return (
                     f"took more than {round(self._memory, 2):g} GB of memory and was ended; fewer "
@@ -251,7 +251,7 @@ class _Watch:
 
 
 def _reason(code: int) -> str:
-    """Why a process ended, from its exit code: below zero that of the signal."""
+    """Describe why a process ended, from its exit code; negative codes are signals."""
     if code >= 0:
         return f"ended its process without a result (exit code {code})"
     if code == -signal.SIGKILL:

@@ -1,6 +1,6 @@
 """Main loop of a process that makes calls for its parent.
 
-A request is a pickled function; an answer is its pickled result, or a text: why there is none.
+A request is a pickled function. An answer is its pickled result, or the reason why there is none.
 """
 
 import contextlib
@@ -23,10 +23,10 @@ def main() -> None:
     """Answer requests; `_receive` ends this process."""
     inbox: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    null = os.open(os.devnull, os.O_RDWR)  # what is called reads and prints nothing
+    null = os.open(os.devnull, os.O_RDWR)  # called functions read and print nothing
     os.dup2(null, 0)
     os.dup2(null, 1)
-    if sys.platform == "linux":  # when memory runs out this process goes: the parent reports it
+    if sys.platform == "linux":  # killed first when memory runs out; the parent reports it
         with contextlib.suppress(OSError):
             Path("/proc/self/oom_score_adj").write_text("900", encoding="ascii")
     threading.Thread(target=_receive, args=(requests, inbox), daemon=True).start()
@@ -34,11 +34,11 @@ def main() -> None:
         pickle.dump(_answer(inbox.get()), answers)
         answers.flush()
         gc.collect()
-        gc.freeze()  # later collections skip what stays in memory, above all modules
+        gc.freeze()  # later collections skip what stays in memory, mainly modules
 
 
 def _receive(requests: BinaryIO, inbox: "queue.SimpleQueue[Any]") -> None:
-    """Queue requests; end this process and those that it started when the parent ends."""
+    """Queue requests; when the parent ends, end this process and those that it has started."""
     with contextlib.suppress(EOFError, pickle.UnpicklingError):
         while True:
             inbox.put(pickle.load(requests))  # noqa: S301, from the parent

@@ -1,4 +1,4 @@
-"""A running Dask cluster that runs jobs: each in a child process of a Dask worker."""
+"""Running jobs on a Dask cluster: each in a child process of a Dask worker."""
 
 import asyncio
 import json
@@ -26,13 +26,13 @@ JobT = TypeVar("JobT")
 logger = logging.getLogger(__name__)
 
 CONNECT_TIMEOUT = 8.0
-"""Time to find a running cluster, and then to get a response from it [s]."""
+"""Longest time to find a running cluster, and then to get a response from it [s]."""
 
 FIRST_JOBS = 4
 """Jobs sent to a cluster without workers, so that a cluster that scales on demand starts some."""
 
 JOBS_PER_THREAD = 2
-"""Jobs sent for each thread, so that no thread waits for this process."""
+"""Jobs sent per thread, so that no thread waits for this process."""
 
 REFRESH = 1.0
 """Time between two counts of the workers [s]."""
@@ -49,17 +49,17 @@ def on_cluster(
     """Run jobs on a running cluster.
 
     Args:
-        scheduler: Address of its scheduler, or the scheduler's file.
-        work: Called with a job.
+        scheduler: Address of the scheduler, or the scheduler's file.
+        work: Function that is called with a job.
         jobs: The jobs.
         cluster: Limits of a job.
 
     Yields:
-        Each job with its pickled row, or why there is none.
+        Each job with its pickled row, or the reason why there is none.
 
     Raises:
         SettingError: No cluster runs at the address, or its workers cannot run the jobs.
-        GraspError: The scheduler is gone.
+        GraspError: The scheduler has ended.
     """
     with _connected(scheduler) as client:
         name, numbers, counted_at = uuid4().hex, iter(range(len(jobs))), -REFRESH
@@ -93,7 +93,7 @@ def on_cluster(
 def _finished(
     client: Client, pending: Iterable[Future[bytes | str]], scheduler: str
 ) -> Iterator[tuple[Future[bytes | str], bytes | str]]:
-    """Jobs that have finished, with their answers; none after some time without any."""
+    """Yield finished jobs with their answers; nothing if no job finishes for some time."""
     try:
         with client.as_current():
             finished = wait([*pending], REFRESH, return_when="FIRST_COMPLETED").done
@@ -102,12 +102,12 @@ def _finished(
             raise _gone(scheduler) from None
         return
     for future in finished:
-        with suppress(TimeoutError):  # lost together with its worker: it is run once more
+        with suppress(TimeoutError):  # lost together with its worker: it will run again
             yield future, _result(future, scheduler)
 
 
 def _result(future: Future[bytes | str], scheduler: str) -> bytes | str:
-    """The answer of a finished job.
+    """Return the answer of a finished job.
 
     Raises:
         SettingError: The worker cannot run the jobs.
@@ -135,7 +135,7 @@ def _answer(attempt: Attempt, sender: str) -> bytes | str:
         raise SettingError(f"the worker at {worker.address} has grasp3d {own}, this one {sender}")
     usable = USABLE_MEMORY * (worker.memory_manager.memory_limit or MEMORY_LIMIT) / 1e9
 
-    def cancelled() -> bool:  # the scheduler releases tasks when their client is gone
+    def cancelled() -> bool:  # the scheduler releases tasks whose client has ended
         return task is None or task.state != "executing" or worker.status.name != "running"
 
     return attempt.answer(usable / worker.state.nthreads, cancelled)
@@ -143,13 +143,13 @@ def _answer(attempt: Attempt, sender: str) -> bytes | str:
 
 @contextmanager
 def _connected(scheduler: str) -> Iterator[Client]:
-    """Connect to a running cluster for the duration of the context."""
+    """Connect to a running cluster within the context."""
     with ExitStack() as stack:
         config = {"distributed.comm.timeouts.connect": f"{CONNECT_TIMEOUT}s"}
         stack.enter_context(dask.config.set(config))
         stack.enter_context(_silenced_logs())
         address = _address(scheduler)
-        thread = stack.enter_context(ThreadPoolExecutor(1))  # here there may be an event loop
+        thread = stack.enter_context(ThreadPoolExecutor(1))  # this thread may have an event loop
         try:
             kind = thread.submit(asyncio.run, _kind(address)).result()
         except (OSError, ValueError, TypeError, ImportError) as error:
@@ -162,7 +162,7 @@ def _connected(scheduler: str) -> Iterator[Client]:
                 f"{scheduler}: is the address of a Dask {kind}; give the scheduler's address"
             )
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of other versions; a job says which matters
+            warnings.simplefilter("ignore")  # on other versions; a job reports those that matter
             client = stack.enter_context(
                 Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
             )
@@ -173,7 +173,7 @@ def _connected(scheduler: str) -> Iterator[Client]:
 
 
 async def _kind(address: str) -> str:
-    """Kind of the Dask server at an address; a client would wait for ever for any other server."""
+    """Return the kind of the Dask server at an address; clients of other kinds wait for ever."""
     security = Security().get_connection_args("client")
     async with asyncio.timeout(CONNECT_TIMEOUT), rpc(address, connection_args=security) as server:
         return str((await server.identity())["type"])
@@ -184,14 +184,14 @@ def _gone(scheduler: str) -> GraspError:
 
 
 def _cannot_run(scheduler: str, error: Exception) -> str:
-    """Message for a cluster that responds but cannot run this package."""
+    """Return a message for a cluster that responds but cannot run this package."""
     cause = error.__cause__ or error
     reason = " ".join(f"{type(cause).__name__}: {cause}".split())
     return f"{scheduler}: the cluster cannot run the jobs ({reason}); {SAME_ENVIRONMENT}"
 
 
 def _address(scheduler: str) -> str:
-    """Read the address from a scheduler file, which may appear a little later."""
+    """Read the address from a scheduler file, which may not exist yet."""
     if not scheduler.endswith(".json"):
         return scheduler if "://" in scheduler else f"tcp://{scheduler}"
     path, end = Path(scheduler), time.monotonic() + CONNECT_TIMEOUT
@@ -213,7 +213,7 @@ def _line(error: Exception) -> str:
 
 @contextmanager
 def _silenced_logs() -> Iterator[None]:
-    """Silence Dask's logs: rows and errors report the same failures in one sentence."""
+    """Silence Dask's logs, since rows and errors report the same failures in one sentence."""
     loggers = logging.root.manager.loggerDict
     names = ["distributed", *(name for name in loggers if name.startswith("distributed."))]
     before = {name: logging.getLogger(name).level for name in names}

@@ -1,4 +1,4 @@
-"""Which processes run jobs: those of this machine, or of a cluster."""
+"""Settings of the processes that run jobs, on this machine or on a cluster."""
 
 import math
 from dataclasses import dataclass
@@ -7,21 +7,21 @@ from grasp3d.errors import SettingError
 from grasp3d.settings.checks import check_range
 
 MIN_WORKER_MEMORY = 0.5
-"""Least memory of a worker process [GB]."""
+"""Smallest memory of a worker process [GB]."""
 
 
 @dataclass(frozen=True)
 class ClusterSettings:
-    """Which processes label the meshes: this machine's, or those of a running Dask cluster.
+    """Processes that label the meshes: on this machine, or of a running Dask cluster.
 
     Attributes:
         workers: Processes on this machine. Each has one thread, or more when fewer meshes than
-            processes are left. none: one per processor; 0: no child processes, one mesh after the
-            other and without limits, for debugging.
+            processes are left. none: one per processor; 0: no child processes; meshes follow one
+            another without limits, for debugging.
         scheduler: Address (tcp://HOST:8786) or scheduler file of a running Dask cluster.
-        worker_memory: Memory limit of a process [GB]; a mesh that needs more is given up; none: an
-            equal part of this machine's memory, or of that of the running cluster's workers.
-        timeout: Time limit for a mesh [s]; a mesh that takes longer is given up; none: no limit.
+        worker_memory: Memory limit of a process [GB]; a mesh that needs more is given up. none: an
+            equal part of this machine's memory, or of the memory of the running cluster's workers.
+        timeout: Time limit for a mesh [s]; a mesh that takes longer is given up. none: no limit.
     """
 
     workers: int | None = None

@@ -1,4 +1,4 @@
-"""Running jobs, each in a watched child process, so that a failing job affects no other."""
+"""Execution of jobs, each in a watched child process, so that a failing job affects no other."""
 
 import contextlib
 import pickle
@@ -23,27 +23,27 @@ JobT = TypeVar("JobT")
 ValueT = TypeVar("ValueT")
 
 _LIMITS = ("memory.max", "memory.high", "memory/memory.limit_in_bytes")
-"""Files with the limits of a control group: of version 2, and of version 1."""
+"""Files with the limits of a control group, of version 2 and of version 1."""
 
 _CONTROL_GROUPS = Path("/sys/fs/cgroup")
 
 SIGNALS = 1.0
-"""Time after which a signal is seen at the latest [s]."""
+"""Longest time until a signal is noticed [s]."""
 
 
 @dataclass(frozen=True)
 class Done(Generic[JobT, ValueT]):
-    """A job that is finished, in one way or another."""
+    """A finished job, with its value or its error."""
 
     job: JobT
     value: ValueT | None = None
-    """What the task has returned."""
+    """Return value of the task."""
     error: GraspError | None = None
-    """What it has raised, or a `LostError` of its process; None: it has returned."""
+    """Error of the task, or a `LostError` of its process; None: the task returned."""
 
     @property
     def result(self) -> ValueT:
-        """The value. Raises the error, if there is one."""
+        """The value; raises the error, if there is one."""
         if self.error is not None:
             raise self.error
         return cast("ValueT", self.value)
@@ -56,17 +56,17 @@ def run(
     cluster: ClusterSettings,
     compiled: bool = False,
 ) -> Generator[Done[JobT, ValueT]]:
-    """Call a task for every job, and yield each when it is finished.
+    """Call a task for every job, and yield each job when it is finished.
 
     Args:
-        task: Called with a job; it may raise a `GraspError`.
-        jobs: Begun in their order. The last ones get the threads of processes without a job.
-        cluster: Which processes run the jobs, and the limits of a job.
-        compiled: Whether the kernels are compiled before the jobs, outside their limits and times.
+        task: Function that is called with a job; it may raise a `GraspError`.
+        jobs: The jobs, started in order. The last ones get the threads of processes without a job.
+        cluster: The processes that run the jobs, and the limits of a job.
+        compiled: Whether to compile the kernels before the jobs, outside their limits and times.
 
     Raises:
         SettingError: No cluster runs at the given address, or its workers cannot run the jobs.
-        GraspError: The cluster's scheduler is gone.
+        GraspError: The cluster's scheduler has ended.
     """
     if not jobs:
         return
@@ -93,12 +93,12 @@ def run(
 def _done(
     task: Callable[[JobT], ValueT], job: JobT, *, strict: bool, threads: int | None = None
 ) -> Done[JobT, ValueT]:
-    """Call a task, for which warnings are errors if it is strict."""
+    """Call a task; its warnings are errors if `strict` is set."""
     try:
         with running(strict=strict, threads=threads):
             return Done(job, task(job))
     except GraspError as error:
-        error.__cause__ = error.__context__ = None  # of other libraries, which may not pickle
+        error.__cause__ = error.__context__ = None  # errors of other libraries may not pickle
         return Done(job, error=error)
     except MemoryError:
         return Done(job, error=LostError("requested more memory than is available"))
@@ -109,7 +109,7 @@ def _done(
 def _here(
     work: Callable[..., object], jobs: Sequence[JobT], cluster: ClusterSettings
 ) -> Generator[tuple[JobT, bytes | str]]:
-    """Run jobs on this machine: a thread for each child process, which watches it."""
+    """Run jobs on this machine, with a thread for each child process that watches it."""
     processes = local_workers(cluster)
     share, closed = USABLE_MEMORY * machine_memory() / processes, threading.Event()
     pending: dict[Future[bytes | str], JobT] = {}
@@ -127,10 +127,10 @@ def _here(
     try:
         begin()
         while pending:
-            # With a limit: where another thread gets the signal of Ctrl-C, no wait ends by it.
+            # With a time limit, as Ctrl-C does not end the wait if another thread gets the signal.
             done = wait(pending, SIGNALS, FIRST_COMPLETED).done
             finished = [(pending.pop(one), one.result()) for one in done]
-            begin()  # before the rows are worked on: no process waits for that
+            begin()  # before the results are processed, so that no process waits for that
             yield from finished
     finally:
         closed.set()
@@ -139,7 +139,7 @@ def _here(
 
 
 def local_workers(cluster: ClusterSettings) -> int:
-    """Jobs to run at once on this machine, limited by its processors and its memory."""
+    """Number of jobs to run at once on this machine, limited by its processors and memory."""
     if cluster.workers is not None:
         return cluster.workers
     least = cluster.worker_memory or MIN_WORKER_MEMORY

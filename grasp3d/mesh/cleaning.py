@@ -21,7 +21,7 @@ FEW = 0.01
 """Largest fraction of open edges of a body."""
 
 PAIR = 2
-"""Faces on an edge inside a surface."""
+"""Number of faces at an edge inside a surface."""
 
 WELDS = (1e-9, 1e-8, 1e-7, 1e-6)
 """Distances within which the borders of open surfaces are joined, as fractions of the size."""
@@ -118,7 +118,7 @@ def first_of_body(faces: Ints, first_vertex: Ints) -> Ints:
         first_vertex: First vertex at the position of each vertex, shape (V,).
 
     Returns:
-        First vertex at the position, and of the body, of each vertex, shape (V,). A body is a
+        First vertex with the position and the body of each vertex, shape (V,). A body is a
         component that is closed by the file's own indices; all other faces count as one body.
     """
     faces = faces[is_face(faces)]
@@ -154,10 +154,10 @@ def clusters(
 def weld_nearby(points: Floats, faces: Ints, rounding: float) -> Ints:
     """Join vertices whose positions differ by rounding only, if that repairs some edges.
 
-    All vertices within rounding of each other, or those on edges with other than two faces within
-    larger distances: the smallest distance that leaves the fewest such edges. One at which a face
-    with an area would collapse is too large: the two sides of a thin plate must not be joined. A
-    sound surface is not changed.
+    Vertices within rounding of each other are joined first, then, within larger distances, those on
+    edges without exactly two faces: at the smallest distance that leaves the fewest such edges. It
+    must not collapse a face with an area, which would join the two sides of a thin plate. A sound
+    surface is not changed.
 
     Args:
         points: Positions (V, 3) of a surface of size about 1.
@@ -184,7 +184,7 @@ def weld_nearby(points: Floats, faces: Ints, rounding: float) -> Ints:
 
 
 def _uneven_edges(faces: Ints) -> Ints:
-    """Ends (k, 2) of the edges with other than two faces, of which repeated ones count once."""
+    """Ends (k, 2) of the edges without exactly two faces; repeated faces count once."""
     faces = faces[is_face(faces)]
     first, _ = first_alike(np.sort(faces, axis=1))
     edges = edges_of(faces[first])

@@ -41,7 +41,7 @@ ROUGH = math.radians(3.0)
 of the paper's fingertip."""
 
 CREASES = np.radians([(30.0, 1.5), (60.0, 5.0), (180.0, math.inf)])
-"""Crease angles to try, each with the largest noise that makes no edges bend by so much [rad]."""
+"""Crease angles to try, each with the largest noise that bends no edge by that much [rad]."""
 
 SCALE = 1.15
 """Ratio of the normals' median error to their median deviation from their neighbours' mean: errors
@@ -156,7 +156,7 @@ def check_mesh(
         model: Model for labelling; used for the cost, and to find lengths in a wrong unit.
         sampling: Settings of the grasp search; used in the same way.
         options: How the mesh is read and prepared; None: the defaults.
-        force: Trust labels with care where a length cannot be meant for an object of this size.
+        force: Lower the trust to 'with care' only, if a length is implausible for the object.
         fields: Fields of `MeshOptions` that differ from `options`, as in `load_mesh`.
 
     Returns:
@@ -311,7 +311,7 @@ def normal_noise(surface: Triangles) -> float:
 
 
 def _median_deviation(surface: Triangles, normals: CornerNormals) -> float:
-    """Median angle between normals and their neighbours' extrapolation, if that had no error."""
+    """Median angle between normals and their neighbours' extrapolation, corrected for its error."""
     count, own = len(normals.normals), normals.normals
     ends = normals.corners, np.roll(normals.corners, -1, axis=1)
     pairs = np.concatenate([ends[0] * count + ends[1], ends[1] * count + ends[0]])
@@ -331,7 +331,7 @@ def _median_deviation(surface: Triangles, normals: CornerNormals) -> float:
 
 
 def _weights(offsets: Floats, own: Floats, one: Ints) -> Floats:
-    """Least-squares weights of neighbours whose mean is exact for linear functions, shape (m,).
+    """Least-squares weights of neighbours: a mean that is exact for linear functions, shape (m,).
 
     Args:
         offsets: From the position of a normal to that of its neighbour, for each pair (m, 3).

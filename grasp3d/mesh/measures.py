@@ -35,7 +35,7 @@ def face_areas(vertices: Floats, faces: Ints) -> Floats:
 
 
 def part_volumes(vertices: Floats, faces: Ints, part: Ints) -> Floats:
-    """Volumes of closed components, each about one of its vertices, so that small ones stay exact.
+    """Volumes of closed components, each computed about one of its vertices to stay exact.
 
     Args:
         vertices: Positions (V, 3).
@@ -52,7 +52,7 @@ def part_volumes(vertices: Floats, faces: Ints, part: Ints) -> Floats:
 
 
 def surface_extent(vertices: Floats, faces: Ints) -> tuple[Floats, float]:
-    """Centre and diameter of a surface; both follow rotations and translations of the object.
+    """Centre of a surface's area, and diameter of the ball about it that contains the surface.
 
     Args:
         vertices: Positions (V, 3).
@@ -102,7 +102,7 @@ def crowded_edges(faces: Ints) -> Ints:
 def _by_edge(faces: Ints) -> tuple[Ints, Ints, Ints]:
     """Half-edges ordered by their edge; the first of each edge, and its number of half-edges.
 
-    Those of one edge are in ascending order.
+    Half-edges of one edge are in ascending order.
     """
     start, end = faces[:, [1, 2, 0]].ravel(), faces[:, [2, 0, 1]].ravel()
     keys = np.minimum(start, end) * (int(faces.max(initial=0)) + 1) + np.maximum(start, end)
@@ -130,7 +130,7 @@ def is_closed(faces: Ints) -> bool:
 
 
 def center_and_volume(surface: "Triangles") -> tuple[Floats, float]:
-    """Centre of mass at uniform density, and volume; of an open surface that of its area, and nan.
+    """Centre of mass at uniform density, and volume; for an open surface centre of area, and nan.
 
     The volume is negative where the faces are oriented inward.
     """
@@ -143,12 +143,12 @@ def center_and_volume(surface: "Triangles") -> tuple[Floats, float]:
 
 
 def connected(count: int, one: Ints, two: Ints) -> Ints:
-    """Number of the connected component of each of so many things, shape (count,).
+    """Number of the connected component of each node of a graph, shape (count,).
 
     Args:
-        count: Number of things.
-        one: The first of each pair that is linked, any shape.
-        two: The second of each pair, same shape.
+        count: Number of nodes.
+        one: The first node of each link, any shape.
+        two: The second node of each link, same shape.
     """
     ends = one.ravel(), two.ravel()
     links = coo_array((np.ones(one.size, dtype=np.int8), ends), shape=(count, count))
@@ -157,7 +157,7 @@ def connected(count: int, one: Ints, two: Ints) -> Ints:
 
 
 def first_connected(count: int, one: Ints, two: Ints) -> Ints:
-    """The first thing of the connected component of each, shape (count,); see `connected`."""
+    """The first node of each node's connected component, shape (count,); see `connected`."""
     part = connected(count, one, two)
     _, first, inverse = np.unique(part, return_index=True, return_inverse=True)
     return np.asarray(first[inverse], dtype=np.int64)
@@ -171,17 +171,17 @@ def parts_of(faces: Ints) -> Ints:
 
 
 def rounding_of(vertices: Floats) -> float:
-    """Largest rounding error of a coordinate; larger if all are exact in 32 bits."""
+    """Largest rounding error of a coordinate: that of 32 bits if all are exact in 32 bits."""
     single = np.array_equal(vertices, vertices.astype(np.float32))
     step = np.finfo(np.float32 if single else np.float64).eps
     return float(step * np.abs(vertices).max(initial=0.0))
 
 
 def has_area(vertices: Floats, faces: Ints, rounding: float) -> Bools:
-    """Mark the faces with an area, unlike needles and caps without one, shape (F,).
+    """Mark the faces that have an area, shape (F,).
 
-    A face has no area when its height is within the rounding of its coordinates: its normal is
-    then undefined.
+    A face (a needle or a cap) has no area when its height is within the rounding of its
+    coordinates: its normal is then undefined.
 
     Args:
         vertices: Positions (V, 3).
@@ -245,7 +245,7 @@ class Triangles:
 
     @cached_property
     def bends(self) -> Floats:
-        """Angle between the normals of the faces of each of these edges [rad]."""
+        """Angle between the normals of the two faces at each edge in `pairs` [rad]."""
         one, two = self.pairs
         a, b = self.normals[one // 3], self.normals[two // 3]
         sine = np.linalg.norm(np.cross(a, b), axis=1)

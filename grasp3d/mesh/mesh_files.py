@@ -1,6 +1,6 @@
-"""Reading of mesh files: OBJ, OFF and PLY here, all others by trimesh.
+"""Reading of mesh files: OBJ, OFF, PLY and STL here, glTF and 3MF by trimesh.
 
-The faces of OBJ, OFF and PLY have any number of corners, and become triangles.
+The faces of OBJ, OFF and PLY may have any number of corners, and become triangles.
 """
 
 import re
@@ -31,15 +31,15 @@ _OFF = re.compile(
     rb"(?:\xef\xbb\xbf)?\s*(?:(?:ST)?C?N?OFF|off)\s+(\d+)\s+(\d+)"
     rb"(?:[ \t]+-?\d[^\r\n]*|\s+\d+[ \t]*(?=[\r\n]))?(?=\s|$)"
 )
-"""Header of an OFF: its numbers of vertices and faces. The third, of edges, is often left out;
-alone on a line it cannot be a vertex."""
+"""Header of an OFF: numbers of vertices and faces. The number of edges is often left out; alone on
+a line it cannot be mistaken for a vertex."""
 
 
 def read_obj(source: Source) -> tuple[Floats, Ints]:
     """Read the vertices (V, 3) and triangles (F, 3) of all parts of an OBJ.
 
     Raises:
-        MeshError: A face has too few corners, or such as do not exist. ValueError: It is no OBJ.
+        MeshError: A face has too few corners, or some that do not exist. ValueError: It is no OBJ.
     """
     positions, corners, counts = array("d"), array("q"), array("q")
     text = re.sub(rb"\\\r?\n|#[^\r\n]*", b" ", source.path.read_bytes())
@@ -51,7 +51,7 @@ def read_obj(source: Source) -> tuple[Floats, Ints]:
             numbers = [int(word.split(b"/", 1)[0]) for word in words]  # of `v/vt/vn`
             if 0 in numbers:
                 raise ValueError("there is no vertex 0")
-            count = len(positions) // 3  # from which numbers below 0 count backwards
+            count = len(positions) // 3  # negative numbers count backwards from here
             corners.extend([k - 1 if k > 0 else count + k for k in numbers])
             counts.append(len(numbers))
     vertices = np.array(positions).reshape(-1, 3)
@@ -85,7 +85,7 @@ _TYPES = {
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 LENGTH = "length of "
-"""Beginning of the name of a column of lengths of lists."""
+"""Prefix of the name of a column with the lengths of lists."""
 
 Column: TypeAlias = npt.NDArray[Any] | list[npt.NDArray[Any]]
 """A property of all records: numbers (N,), lists of one length (N, k), or lists that differ."""
@@ -100,13 +100,13 @@ class Element:
 
     count: int
     properties: dict[str, tuple[str, str]]
-    """By name the NumPy types, without byte order, of a number, and of the length of a list; empty:
-    it is no list."""
+    """By name, the NumPy types, without byte order, of its numbers and of the length of a list; the
+    latter is empty if it is no list."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlyFile:
-    """A PLY file, of which the header is read."""
+    """A PLY file whose header has been read."""
 
     source: Source
     order: str
@@ -114,7 +114,7 @@ class PlyFile:
     elements: dict[str, Element]
     """By name, in the order of the file."""
     header: bytes
-    """All of it, with the comments."""
+    """The whole header, with its comments."""
     body: bytes
     """What follows the header."""
 
@@ -148,7 +148,7 @@ def read_ply(source: Source) -> tuple[Floats, Ints]:
     """Read the vertices (V, 3) and triangles (F, 3) of a PLY.
 
     Raises:
-        MeshError: A line of its header, or a face, is not valid. ValueError: Its columns are not.
+        MeshError: A line of the header, or a face, is invalid. ValueError: A column is invalid.
     """
     file = open_ply(source)
     elements = read_elements(file)
@@ -172,7 +172,7 @@ def read_ply(source: Source) -> tuple[Floats, Ints]:
 
 
 def _of_strips(rows: Column) -> npt.NDArray[Any]:
-    """Triangles (k, 3) of strips that -1 ends, without those that only join others."""
+    """Triangles (k, 3) of strips that end at -1, without degenerate ones that only join strips."""
     from trimesh.util import triangle_strips_to_faces
 
     parts = (part for row in rows for part in np.split(row, np.flatnonzero(row == -1)))
@@ -184,13 +184,13 @@ def _of_strips(rows: Column) -> npt.NDArray[Any]:
 def read_elements(ply: PlyFile) -> dict[str, Columns]:
     """Read the columns of all elements that have any records, by name.
 
-    Numbers have the type that the header declares; those of a text are float64.
+    Numbers have the type that the header declares; those of a text file are float64.
 
     Raises:
-        ValueError: There are not so many numbers, or in a text more. OverflowError: As well.
+        ValueError: There are too few numbers, or in a text file too many. OverflowError: As well.
     """
     data, elements, start = ply.body, dict[str, Columns](), 0
-    if not ply.order:  # the numbers of a text, as those of a binary file that are all of 64 bits
+    if not ply.order:  # treat a text file as a binary file of 64-bit numbers
         data = np.array(data.split(), dtype=np.float64).tobytes()
     for name, element in ply.elements.items():
         if element.count and element.properties:
@@ -223,7 +223,7 @@ def _columns(element: Element, order: str, data: bytes, start: int) -> tuple[Col
 
     first, _ = record(start)
     lists = [name for name, (_, length) in kinds.items() if length]
-    layout = list[Any]()  # most often all lists are as long as the first
+    layout = list[Any]()  # usually all lists are as long as the first
     for name, (kind, length) in kinds.items():
         layout += [(LENGTH + name, length)] if length else []
         layout.append((name, kind, first[name].shape if length else ()))
@@ -246,17 +246,17 @@ def _columns(element: Element, order: str, data: bytes, start: int) -> tuple[Col
 def as_triangles(source: Source, vertices: Floats, corners: Ints, counts: Ints) -> Ints:
     """Divide polygons into triangles, shape (F, 3).
 
-    They share the first corner of their polygon, unless one would then lie outside it, or on
-    another one: then its ears are cut.
+    The triangles of a polygon share its first corner, unless one of them would then lie outside it
+    or overlap another: such a polygon is divided by ear clipping.
 
     Args:
         source: The file.
         vertices: Positions, shape (V, 3).
         corners: Vertex numbers of the corners of one polygon after the other, shape (k,).
-        counts: How many are those of each polygon, shape (n,).
+        counts: Number of corners of each polygon, shape (n,).
 
     Raises:
-        MeshError: A polygon has too few or too many corners, or such as do not exist.
+        MeshError: A polygon has too few or too many corners, or corners that do not exist.
     """
     bad = np.flatnonzero((counts < 3) | (counts > MOST_CORNERS))
     if len(bad):
@@ -270,7 +270,7 @@ def as_triangles(source: Source, vertices: Floats, corners: Ints, counts: Ints) 
     check_corners(fans, len(vertices), source.where)
     if (counts == 3).all():
         return fans
-    with np.errstate(over="ignore", invalid="ignore"):  # of coordinates that are refused later
+    with np.errstate(over="ignore", invalid="ignore"):  # such coordinates are refused later
         one, two, three = np.moveaxis(vertices[fans], 1, 0)
         normals = np.cross(two - one, three - one)
         of_polygons = np.add.reduceat(normals, starts - 2 * np.arange(len(counts)))
@@ -286,7 +286,7 @@ def as_triangles(source: Source, vertices: Floats, corners: Ints, counts: Ints) 
 
 
 def _ears(points: Floats, normal: Floats) -> Ints:
-    """Triangles (k, 3) of a polygon, in numbers of its corners, cut on the plane of its normal."""
+    """Divide a polygon by ear clipping in the plane of its normal; corner numbers (k, 3)."""
     normal = normal / np.linalg.norm(normal)
     side = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     side /= np.linalg.norm(side)

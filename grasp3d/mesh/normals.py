@@ -94,7 +94,7 @@ def crease_twins(faces: Ints, corners: Ints) -> Ints:
     crease = (rows[left] != rows[right]).any(axis=0)
     one, two, left, right = one[crease], two[crease], left[:, crease], right[:, crease]
     twins[one] = rows[right].T
-    # Seen from the second face the same two corners come in its own order.
+    # The second face has the same two corners in its own order.
     own = 3 * (two // 3) + (two + 1) % 3
     straight = own == right[0]
     twins[two] = np.where(straight[:, None], rows[left].T, rows[left[::-1]].T)
@@ -109,8 +109,8 @@ def normal_sets(count: int, normals: CornerNormals) -> tuple[ContactNormals, Flo
         normals: The corner normals.
 
     Returns:
-        The sets (one normal where the surface is smooth; none with a radius of pi: any direction),
-        the middle of each, shape (V, 3), and its radius about that, shape (V,).
+        The sets (one normal where the surface is smooth; none, with a radius of pi, where any
+        direction is possible); their middles, shape (V, 3); their radii about these, shape (V,).
     """
     order = np.argsort(normals.vertices, kind="stable")
     vertex, rows = normals.vertices[order], normals.normals[order]

@@ -54,7 +54,7 @@ class MeshReport:
     closed: bool
     """Whether the faces bound a volume: equally many run along every edge in both directions."""
     center_mass_from: str
-    """'volume' (uniform density) or, if the mesh is open, 'surface'; or 'given'."""
+    """'volume' (uniform density) or, if the mesh encloses none, 'surface'; or 'given'."""
     repairs: tuple[RepairStep, ...]
     """What was changed; one sentence each as text."""
     warnings: tuple[str, ...]
@@ -82,11 +82,11 @@ class ObjectMesh:
     vertices: Floats
     """Shape (V, 3): the file's vertices in their own order, then those added by refinement."""
     file_points: Floats
-    """The same in the file's own coordinates, shape (V, 3), as written files have them."""
+    """The same in the file's own coordinates, shape (V, 3), as in written files."""
     faces: Ints
     """Shape (F, 3), counter-clockwise from outside; they use canonical vertices only."""
     canonical: Ints
-    """Canonical vertex of each vertex, the one used for its position, shape (V,)."""
+    """Canonical vertex of each vertex, the one that faces use at its position, shape (V,)."""
     file_vertices: int
     """Number of vertices in the file; they come first."""
     corner_normals: CornerNormals
@@ -97,7 +97,7 @@ class ObjectMesh:
     center_mass: Floats
     """Centre of mass, at uniform density unless it is given, shape (3,)."""
     volume: float
-    """Enclosed volume; nan if the surface is open."""
+    """Enclosed volume; nan if the surface is open or encloses none."""
     options: MeshOptions
     """How the mesh was read and prepared."""
     report: MeshReport
@@ -133,10 +133,10 @@ class ObjectMesh:
         return float(np.ptp(self.vertices[self.faces].reshape(-1, 3), axis=0).max())
 
     def needs_metres(self, what: str) -> None:
-        """Refuse a mesh whose unit is not known; `what` needs it, for the error.
+        """Refuse a mesh of unknown unit; `what` says in the error what needs the unit.
 
         Raises:
-            SettingError: It is not known; the message names the plausible one.
+            SettingError: The unit is not known; the message names the plausible one.
         """
         if self.unit is None:
             raise unknown_unit(what, self.report.source, self.extent)
@@ -154,14 +154,14 @@ class ObjectMesh:
             self.needs_metres(f"{name or 'a length'} is {length}")
 
     def length(self, name: str, value: GivenLength) -> float:
-        """A length of this mesh.
+        """Convert a length to the unit of this mesh.
 
         Args:
             name: Name of the setting, for the error.
             value: A number, or a text with a unit.
 
         Raises:
-            SettingError: It is no length, or has a unit, but that of the mesh is not known.
+            SettingError: It is no length, or it has a unit, but that of the mesh is not known.
         """
         length = parse_length(name, value)
         for _ in with_units(name, length):
@@ -169,7 +169,7 @@ class ObjectMesh:
         return float(length)
 
     def length_text(self, length: float, digits: int = 4) -> str:
-        """A length of this mesh for people: in millimetres, if its unit is known."""
+        """Format a length of this mesh for people: in millimetres, if its unit is known."""
         return small_length(length, metres=self.unit is not None, digits=digits)
 
     @cached_property
@@ -224,12 +224,12 @@ class ObjectMesh:
 
     @property
     def normal_centres(self) -> Floats:
-        """Middle of the normals of each of these sets, shape (V, 3); 0 where they cancel out."""
+        """Middle of each set of `contact_normals`, shape (V, 3); 0 where its normals cancel out."""
         return self._normal_sets[1]
 
     @property
     def normal_radii(self) -> Floats:
-        """Largest angle from it to a normal of the set [rad], shape (V,); -1 without any normal."""
+        """Largest angle from the middle to a normal of its set [rad], shape (V,); -1: no normal."""
         return self._normal_sets[2]
 
     @cached_property
@@ -265,7 +265,7 @@ class ObjectMesh:
         corners, normals = self.corner_normals, self.corner_normals.normals
         twins = crease_twins(self.faces, corners.corners)
         if self.region is not None:
-            # A crease is searched with the face of the lower row: at the border with that inside.
+            # Searches take a crease with the face of the lower row: at the border the inner face.
             inside = np.isin(np.arange(len(self.faces)), self.contact_faces)
             pairs, rows = paired_edges(self.faces), twins.reshape(-1, 2)
             one, two = np.concatenate(pairs), np.concatenate(pairs[::-1])
@@ -284,7 +284,7 @@ class ObjectMesh:
 
     @cached_property
     def boxes(self) -> BoxTree:
-        """The faces in the normalised frame as a tree: what is near a point or a gripper."""
+        """Tree of the faces in the normalised frame, to find those near a point or a gripper."""
         tree: BoxTree = box_tree(self.normalized, self.faces)
         return tree
 
@@ -297,7 +297,7 @@ class ObjectMesh:
 
     @cached_property
     def face_tree(self) -> FaceTree:
-        """The faces of `contact_surface` as a tree: what closing jaws meet."""
+        """Tree of the faces of `contact_surface`, to find those that closing jaws meet."""
         tree: FaceTree = face_tree(self.contact_surface)
         return tree
 
@@ -305,7 +305,7 @@ class ObjectMesh:
     def touched_surface(self) -> TouchedSurface:
         """The surface as the kernels of hands take it; the mesh must be in metres.
 
-        Of 20,480 faces it took 0.5 s of CPU time.
+        For 20,480 faces it took 0.5 s of CPU time.
         """
         vertices, faces, normals = self.vertices, self.faces, self.corner_normals
         surface, tree = Triangles(vertices, faces), box_tree(vertices, faces)
@@ -325,7 +325,7 @@ class ObjectMesh:
         origin, extent = low - MARGIN, high - low + 2.0 * MARGIN
         step = float(extent.max()) / (STEPS - 1)
         nodes = np.ceil(extent / step - 1e-9).astype(int) + 1
-        boxes = tree.boxes.copy()  # which in single precision must contain those of the tree
+        boxes = tree.boxes.copy()  # in single precision they must contain those of the tree
         boxes[:, [3, 4, 5, RADIUS, THICKNESS]] += 1e-6 * np.abs(boxes).max()
         touched = TouchedSurface(
             tree=tree,
@@ -348,7 +348,7 @@ class ObjectMesh:
         """The same object at another size.
 
         Args:
-            factor: Of all lengths, above 0.
+            factor: Factor of all lengths, above 0.
         """
         # Normals and their sets do not depend on the size.
         return replace(
@@ -362,7 +362,7 @@ class ObjectMesh:
         )
 
     def with_unit(self, unit: Unit) -> "ObjectMesh":
-        """The same object, whose unit was not known, in metres.
+        """The same object in metres, once its unit is known.
 
         Args:
             unit: Unit of the file's coordinates.
@@ -399,5 +399,5 @@ class ObjectMesh:
 
 
 def scale_of(unit: Unit | None) -> float:
-    """Factor from coordinates in a unit to metres; 1 where it is not known."""
+    """Factor from coordinates in a unit to metres; 1 if the unit is not known."""
     return 1.0 if unit is None else METRES[unit]

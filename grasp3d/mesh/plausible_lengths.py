@@ -1,4 +1,4 @@
-"""Lengths that are not plausible for an object, and objects for what they are meant for."""
+"""Warnings about lengths that are implausible for an object, and about implausible sizes."""
 
 import math
 from collections.abc import Iterator
@@ -9,30 +9,30 @@ from grasp3d.mesh.plausible_units import guess_unit, length_text, unit_warning
 from grasp3d.settings.units import METRES, LengthSettings, Metres, describe_length
 
 DENSEST = 25e3
-"""Density above those of all materials [kg/m^3]: osmium has 22,600."""
+"""Density above that of any material [kg/m^3]: osmium has 22,600."""
 
 LIGHTEST = 1.0, 0.02
 """Density [kg/m^3] below those of foams, and mass per area [kg/m^2] below those of thin shells."""
 
 SMALLEST, LARGEST = 0.1, 10.0
-"""Sizes that a gripper may be meant for: in sizes of its pads, and in strokes."""
+"""Plausible sizes of an object for a gripper: at least in sizes of its pads, at most in strokes."""
 
 
 def object_warnings(
     mesh: ObjectMesh, mass: float | None = None, pad: float = 0.0, stroke: float = math.inf
 ) -> Iterator[str]:
-    """What is implausible about an object's size; without a unit, or a plausible one, nothing.
+    """Warnings of a size that is implausible for the object's mass or for the gripper.
 
     Args:
-        mesh: The object.
+        mesh: The object; if its unit is unknown or implausible in itself, nothing is checked.
         mass: Its mass [kg]; None: not known.
-        pad: Side of a square as large as a pad of the gripper [m]; 0: there is none.
+        pad: Side of a square with the area of a gripper's pad [m]; 0: there is none.
         stroke: Stroke of the gripper [m]; inf: there is none.
     """
     if mesh.unit is None or unit_warning(mesh.file_size, mesh.file_unit):
         return
     if mass is not None:
-        is_open = math.isnan(mesh.volume)  # then it encloses no more than the ball around it
+        is_open = math.isnan(mesh.volume)  # it fills at most the ball around it
         density = mass / (math.pi / 6.0 * mesh.size**3 if is_open else mesh.volume)
         is_light = not is_open and density < LIGHTEST[0] and mass / mesh.area < LIGHTEST[1]
         if is_light or density > DENSEST:
@@ -55,17 +55,17 @@ RANGES = {
     **dict.fromkeys(("torsion_radius", "location_error", "max_distance"), (0.0, 1.0, 0.05)),
     "max_opening": (1.0 / 500.0, 100.0, 0.5),
 }
-"""By the name of the setting the least and the largest length that can be meant, and an ordinary
-one, by which its unit is guessed, as fractions of the object's size; others may have any length."""
+"""Smallest and largest plausible length of each setting, and an ordinary one from which the unit is
+guessed, as fractions of the object's size; other settings may have any length."""
 
 LIKELY = 20.0
-"""Factor from an ordinary length up to which a unit is likely."""
+"""Largest ratio of a length to an ordinary one at which its unit is likely."""
 
 
 def refuse_lengths(
     mesh: ObjectMesh, *settings: LengthSettings | None, **lengths: float | None
 ) -> None:
-    """Refuse lengths that cannot be meant for an object of this size.
+    """Refuse lengths that are implausible for an object of this size.
 
     Args:
         mesh: The object; lengths of its options are checked as well.
@@ -73,8 +73,8 @@ def refuse_lengths(
         lengths: Further lengths, by the name of the setting.
 
     Raises:
-        SettingError: There is such a length; the message names the unit that is likely. Or a length
-            has a unit, but the mesh has none.
+        SettingError: There is such a length; the message names the likely unit. Or a length has a
+            unit, but the mesh has none.
     """
     mesh.check_units(*settings, tuple(lengths.values()))
     for text in length_warnings(mesh, *settings, **lengths):
@@ -84,7 +84,7 @@ def refuse_lengths(
 def length_warnings(
     mesh: ObjectMesh, *settings: LengthSettings | None, **lengths: float | None
 ) -> Iterator[str]:
-    """Describe each of the lengths that cannot be meant; see `refuse_lengths`."""
+    """Describe each implausible length; see `refuse_lengths`."""
     for one in (mesh.options, *filter(None, settings)):
         lengths |= one.lengths()
     for name, (least, most, usual) in RANGES.items():
@@ -93,7 +93,7 @@ def length_warnings(
             continue
         ratio, remedy = length / mesh.size, _remedy(name, length, mesh, usual)
         if least <= ratio <= most or (name == "max_edge" and "--max-edge" not in remedy):
-            continue  # a longest edge above the size divides none
+            continue  # a longest edge above the object's size divides no edge
         text = describe_length(length) if isinstance(length, Metres) else f"{length:.4g}{unit}"
         yield (
             f"{name} is {text}, {float(f'{ratio:.3g}'):,g} times the size of {mesh.report.source}, "
@@ -102,7 +102,7 @@ def length_warnings(
 
 
 def _remedy(name: str, length: float, mesh: ObjectMesh, usual: float) -> str:
-    """What to write instead: the length in another unit, or the unit of the mesh; '': neither."""
+    """Suggest the length in another unit, or the unit of the mesh; empty: neither is likely."""
     unit, guess = mesh.file_unit, guess_unit(mesh.file_size).unit
     reasons, options = list[str](), list[str]()
     if guess is not None and (unit is None or unit_warning(mesh.file_size, unit)):

@@ -43,7 +43,7 @@ def guess_unit(size: float) -> UnitGuess:
 
 
 def unit_warning(size: float, unit: Unit | None) -> str:
-    """Warning that a stated unit is implausible; empty where it is plausible, or not stated.
+    """Warning that a stated unit is implausible; empty if it is plausible, or not stated.
 
     Args:
         size: Size of the object, in that unit.
@@ -64,7 +64,7 @@ def unit_warning(size: float, unit: Unit | None) -> str:
 
 
 def guessed_unit(where: str, size: float) -> tuple[Unit, str]:
-    """The unit that is used where it is to be guessed, and the warning of it.
+    """Guess the unit of a mesh, and return it with a warning that it is a guess.
 
     Args:
         where: The mesh, for the error.
@@ -80,10 +80,10 @@ def guessed_unit(where: str, size: float) -> tuple[Unit, str]:
 
 
 def unknown_unit(what: str, source: str, size: float) -> SettingError:
-    """The error of a mesh whose unit must be known.
+    """Make the error for a mesh whose unit is needed but not known.
 
     Args:
-        what: What needs it.
+        what: What needs it, as the start of the message.
         source: Name of the mesh.
         size: Its largest extent, in its unit.
     """

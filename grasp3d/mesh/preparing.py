@@ -1,7 +1,7 @@
 """Preparation of an ObjectMesh from any source: read, check, repair, refine.
 
-Sources are meshes as users have them: files, arrays, and objects of other libraries, which are not
-imported: their objects are recognised by the names of their classes.
+Sources are files, arrays, and objects of other libraries. These libraries are not imported: their
+objects are recognised by the names of their classes.
 """
 
 import math
@@ -37,7 +37,7 @@ else:
     class MeshSource:
         """What is accepted wherever a mesh is expected.
 
-        - a path: a file in a format that is read (STL, OBJ, PLY, OFF, GLB, glTF, 3MF, ...);
+        - a path of a file in a supported format (STL, OBJ, PLY, OFF, GLB, glTF, 3MF, ...);
         - an `ObjectMesh`;
         - a `trimesh.Trimesh` or `trimesh.Scene`, with the transforms of its parts applied and its
           `units`;
@@ -46,22 +46,22 @@ else:
         - a pair `(vertices, faces)` of arrays: positions (V, 3), and for every triangle the
           numbers of its corners (F, 3), counter-clockwise seen from outside.
 
-        All of them pass the same checks and the same repair; their vertices keep their order.
+        All of them go through the same checks and repair; their vertices keep their order.
         """
 
 
 OUTSIDE = 1e-6
-"""Distance from the bounding box, as a fraction of the size, from which a point is outside it."""
+"""Distance from the bounding box, as a fraction of the size, above which a point is outside it."""
 
 FAR = 100.0
-"""Distance of a centre of mass from the object, in its sizes, that cannot be meant."""
+"""Largest plausible distance of a centre of mass from the object, in its sizes."""
 
 SECONDS = 120.0
-"""Time to repair a mesh, or to divide its edges, where reading is limited [s]; 4 s are usual for
-300,000 faces."""
+"""Time limit for repairing a mesh, and for dividing its edges, if reading is limited [s]; 300,000
+faces usually take 4 s."""
 
 MEMORY = 4e9
-"""Memory for the same [bytes]."""
+"""Memory limit for the same [bytes]."""
 
 FLAT_VOLUME = 1e-9
 """Volume, as a fraction of the size cubed, below which a closed surface encloses none."""
@@ -85,16 +85,16 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
         source: A path (STL, OBJ, PLY, OFF, GLB, glTF, 3MF, ...), a trimesh `Trimesh` or `Scene`, a
             PyVista `PolyData`, an Open3D `TriangleMesh`, a pair (vertices, faces) of arrays of
             shapes (V, 3) and (F, 3), or an `ObjectMesh`; see `MeshSource`. An `ObjectMesh` is
-            returned as it is; with other options than its own, its surface is prepared again,
-            without removing vertices that were added to divide edges. Only the region may change
-            without that: then it keeps its vertices.
+            returned as it is if its options do not change. If only the region changes, it keeps its
+            vertices. Otherwise its surface is prepared again, with the vertices that were added to
+            divide edges.
         options: How the mesh is read and prepared; None: the defaults.
         fields: Fields of `MeshOptions` that differ from `options`: unit, max_edge, crease_angle,
             repair, center_of_mass, region, max_memory.
 
     Returns:
-        The mesh, with a report of what was read, repaired and doubtful in `report`. Positions are
-        in the source's frame, in metres if its unit is known, and normals point into the object.
+        The mesh; its `report` states what was read and repaired, and warnings. Positions are in the
+        source's frame, in metres if its unit is known, and normals point into the object.
 
     Raises:
         MeshError: The file is missing, damaged, too large, of an unknown format, or contains no
@@ -140,18 +140,18 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
 def prepare(
     source: MeshSource, options: MeshOptions, *settings: object, in_metres: str = ""
 ) -> tuple[ObjectMesh, RepairedSurface, RawMesh]:
-    """Prepare a mesh, as `load_mesh` does, and keep the surfaces that it was made of.
+    """Prepare a mesh, as `load_mesh` does, and return also the surfaces that it was made from.
 
     Args:
         source: As in `load_mesh`; an `ObjectMesh` is prepared again.
         options: How the mesh is read and prepared.
         settings: Further settings, whose lengths may need the unit of the mesh.
-        in_metres: What else needs it, the beginning of a sentence; empty: nothing. It is asked for
-            before any work.
+        in_metres: What else needs the unit, as the start of a sentence; empty: nothing. A missing
+            unit is an error before any work.
 
     Returns:
-        The mesh; its surface before long edges were divided, and as it was read, in the file's
-        coordinates.
+        The mesh; its repaired surface, before long edges were divided; and its surface as read.
+        Both surfaces are in the file's coordinates.
 
     Raises:
         MeshError: For the same reasons as in `load_mesh`.
@@ -180,7 +180,7 @@ def prepare(
 def _refined(
     source: RawMesh, repaired: RepairedSurface, options: MeshOptions, guess: str
 ) -> ObjectMesh:
-    """The mesh of a repaired surface: contact normals, refinement, mass properties; see prepare."""
+    """Make the mesh of a repaired surface: normals, refinement, mass properties; see `prepare`."""
     unit, where = options.stated_unit or source.unit, source.where
     metres, error = scale_of(unit) * options.scale, rounding_of(source.vertices)
     center, size = surface_extent(repaired.vertices, repaired.faces)
@@ -241,7 +241,7 @@ def _refined(
 def _warnings(
     source: RawMesh, repaired: RepairedSurface, unit: Unit | None, volume: float, center_from: str
 ) -> Iterator[str]:
-    """Warn about a surface without an inside, and about its unit.
+    """Warn about a surface without an inside, about its unit, and about its repair.
 
     Args:
         source: The surface as it was read.
@@ -262,7 +262,7 @@ def _warnings(
 
 
 def _center_warning(surface: Triangles, center_mass: Floats, options: MeshOptions) -> str:
-    """Warning of a centre of mass outside the surface's bounding box, in the normalised frame.
+    """Warning of a centre of mass outside the surface's bounding box; empty: it is inside.
 
     Raises:
         SettingError: It is given, and too far away to be meant.
@@ -324,14 +324,14 @@ def _first_nearby(points: Floats, same: Ints, count: int, tolerance: float) -> I
     `same` is the first point at each point's position. At a T-junction one face has a vertex in the
     middle of another's edge, and the midpoints of the two faces there agree only up to rounding.
     """
-    distinct, row = np.unique(same, return_inverse=True)  # any number may be at one position
+    distinct, row = np.unique(same, return_inverse=True)  # many points may be at one position
     first = distinct[clusters(points[distinct], tolerance)][row]
     first[:count] = np.arange(count)  # given vertices stay distinct
     return first
 
 
 def check_refinement(surface: Triangles, max_edge: float, max_memory: float, where: str) -> None:
-    """Refuse a surface of which refinement would make too large a mesh.
+    """Refuse a surface whose refinement would make too large a mesh.
 
     Args:
         surface: The surface.

@@ -1,4 +1,4 @@
-"""The part of a surface where contacts may be: the option `region`, for one mesh."""
+"""Restriction of contacts to a part of a surface: the option `region`, applied to a mesh."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -18,20 +18,20 @@ from grasp3d.system.limited_reading import read_file
 from grasp3d.system.names import printable
 
 ROUNDING = 1e-9
-"""Distance, in object sizes, from a box within which a vertex is in it."""
+"""Distance from a box, in object sizes, within which a vertex counts as inside."""
 
 OFF_MASK = 1e-2
 """Largest distance of a vertex from the surface of a mask, in object sizes."""
 
 COLORED = 0.2
-"""Difference between the channels of a colour from which it is paint, and no white or grey."""
+"""Difference between the channels of a colour above which it is paint, not white or grey."""
 
 HALF = 0.5
-"""Scalar above which a vertex is painted, and fraction of paint above which a point is."""
+"""Scalar above which a vertex is painted, and fraction of paint above which a point is painted."""
 
 
 def restricted(mesh: ObjectMesh, options: MeshOptions) -> ObjectMesh:
-    """The same mesh, with contacts only where its options allow them.
+    """Return the same mesh, with contacts only where its options allow them.
 
     Args:
         mesh: The mesh.
@@ -53,7 +53,7 @@ def restricted(mesh: ObjectMesh, options: MeshOptions) -> ObjectMesh:
     else:
         inside = _on_paint(mesh, part)
     region = np.zeros(len(mesh.vertices), dtype=bool)
-    region[mesh.canonical[inside & mesh.on_surface]] = True  # vertices at one position alike
+    region[mesh.canonical[inside & mesh.on_surface]] = True  # the same at equal positions
     mesh = replace(mesh, region=locked(region[mesh.canonical]))
     if not len(mesh.contact_faces):
         raise SettingError(
@@ -68,7 +68,7 @@ def allowed_contacts(mesh: ObjectMesh, points: Floats) -> Bools:
 
     Args:
         mesh: The object.
-        points: Contacts on its surface, or near it; nan: unknown, which counts as in it, (b, n, 3).
+        points: Contacts on or near its surface, (b, n, 3); nan: unknown, which counts as inside.
     """
     inside = np.ones(points.shape[:2], dtype=bool)
     if mesh.region is not None:
@@ -119,8 +119,8 @@ def _paint(columns: dict[str, Floats], name: str, where: str) -> Bools:
 
     Args:
         columns: Numbers of its vertices by name.
-        name: The property to be painted with; empty: the colours.
-        where: The file.
+        name: Property that marks the paint; empty: the colours do.
+        where: Name of the file in errors.
     """
     painted, how = np.zeros(1, dtype=bool), f"with {name} above {HALF:g}"
     if name in columns:

@@ -146,7 +146,7 @@ def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> 
     work.keep("flat", solid, "left out: no area")
     every = np.arange(len(work.points))
     added = work.points[len(first) :] * size + center
-    links = np.concatenate([work.canonical, first, every[len(first) :]])  # joined where they touch
+    links = np.concatenate([work.canonical, first, every[len(first) :]])  # join touching bodies
     canonical = first_connected(len(every), np.append(every, every), links)
     faces = canonical[work.faces]
     return RepairedSurface(

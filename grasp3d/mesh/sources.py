@@ -1,6 +1,6 @@
-"""Sources of surfaces: files and what is given, and scenes of glTF, GLB and 3MF.
+"""Sources of surfaces: files, surfaces as read from them, and scenes of glTF, GLB and 3MF.
 
-trimesh reads the scenes; what it would leave out of them without a word is found here.
+trimesh reads the scenes; this module finds what it would leave out of them silently.
 """
 
 import io
@@ -48,8 +48,8 @@ class RawMesh:
     """The surface as stored in a mesh file, or given as an object of another library.
 
     Raises:
-        MeshError: There are no faces, or vertices that do not exist; or coordinates cannot be
-            computed with.
+        MeshError: There are no faces, faces use vertices that do not exist, or coordinates are not
+            finite or too large.
     """
 
     vertices: Floats
@@ -97,16 +97,16 @@ class Source:
     """Printable path, for error messages."""
 
     def error(self, reason: str) -> MeshError:
-        """The error that a file cannot be read for a reason, which begins with a verb."""
+        """Make the error that a file cannot be read; the reason begins with a verb."""
         return MeshError(f"{self.where}: {reason}")
 
     def unexpected(self, reason: str) -> MeshError:
-        """The same, of content that its suffix does not promise."""
+        """Make the error for content that is not what the suffix of the file says."""
         return self.error(f"{reason}; is the file complete, and is its suffix right?")
 
 
 def check_finite(vertices: Floats, where: str) -> None:
-    """Reject positions that cannot be computed with.
+    """Reject positions that are not finite or too large.
 
     Raises:
         MeshError: A coordinate is nan, or larger than 1e60.
@@ -143,7 +143,7 @@ def find_source(path: Path, suffixes: Iterable[str] = SUFFIXES) -> Source:
 
     Args:
         path: The file.
-        suffixes: Those that can be read.
+        suffixes: Suffixes that can be read.
 
     Raises:
         MeshError: It does not exist, is not a file, is empty, or its suffix is unknown.
@@ -185,18 +185,18 @@ FLAT = 1e-9
 
 
 def load_scene(data: bytes, kind: str, **options: Any) -> "trimesh.Scene":
-    """What trimesh reads of a file.
+    """Read a scene with trimesh.
 
     Args:
-        data: Its content.
-        kind: Its suffix.
-        options: Of trimesh's reader.
+        data: Content of the file.
+        kind: Suffix of the file.
+        options: Options of trimesh's reader.
     """
     import trimesh
 
     with warnings.catch_warnings():
-        # These warnings mean damaged files: incomplete or invalid numbers. Other warnings are
-        # about trimesh itself.
+        # These warnings mean damaged files: incomplete or invalid numbers. Others concern trimesh
+        # itself.
         warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
         warnings.filterwarnings("error", category=RuntimeWarning, module="trimesh")
         return trimesh.load_scene(io.BytesIO(data), kind, process=False, **options)
@@ -231,24 +231,24 @@ def flattened(scene: "trimesh.Scene", where: str) -> tuple[Floats, Ints]:
 Tree = dict[str, Any]
 
 _HARMLESS = re.compile(r"KHR_mesh_quantization|[A-Z]+_(materials|texture|lights|xmp)")
-"""Beginnings of the names of extensions that do not change positions, or only their encoding."""
+"""Prefixes of the names of extensions that do not change positions, or only their encoding."""
 
 _HEAD = struct.Struct("<4sIII4s")
-"""Of a GLB: its name, version and size, and size and name of the JSON."""
+"""Header of a GLB: its name, version and size, and size and name of the JSON."""
 
 _CHUNK = 8
 """Bytes before the data of a GLB: their size and name."""
 
 _READ, _FAN = (0, 1, 4, 5), 6
-"""Modes of parts that become geometry of trimesh (points, lines, triangles, which is the default,
-and strips of these), and of one that does not."""
+"""Modes of parts that trimesh reads (points, lines, triangles as the default, triangle strips), and
+the mode of triangle fans, which it does not read."""
 
 
 def read_gltf(source: Source) -> tuple[Floats, Ints, Unit]:
     """Read vertices (V, 3), faces (F, 3) and unit of a glTF with its files. Raises MeshError."""
     tree, data = _parts(source.path)
     for node in tree.get("nodes", []):
-        node.pop("camera", None)  # otherwise trimesh leaves out what its node holds
+        node.pop("camera", None)  # with one, trimesh leaves out what the node holds
     names = [one.setdefault("uri", "") for one in tree.get("buffers", [])]
     beside = [name for name in names if not name.startswith("data:")]
     files = {name: _content(source, name) if name else data for name in beside}
@@ -268,7 +268,7 @@ def read_gltf(source: Source) -> tuple[Floats, Ints, Unit]:
     if count != len(found):
         raise source.unexpected(f"shows {count} parts, of which {len(found)} can be read")
     vertices, faces = flattened(scene, source.where)
-    return vertices + 0.0, faces, "m"  # there is no -0.0
+    return vertices + 0.0, faces, "m"  # -0.0 becomes 0.0
 
 
 def _content(source: Source, name: str) -> bytes:
@@ -295,7 +295,7 @@ def _parts(path: Path) -> tuple[Tree, bytes]:
 
 
 def side_names(path: Path) -> list[str]:
-    """Return the names of the files with the buffers of a glTF, if it can be read.
+    """Return the names of the buffer files of a glTF, if it can be read.
 
     Args:
         path: Any mesh file; only .gltf and .glb have side files.
@@ -310,7 +310,7 @@ def side_names(path: Path) -> list[str]:
         return []
     try:
         names = [str(one.get("uri", "data:")) for one in _parts(path)[0].get("buffers", [])]
-    except (ValueError, TypeError, AttributeError, RecursionError):  # which reading it will say
+    except (ValueError, TypeError, AttributeError, RecursionError):  # reported when it is read
         return []
     return list(dict.fromkeys(unquote(name) for name in names if not name.startswith("data:")))
 
@@ -329,7 +329,7 @@ def _shown(source: Source, tree: Tree) -> list[Tree]:
 
 
 def _unsupported(tree: Tree, parts: Iterable[Tree], shown: list[Tree]) -> Iterator[str]:
-    """What trimesh would leave out of the parts of meshes, and of the nodes that show them."""
+    """Name what trimesh would leave out of the parts of meshes and the nodes that show them."""
     for name in tree.get("extensionsRequired", []):
         if not _HARMLESS.match(name):
             yield f"the extension {name!a:.60}"
@@ -347,7 +347,7 @@ def _unsupported(tree: Tree, parts: Iterable[Tree], shown: list[Tree]) -> Iterat
 
 
 _Id = tuple[str, str]
-"""File in the archive, and number in it, of an object."""
+"""Identifier of an object: its file in the archive, and its number in this file."""
 
 
 def read_3mf(source: Source) -> tuple[Floats, Ints, Unit | None]:

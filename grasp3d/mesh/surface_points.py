@@ -1,7 +1,7 @@
 """Points on a surface, by face and barycentric coordinates; nearest surface points.
 
-Also crossings of rays, and of edges, with a surface. Embree finds the faces in 32 bits, or where it
-has no package, as on ARM, a tree of boxes in 64; the rest is computed in 64 bits.
+Also crossings of rays and edges with a surface. Embree finds the faces in 32 bits; where it has no
+package, as on ARM, a tree of boxes finds them in 64 bits. The rest is computed in 64 bits.
 """
 
 import math
@@ -26,7 +26,7 @@ ON_BORDER = 1e-9
 """Distance, in object sizes, within which a point counts as on a corner or an edge."""
 
 NEAR = 0.05
-"""Distance from the surface, in object sizes, up to which a position is on it."""
+"""Distance from the surface, in object sizes, up to which a position counts as on it."""
 
 WAYS_OUT = unit_rows(np.array([[0.36, 0.48, 0.8], [-0.81, 0.31, 0.49], [0.29, -0.87, -0.41]]))
 """Directions of rays from a point, along no axis of an object."""
@@ -58,8 +58,8 @@ def nearest_surface_points(
 ) -> tuple[SurfacePoints, Floats, Floats]:
     """Find the surface point that is nearest to each point.
 
-    Exact: every face that could be nearer than the nearest one found is tested; of several that
-    are equally near the first is taken.
+    The result is exact: every face that could be nearer than the nearest one found is tested. Of
+    several equally near points, the first is taken.
 
     Args:
         mesh: The surface.
@@ -89,8 +89,8 @@ def nearest_surface_points(
 def contains(mesh: ObjectMesh, points: Floats) -> Bools:
     """Whether points are in an object whose surface is closed, shape (k,).
 
-    The first face that a ray from a point meets then shows its inner side; of three rays most
-    count, as one may pass through an edge.
+    A point is inside if the first face that a ray from it meets shows its inner side. The majority
+    of three rays decides, as one may pass through an edge.
 
     Args:
         mesh: The object.
@@ -108,12 +108,12 @@ def contains(mesh: ObjectMesh, points: Floats) -> Bools:
 def nearest_vertex(mesh: ObjectMesh, name: str, position: Sequence[GivenLength]) -> int:
     """The vertex of a surface that is nearest to a position on it.
 
-    It is the nearest corner of the face with the nearest point of the surface.
+    It is the nearest corner of the face that contains the nearest surface point.
 
     Args:
         mesh: The surface.
         name: Name of the position, for the error.
-        position: In the mesh's frame, three lengths.
+        position: Three lengths in the mesh's frame.
 
     Raises:
         SettingError: It is farther from the surface than a twentieth of the object's size; or it
@@ -176,15 +176,15 @@ RAYS_AT_ONCE = 4096
 """Rays that a thread traces at once."""
 
 MARGIN = 1e-6
-"""Least distance of an edge's ends from the face that it passes through, and of the crossing from
-the face's border, in the unit of the points: less may be the rounding of a file of 32 bits."""
+"""Smallest distance of an edge's ends from the face that it passes through, and of the crossing
+from the face's border, in the unit of the points: smaller ones may be rounding of 32-bit files."""
 
 MOST_ROUNDS = 256
-"""Most faces that are found along one edge."""
+"""Largest number of faces that are found along one edge."""
 
 
 EMBREE = find_spec("embreex") is not None
-"""Whether Embree traces rays here; otherwise a tree of boxes of ours does."""
+"""Whether Embree traces rays here; otherwise a tree of boxes of this package does."""
 
 
 class FaceRays:

@@ -1,4 +1,4 @@
-"""What location errors do to contacts on a surface: how far the normals turn nearby."""
+"""Effect of location errors on contacts on a surface: how far the normals turn nearby."""
 
 import math
 
@@ -15,19 +15,19 @@ CHUNK = 512
 """Contacts that a thread evaluates at once."""
 
 SPACING = 0.4
-"""Distance of the places of a face where a search knows the turn, in location errors."""
+"""Distance between the points of a face where a search knows the turn, in location errors."""
 
 EVEN = 0.03
-"""Difference of the turns at a small face's corners up to which these places suffice [rad]."""
+"""Difference of the turns at a small face's corners up to which the corners suffice [rad]."""
 
 MOST_PLACES = 200_000
-"""About the most of these places on a surface; on a large one they are farther apart."""
+"""Approximate largest number of these points; on a large surface they are farther apart."""
 
 MOST_PARTS = 64
-"""Most parts of the edges of a face."""
+"""Largest number of parts of a face's edge."""
 
 ROUNDED = 1e6
-"""Places and normals that agree to six digits are the same."""
+"""Factor before rounding: points and normals that agree to six digits count as the same."""
 
 
 def normal_turns(
@@ -41,22 +41,22 @@ def normal_turns(
 ) -> Floats:
     """Largest angle by which the surface turns within the location error of each contact [rad].
 
-    Over the surface that is connected with the contact within the location error, that of the
-    smallest angle between the normal there and the contact's set of normals. 0 where the contact
-    may have any normal.
+    The largest of the smallest angles between the contact's set of normals and the normals of the
+    surface that is connected with the contact within the location error. 0 where the contact may
+    have any normal.
 
     Args:
         mesh: The surface.
         points: Contacts in the mesh's frame, shape (m, 3).
-        faces: A face that each lies on, shape (m,); -1: none, its angle is 0.
-        sets: Their normals, a set for each contact.
+        faces: A face that each contact lies on, shape (m,); -1: none, and the angle is 0.
+        sets: Normals of the contacts, a set for each.
         location_error: Largest distance between true and perceived contacts [m].
-        enough: Angle from which on it need not be the largest [rad].
+        enough: Angle from which on a result need not be the largest angle [rad].
 
     Returns:
-        Shape (m,); never too small, and too large by no more than an error that is larger by 0.1 %
-        and an angle of 0.001 rad, unless it is obtuse or the contact is on a crease, where the
-        normals of one face are not told apart.
+        Shape (m,); never too small. At most 0.001 rad above the angle for a location error larger
+        by 0.1 %, unless the angle is obtuse, or the contact is on a crease, where the normals of a
+        face are not distinguished.
     """
     turns = np.zeros(len(points))
     # Copies: the kernel would be compiled again for arrays that cannot be written.
@@ -77,7 +77,7 @@ def normal_turns(
 def turns_beside(
     mesh: ObjectMesh, points: Floats, normals: Floats, location_error: float
 ) -> Floats:
-    """`normal_turns` of contacts that need not be on the surface: at the nearest place of it.
+    """`normal_turns` of contacts that may be off the surface, at their nearest surface points.
 
     Args:
         mesh: The surface.
@@ -94,7 +94,7 @@ def located_surface(mesh: ObjectMesh, location_error: float, cone: float) -> Sur
 
     Args:
         mesh: The surface.
-        location_error: Largest distance between true and perceived contacts [m]; 0: places are
+        location_error: Largest distance between true and perceived contacts [m]; 0: locations are
             exact, and nothing is computed.
         cone: Largest critical angle that is searched for [rad]; larger turns are known roughly.
     """
@@ -128,12 +128,12 @@ def located_surface(mesh: ObjectMesh, location_error: float, cone: float) -> Sur
 
 
 def _sizes(levels: Ints) -> Ints:
-    """Places on faces whose edges have so many parts."""
+    """Number of lattice points on faces whose edges have these numbers of parts."""
     return (levels + 1) * (levels + 2) // 2
 
 
 def _on_lattice(mesh: ObjectMesh, levels: Ints, location_error: float, cone: float) -> Floats:
-    """Turns at the places of each face's lattice, one face after the other, shape (K,)."""
+    """Turns at the points of each face's lattice, one face after the other, shape (K,)."""
     surface, sizes = mesh.contact_surface, _sizes(levels)
     faces, start = np.repeat(np.arange(len(levels)), sizes), np.cumsum(sizes) - sizes
     weights = np.empty((len(faces), 3))
@@ -143,7 +143,7 @@ def _on_lattice(mesh: ObjectMesh, levels: Ints, location_error: float, cone: flo
         weights[rows] = lattice
     places = (weights[:, None] @ mesh.normalized[surface.faces[faces]])[:, 0]
     normals = unit_rows((weights[:, None] @ surface.normals[surface.corners[faces]])[:, 0])
-    # Places on smooth edges are those of several faces.
+    # Points on smooth edges belong to several faces.
     digits = np.rint(np.concatenate([places, normals], axis=1) * ROUNDED).astype(np.int64)
     keys = digits @ np.random.default_rng(0).integers(1 << 62, size=6)
     _, first, same = np.unique(keys, return_index=True, return_inverse=True)

@@ -1,7 +1,7 @@
-"""Union of bodies that overlap or touch, so that no face lies inside the object, and its seams.
+"""Union of bodies that overlap or touch, so that no face lies inside the object.
 
-Which faces bound a body is found first, with their orientation, cavities and flat bodies. Closed
-ones become solids of the library Manifold, their faces offset.
+First the faces are divided into bodies, whose orientation, cavities and flatness are found. Closed
+bodies then become solids of the library Manifold, with their faces offset.
 """
 
 from dataclasses import dataclass
@@ -24,8 +24,8 @@ from grasp3d.mesh.measures import (
 )
 
 CLEAR = 1e-3
-"""Volume, in units of the area to the power 3/2, from which an open body has an orientation: 0.002
-for a thin bowl, 0.0001 for a flat sheet that is rough."""
+"""Volume, in units of the area to the power 3/2, above which an open body has an orientation: a
+thin bowl has 0.002, a rough flat sheet 0.0001."""
 
 NO_VOLUME = 1e-10
 """Volume below which a closed body is flat, in units of its area to the power 3/2."""
@@ -43,7 +43,7 @@ FARTHEST = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A closed body, with its cavities or without, its faces offset."""
+    """A closed body with or without its cavities, whose faces are offset."""
 
     corners: Ints
     """Its vertices, shape (n,)."""
@@ -109,8 +109,8 @@ def bodies_of(points: Floats, faces: Ints, rounding: float) -> tuple[Ints, Float
 
     Returns:
         Body of each face, shape (F,). Volume of each body, negative if wound inward, 0 if it is
-        flat (a sheet with two sides), nan if it is open, shape (B,). The faces over vertices that
-        only neighbours share, counted from 0, shape (F, 3).
+        flat (a sheet with two sides), nan if it is open, shape (B,). The faces, over new vertices
+        that only neighbours share, numbered from 0, shape (F, 3).
     """
     one, two = _neighbours(points, faces)
     body = connected(len(faces), one // 3, two // 3)
@@ -126,9 +126,9 @@ def bodies_of(points: Floats, faces: Ints, rounding: float) -> tuple[Ints, Float
 def _neighbours(points: Floats, faces: Ints) -> tuple[Ints, Ints]:
     """Pairs of half-edges that run along one edge in opposite directions, each in one pair.
 
-    Where more than two faces meet, those pairs are neighbours that are connected elsewhere, and
-    then those with the thinnest wedges of material between them: bodies that touch are divided
-    there, and the two sides of a wall between them become a flat body.
+    Where more than two faces meet, faces that are connected elsewhere are paired first, then those
+    with the thinnest wedges of material between them. Bodies that touch are divided there, and the
+    two sides of a wall between them become a flat body.
     """
     half_edges = np.stack(paired_edges(faces))
     start, end = ends_of(faces, half_edges)
@@ -164,7 +164,7 @@ def orient(
     Args:
         points: Positions (V, 3).
         faces: Faces (F, 3), divided as in `bodies_of`.
-        vertex: The same for all vertices that were one before, shape (V,).
+        vertex: Number of each vertex before the division, shape (V,).
         body: Body of each face, shape (F,).
         volumes: Their volumes, shape (B,).
         touch: Distance within which bodies touch.
@@ -178,7 +178,7 @@ def orient(
     flip = np.zeros(len(own), dtype=bool)
     for number in np.flatnonzero(np.isnan(volumes)).tolist():
         flip[number] = _is_inward(points, own[number])
-    if np.nansum(volumes) < 0.0:  # the whole object with its cavities
+    if np.nansum(volumes) < 0.0:  # the whole object is inside out, with its cavities
         flip |= ~np.isnan(volumes)
     signs = np.sign(np.where(flip, -volumes, volumes))
     owner = np.where(np.abs(signs) > 0.0, np.arange(len(flip)), -1)
@@ -204,7 +204,7 @@ def orient(
 
 
 def _is_inward(points: Floats, faces: Ints) -> bool:
-    """Return whether an open body is clearly inside out: closed by fans over its holes."""
+    """Return whether an open body, closed by fans over its holes, is clearly inside out."""
     rings = [points[hole] for hole in holes_of(faces)]
     fans = [np.stack([r, np.roll(r, -1, axis=0), 0.0 * r + r.mean(axis=0)], axis=1) for r in rings]
     corners = np.concatenate([points[faces], *fans])
@@ -224,7 +224,7 @@ REAL = 1e-6
 """Fraction of the area that must vanish in a union; bodies that touch in a line are not united."""
 
 MOST_FLIPS = 100
-"""Most rounds in which faces without an area, and folds, are removed."""
+"""Largest number of rounds that remove faces without an area, and folds."""
 
 FOLD = 1e-10
 """Two faces whose normals have a cosine of at most this much above -1 are one fold, without volume
@@ -263,7 +263,7 @@ def surround(corners: Floats) -> bool:
 
 
 def count_united(whole: manifold3d.Manifold, solids: list[Solid], touch: float) -> tuple[int, int]:
-    """Number of solids that lost faces in their union, and of those that lie within others.
+    """Number of solids that lost faces in their union, and number of solids within others.
 
     Both are 0 if no solids overlap, or touch over an area.
     """
@@ -327,7 +327,7 @@ def _snapped(points: Floats, cut: Ints, among: Ints, count: int, touch: float) -
         touch: Offset of the faces.
 
     Returns:
-        Canonical vertex of each vertex (V,); the faces, with an area as far as possible.
+        Canonical vertex of each vertex (V,); the faces, all with an area if possible.
     """
     canonical = np.arange(len(points))
     for snap in SNAPS:
@@ -373,11 +373,11 @@ def put_on_surface(points: Floats, faces: Ints, loose: Ints, distance: float) ->
 def _divided(
     points: Floats, pieces: list[tuple[int, ...]], point: int, across: Floats, distance: float
 ) -> list[tuple[int, ...]]:
-    """Divide the pieces of a face that a point lies in, or on an edge of."""
+    """Divide those pieces of a face that contain a point, also on an edge."""
     result: list[tuple[int, ...]] = []
     for piece in pieces:
         edges = np.stack([piece, np.roll(piece, -1)], axis=1)
-        start, end = points[np.sort(edges, axis=1)].swapaxes(0, 1)  # as for the face beyond
+        start, end = points[np.sort(edges, axis=1)].swapaxes(0, 1)  # same order in the face beyond
         along, to = end - start, points[point] - start
         fraction = (to * along).sum(axis=1) / (along * along).sum(axis=1)
         gap = np.linalg.norm(to - fraction[:, None] * along, axis=1)
@@ -392,7 +392,7 @@ def _divided(
 
 
 def without_slits(faces: Ints) -> Ints:
-    """Remove collapsed faces, and of those on the same vertices all but what faces are ahead."""
+    """Remove collapsed faces; of faces on the same vertices keep one in the majority's winding."""
     faces = faces[is_face(faces)]
     _, same = first_alike(np.sort(faces, axis=1))
     _, after, last = from_least_corner(faces).T
@@ -403,7 +403,7 @@ def without_slits(faces: Ints) -> Ints:
 
 
 def without_slivers(points: Floats, faces: Ints, rounding: float) -> Ints:
-    """Remove faces without an area by flipping their longest edge, folds by flipping the crease.
+    """Remove faces without an area by flipping their longest edge, and folds by flipping creases.
 
     A flip replaces the two faces at an edge by two others on the same four corners, which leaves
     no gap.

@@ -1,6 +1,6 @@
-"""What became of grasps: outcomes held against labels and scores, and outcomes in simulation.
+"""Outcomes of grasps: comparison with labels and scores, and simulation.
 
-Simulated in MuJoCo, with objects of convex parts from CoACD.
+Simulations use MuJoCo, with objects divided into convex parts by CoACD.
 """
 
 from lazy_loader import attach_stub

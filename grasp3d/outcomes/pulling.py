@@ -1,12 +1,12 @@
-"""One simulated grasp: the gripper closes on the object and presses; then it is pulled six times.
+"""Simulation of one grasp: the gripper closes on the object and presses; six pulls follow.
 
 The protocol is that of DexGraspBench (Chen et al., 2025): the object floats, is squeezed, and is
 then pulled by its weight, or more, along each of six directions, here those of the gripper's axes.
-The object is held where it stays within 5 cm and 15 degrees of where it was after the squeeze.
+The object counts as held if it stays within 5 cm and 15 degrees of its pose after the squeeze.
 
-Hard fingers resist no torque about the line through their contacts, whatever the label: forces at
-two points of a line have no moment about it. So the turn of their objects is that of the line. With
-pads, or a torsion radius, any turn counts.
+Hard fingers resist no torque about the line through their contacts, whatever the label, as forces
+at two points of a line have no moment about it. So only the turn of that line counts for hard
+fingers. With pads, or a torsion radius, any turn of the object counts.
 """
 
 import math
@@ -30,16 +30,16 @@ from grasp3d.outcomes.scene import (
 from grasp3d.outcomes.simulation_settings import SimulationSettings
 
 RAMP, WAITING = 0.2, 0.3
-"""Time in which the grip force grows, and then until the first pull [s]."""
+"""Times in which the grip force grows, and from then until the first pull [s]."""
 
 YIELDING = 0.3
-"""Longest time in which an object gives way to the open gripper [s]."""
+"""Longest time for which an object gives way to the open gripper [s]."""
 
 CLEAR = 2e-4
-"""Depth to which the open gripper may still be in an object that gave way [m]."""
+"""Depth to which the open gripper may overlap an object that has given way [m]."""
 
 CHECKED = 0.01
-"""Time between two looks at the object [s]."""
+"""Time between two checks of the object [s]."""
 
 PULLS = np.concatenate([np.eye(3), -np.eye(3)])[[0, 3, 1, 4, 2, 5]]
 """Directions of the pulls in the gripper's frame: x, -x, y, -y, z, -z."""
@@ -49,15 +49,15 @@ class Fate(StrEnum):
     """How a simulated grasp ended."""
 
     HELD = "held"
-    """Through all pulls."""
+    """The object was held through all pulls."""
     PULLED = "pulled"
-    """The object was held while it was squeezed, but not through each pull."""
+    """The object was held after the squeeze, but not through every pull."""
     LOST = "lost"
-    """Both fingers touched the object, which slipped or turned away while it was squeezed."""
+    """Both fingers touched the object, but it slipped or turned away during the squeeze."""
     MISSED = "missed"
-    """The two fingers never touched the object at once."""
+    """The two fingers never touched the object at the same time."""
     BLOCKED = "blocked"
-    """The open gripper is in the object before it closes, by more than it gives way."""
+    """The open gripper overlaps the object by more than the object gives way."""
     BROKEN = "broken"
     """The simulation became unstable; it says nothing about the grasp."""
 
@@ -78,23 +78,23 @@ class Attempt:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a grasp; its numbers are columns of the results."""
+    """Outcome of a grasp; its numbers are columns of the results."""
 
     fate: Fate
     pulls_held: int = 0
-    """Number of pulls that it held, of 6."""
+    """Number of pulls through which the object was held, of 6."""
     slip_m: float = 0.0
-    """Farthest shift of a touched point of the object from its finger, of all pulls [m]."""
+    """Largest shift of a touched point of the object from its finger, over all pulls [m]."""
     pull_shift_m: float = 0.0
-    """Farthest shift of the object's centre of mass, of all pulls [m]."""
+    """Largest shift of the object's centre of mass, over all pulls [m]."""
     pull_turn: float = 0.0
-    """Largest turn of the object [rad]; without torsion that of its closing axis."""
+    """Largest turn of the object [rad]; without torsion, that of its closing axis."""
     start_shift_m: float = 0.0
-    """Shift of the centre of mass by which it gave way to the open gripper [m]."""
+    """Shift of the centre of mass when the object gave way to the open gripper [m]."""
     squeeze_shift_m: float = 0.0
-    """Shift of the centre of mass by the squeeze [m]."""
+    """Shift of the centre of mass during the squeeze [m]."""
     squeeze_turn: float = 0.0
-    """Turn of the object by the squeeze [rad]."""
+    """Turn of the object during the squeeze [rad]."""
 
 
 @without_log()
@@ -102,8 +102,8 @@ def simulate_attempt(model: Any, data: Any, attempt: Attempt, stage: Stage) -> O
     """Close the fingers on the object, press, and pull.
 
     Args:
-        model: From `grasp_model`; changed.
-        data: Its data.
+        model: Model from `grasp_model`; changed.
+        data: Data of the model; changed.
         attempt: The grasp.
         stage: The gripper of the model, and forces, times and limits.
     """
@@ -131,9 +131,9 @@ def simulate_attempt(model: Any, data: Any, attempt: Attempt, stage: Stage) -> O
 
 
 def _give_way(model: Any, data: Any, settings: SimulationSettings) -> float:
-    """Push the object out of the open gripper, slowly; shift of its centre of mass [m].
+    """Push the object slowly out of the open gripper; return its shift [m].
 
-    inf: the gripper is in it by more than it gives way, or it has no way out.
+    inf: the gripper overlaps it by more than it gives way, or it has no way out.
     """
     body = model.body(OBJECT).id
     if _depth(data) > settings.give_way + settings.pose_error.position:
@@ -154,12 +154,12 @@ def _give_way(model: Any, data: Any, settings: SimulationSettings) -> float:
 
 
 def _depth(data: Any) -> float:
-    """How deep the gripper is in the object [m]; 0: it is not."""
+    """Depth of the gripper in the object [m]; 0 if they do not overlap."""
     return max(0.0, -float(data.contact.dist.min())) if data.ncon else 0.0
 
 
 def _pulls(model: Any, data: Any, watch: "_Watch", settings: SimulationSettings) -> int:
-    """Pull in every direction, each time from the squeezed state; number of pulls that hold."""
+    """Pull in every direction, each time from the squeezed state; return the pulls that hold."""
     kind = mujoco.mjtState.mjSTATE_INTEGRATION
     state = np.empty(mujoco.mj_stateSize(model, kind))
     mujoco.mj_getState(model, data, state, kind)
@@ -172,7 +172,7 @@ def _pulls(model: Any, data: Any, watch: "_Watch", settings: SimulationSettings)
 
 
 class _Watch:
-    """Looks at how far the object has moved, and its contacts slipped, since it was touched."""
+    """Record of how far the object has moved, and its contacts have slipped, since the touch."""
 
     def __init__(self, model: Any, data: Any, stage: Stage) -> None:
         self._model, self._data, self._stage = model, data, stage
@@ -182,12 +182,12 @@ class _Watch:
         self.begin()
 
     def begin(self) -> None:
-        """Forget what was touched, and measure motions from the current state on."""
+        """Forget the touched points, and measure motions from the current state on."""
         self._start = np.array(self._data.xipos[self._body])
         self._turned = np.array(self._data.qpos[3:7])
         self._points: Floats | None = None
         self.slip, self.now, self.largest = 0.0, (0.0, 0.0), (0.0, 0.0)
-        """Farthest slip [m]; shift [m] and turn [rad] now, and the largest so far."""
+        """Largest slip [m]; shift [m] and turn [rad] now, and the largest ones so far."""
         self._touch()
 
     @property
@@ -196,11 +196,11 @@ class _Watch:
         return self._points is not None
 
     def run(self, seconds: float, *, anywhere: bool = False) -> bool:
-        """Simulate until the object has moved too far; returns whether it has not.
+        """Simulate until the object has moved too far; return whether it stayed within the limits.
 
         Args:
-            seconds: For how long.
-            anywhere: Whether it may move as far as it likes.
+            seconds: Time to simulate.
+            anywhere: Whether the limits are ignored.
         """
         data, step = self._data, self._stage.settings.time_step
         left, every = math.ceil(seconds / step), max(1, round(CHECKED / step))
@@ -216,7 +216,7 @@ class _Watch:
         return True
 
     def _touch(self) -> None:
-        """Remember where the fingers touch the object, as soon as both do."""
+        """Store where the fingers touch the object, as soon as both do."""
         data = self._data
         bodies, points = self._model.geom_bodyid[data.contact.geom], data.contact.pos
         of_tips = [points[(bodies == tip).any(axis=1)] for tip in self._tips]
@@ -227,7 +227,7 @@ class _Watch:
             self._from_tips = middles - data.xpos[self._tips]
 
     def _look(self) -> bool:
-        """Whether the object is still within the limits."""
+        """Measure shift and turn; return whether the object is within the limits."""
         data, settings = self._data, self._stage.settings
         shift, turn = float(np.linalg.norm(data.xipos[self._body] - self._start)), self._turn()
         self.now, self.finite = (shift, turn), not data.warning.number.any() and shift < math.inf
@@ -242,7 +242,7 @@ class _Watch:
         return shift < settings.max_shift and turn < settings.max_turn
 
     def _turn(self) -> float:
-        """Turn that counts since the touch [rad]."""
+        """Turn since the touch, of the object or of its closing axis only [rad]."""
         back, relative = np.zeros(4), np.zeros(4)
         mujoco.mju_negQuat(back, self._turned)
         mujoco.mju_mulQuat(relative, self._data.qpos[3:7], back)

@@ -1,16 +1,16 @@
-"""A gripper and an object of convex parts between its fingers, as a model of MuJoCo.
+"""MuJoCo model of a gripper with an object of convex parts between its fingers.
 
-The fingers slide along the closing axis and press with a force. Both move by the same distance, as
-those of parallel grippers do, and yield to nothing across the axis.
+The fingers slide along the closing axis and press with a force. Both move by the same distance,
+like those of a parallel gripper, and are rigid across the axis.
 
-MuJoCo's settings are such that pressed contacts behave as dry friction does. The gripper is made of
-bodies that collide: pads of balls that give way, rigid fingers behind, and a palm.
+MuJoCo's settings make pressed contacts behave like dry friction. The gripper consists of colliding
+bodies: pads of balls that give way, rigid fingers behind them, and a palm.
 
-A pad of rubber gives way where something presses on it, and there alone. So a pad is a bed of balls
-that are tangent to its face, each with its share of the pad's stiffness (a Winkler foundation): the
-patch grows with the force and with the curvature of what is touched, and torsion and rolling follow
-from where the balls press. Balls at the border are smaller, so that the pad ends where it ends,
-with an edge as round as that of moulded rubber.
+A rubber pad gives way only where something presses on it. So a pad is a bed of balls tangent to its
+face, each with its part of the pad's stiffness (a Winkler foundation): the patch grows with the
+force and the curvature of the object, and torsion and rolling resistance follow from where the
+balls press. Balls at the border are smaller, so that the pad ends at its true edge, as round as
+that of moulded rubber.
 
 Lengths are in metres, in the gripper's frame: finger 1 closes along +x, finger 2 mirrors it.
 """
@@ -38,20 +38,20 @@ STIFFNESS = (0.004, 1.0)
 """Time constant [s] and damping ratio of contacts (`solref`): four steps, as stiff as is stable."""
 
 IMPEDANCE = (0.99, 0.99, 0.001, 0.5, 2.0)
-"""`solimp`: contacts yield by a hundredth of what they would without constraint."""
+"""`solimp`: contacts yield by a hundredth of what they would yield without the constraint."""
 
 IMPEDANCE_RATIO = 10.0
-"""How much harder friction constrains than the normal does; at MuJoCo's 1 contacts creep."""
+"""Ratio of the hardness of friction to that of the normal; with MuJoCo's 1, contacts creep."""
 
 NOSLIP_ITERATIONS = 10
-"""Iterations of the solver that removes the creep that is left, of soft friction."""
+"""Iterations of the solver that removes the remaining creep, which soft friction causes."""
 
 
 @contextmanager
 def without_log() -> Iterator[None]:
     """Keep MuJoCo from writing a file of warnings into the working folder.
 
-    A simulation that diverges is a result, which states it.
+    A diverged simulation is reported as a result instead.
     """
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(_ignore)
@@ -62,16 +62,16 @@ def without_log() -> Iterator[None]:
 
 
 def _ignore(_warning: str) -> None:
-    """Do nothing with a warning."""
+    """Ignore a warning."""
 
 
 def new_spec(time_step: float = TIME_STEP) -> Any:
-    """An empty MuJoCo model without gravity, whose contacts behave as dry friction.
+    """Return an empty MuJoCo model without gravity, with contacts that behave like dry friction.
 
-    MuJoCo's friction is a soft constraint. With its defaults (pyramidal cones, as hard as the
-    normals, no further iterations) a contact well inside its friction cone creeps by centimetres
-    per second; with elliptic cones, friction that is harder than the normal, and iterations without
-    slip it stands still to micrometres, and slides beyond the cone.
+    MuJoCo's friction is a soft constraint. With its defaults (pyramidal cones, friction as hard as
+    the normals, no further iterations) a contact well inside its friction cone creeps by
+    centimetres per second. With elliptic cones, harder friction and no-slip iterations it stands
+    still to within micrometres, and slides only beyond the cone.
 
     Args:
         time_step: Step [s].
@@ -91,12 +91,12 @@ def new_spec(time_step: float = TIME_STEP) -> Any:
 
 
 def contact_fields(torsion_radius: float = 0.0) -> dict[str, Any]:
-    """Fields of a geom for contacts whose friction is set in the compiled model.
+    """Return fields of a geom for contacts whose friction is set in the compiled model.
 
     Args:
-        torsion_radius: Largest torsional moment per normal force [m]; MuJoCo's elliptic cone with
-            it is the limit surface (f_t / friction)^2 + (moment / radius)^2 <= f_n^2 of Howe &
-            Cutkosky (IJRR 1996). 0: a hard finger.
+        torsion_radius: Largest torsional moment per normal force [m]; 0: a hard finger. With it
+            MuJoCo's elliptic cone is the limit surface (f_t / friction)^2 + (moment / radius)^2 <=
+            f_n^2 of Howe & Cutkosky (IJRR 1996).
     """
     return {
         "friction": (1.0, torsion_radius, 0.0),
@@ -107,31 +107,31 @@ def contact_fields(torsion_radius: float = 0.0) -> dict[str, Any]:
 
 
 SPACING = 3e-3
-"""Largest distance of neighbouring balls [m]."""
+"""Largest distance between neighbouring balls [m]."""
 
 ROUNDEST = 6e-3
-"""Largest radius of a ball [m]: the pad's face is bumpy by SPACING^2 / (8 radius), 0.2 mm."""
+"""Largest radius of a ball [m]; the pad's face has bumps of SPACING^2 / (8 radius), 0.2 mm."""
 
 INSET = 1.5e-3
 """Distance of the outermost balls from the border [m]."""
 
 PROTRUDING = 5e-4
-"""How far a ball reaches past the border, behind the face [m]: pressed in by a few tenths of a
-millimetre it touches up to the border."""
+"""Reach of a ball past the border, behind the face [m]: pressed in by a few tenths of a millimetre,
+it touches up to the border."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fingers:
-    """What touches of a gripper."""
+    """Parts of a gripper that can touch the object."""
 
     centres: Floats
     """Centres of the balls of finger 1, with the pad's plane at x = 0, shape (k, 3)."""
     radii: Floats
-    """Their radii, shape (k,)."""
+    """Radii of the balls, shape (k,)."""
     stiffness: float
-    """Of each ball [N/m]."""
+    """Stiffness of each ball [N/m]."""
     torsion_radius: float
-    """Largest torsional moment per normal force of a ball [m]; 0: hard."""
+    """Largest torsional moment per normal force of a ball [m]; 0: a hard finger."""
     solids: tuple[Floats, ...]
     """Corners of the convex rigid parts of finger 1, shape (n, 3) each."""
     palm: Floats
@@ -141,17 +141,17 @@ class Fingers:
 
     @property
     def soft(self) -> bool:
-        """Whether they resist torsion about the line through their contacts."""
+        """Whether the fingers resist torsion about the line through their contacts."""
         return self.torsion_radius > 0.0 or len(self.radii) > 1
 
     @classmethod
     def of(cls, jaws: Jaws, stiffness: float, torsion_radius: float = 0.0) -> "Fingers":
-        """The fingers of a gripper.
+        """Return the fingers of a gripper.
 
         Args:
             jaws: The gripper.
-            stiffness: Of a pad, or a round tip [N/m].
-            torsion_radius: Of a round tip [m]; torsion on pads follows from where they are touched.
+            stiffness: Stiffness of a pad, or of a round tip [N/m].
+            torsion_radius: Torsion radius of a round tip [m]; not used for pads.
         """
         front = jaws.end - jaws.finger_length
         palm = _box(
@@ -186,7 +186,7 @@ class Fingers:
 
 
 def _box(*bounds: tuple[float, float]) -> Floats:
-    """Corners of a box (8, 3)."""
+    """Corners of a box, shape (8, 3)."""
     return np.stack(np.meshgrid(*bounds), axis=-1).reshape(-1, 3)
 
 
@@ -210,7 +210,7 @@ def _bed(face: Corners, largest: float) -> tuple[Floats, Floats]:
 
 
 def _spread(low: float, high: float) -> Floats:
-    """Positions between two borders, evenly, with an inset."""
+    """Evenly spaced positions between two borders, with an inset."""
     inset = min(INSET, 0.25 * (high - low))
     return np.linspace(
         low + inset, high - inset, 1 + math.ceil((high - low - 2.0 * inset) / SPACING)
@@ -218,7 +218,7 @@ def _spread(low: float, high: float) -> Floats:
 
 
 def _inward(outline: Floats) -> Floats:
-    """Inward unit normals (n, 2) of the sides, which begin at the corners, of a convex outline."""
+    """Inward unit normals (n, 2) of the sides of a convex outline; each starts at its corner."""
     along = np.roll(outline, -1, axis=0) - outline
     x, y = outline.T
     turn = 1.0 if x @ np.roll(y, -1) > y @ np.roll(x, -1) else -1.0
@@ -239,56 +239,56 @@ def _behind(face: Corners, depth: float, jaws: Jaws) -> Floats:
 OBJECT = "object"
 
 SPIN_LEVER = 1e-3
-"""Lever at which the object's weight turns it by 1 rad/s against the drag on its turning [m]. Drag
-does not change where anything is at rest; without it the free spin about the line of two hard
-fingers would grow from rounding."""
+"""Lever at which the object's weight turns it at 1 rad/s against the drag on its rotation [m]. Drag
+does not change any state of rest; without it, rounding would start a free spin about the line of
+two hard fingers."""
 
 JOINTS = ("tip 1", "tip 2")
 """Names of the fingers' bodies, joints and motors; positive is closing."""
 
 CLOSING = 0.1
-"""Speed of fingers that meet no resistance [m/s]: at that an object that lies with friction goes on
-by a millimetre where a finger lets it go. Their damping is force over speed, and does not change
+"""Speed of unloaded fingers [m/s]. At this speed an object that lies with friction moves on by a
+millimetre where a finger lets it go. The fingers' damping is force over speed, and does not change
 where anything comes to rest."""
 
 FINGER_MASS = 1.0
-"""Inertia of a finger with its drive [kg]; what is at rest does not depend on it."""
+"""Inertia of a finger with its drive [kg]; states of rest do not depend on it."""
 
 FASTEST = 0.3
-"""Largest angle by which a contact that gives way swings in one time step [rad]."""
+"""Largest angle by which a compliant contact oscillates in one time step [rad]."""
 
 GIVING_RATIO = 1e4
-"""How much harder friction constrains than the normal does where pads give way. At 10, as of rigid
-tips, a pad that bears half of its torsion turns by 0.7 degrees a second: so many contacts are too
-many for the iterations without slip; at this it turns by a hundredth of it without any, in half the
-time."""
+"""Ratio of the hardness of friction to that of the normal where pads give way. With the 10 of rigid
+tips, a pad that bears half of its torsion turns by 0.7 degrees a second, as the no-slip iterations
+cannot cope with so many contacts. With this ratio and no such iterations it turns by a hundredth of
+that, in half the time."""
 
 FAR = 10.0
-"""Farther than any finger slides [m]."""
+"""Distance beyond the travel of any finger [m]."""
 
 LYING = 0.5
-"""Friction with which an object lies while it is grasped: a force of its weight times this, and a
-torque of the force times a quarter of its size. It does not fly off where one finger comes first.
-"""
+"""Friction coefficient of the object where it lies during the grasp: the friction force is this
+times its weight, the torque this force times a quarter of its size. So the object does not fly off
+when one finger comes first."""
 
 TIP_BIT = 1
-"""Fingers and object collide with each other, not among themselves."""
+"""Collision bit: fingers and object collide with each other, but not among themselves."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """What all grasps of an object have in common; lengths in metres, in the mesh's frame."""
+    """Data common to all grasps of an object; lengths in metres, in the mesh's frame."""
 
     parts: tuple[Floats, ...]
-    """Corners of its convex parts, shape (n, 3) each."""
+    """Corners of the object's convex parts, shape (n, 3) each."""
     center: Floats
     """Centre of mass, shape (3,)."""
     extents: Floats
-    """Sides of its bounding box, whose moments of inertia it has, shape (3,)."""
+    """Sides of its bounding box, which sets the moments of inertia, shape (3,)."""
     fingers: Fingers
     settings: SimulationSettings
     force: float
-    """Of each finger along the closing axis [N]."""
+    """Force of each finger along the closing axis [N]."""
 
     __repr__ = short_repr
 
@@ -297,7 +297,7 @@ class Stage:
         cls, mesh: ObjectMesh, parts: tuple[Floats, ...], fingers: Fingers,
         settings: SimulationSettings, force: float,
     ) -> "Stage":  # fmt: skip
-        """The object of a mesh and of its convex parts, and a gripper."""
+        """Return the stage for a gripper and the object of a mesh, in convex parts."""
         extents = np.ptp(mesh.vertices[mesh.faces].reshape(-1, 3), axis=0)
         return cls(parts, mesh.center_mass, extents, fingers, settings, force)
 
@@ -306,23 +306,23 @@ def add_fingers(spec: Any, centres: Floats, fingers: Fingers, force: float) -> N
     """Add the fingers, their joints along x, and motors.
 
     Args:
-        spec: A model of MuJoCo.
+        spec: A MuJoCo model.
         centres: Positions of the fingers where the joints are 0 [m], shape (2, 3); finger 1 closes
             along +x.
-        fingers: Their shape.
-        force: Force at which they are damped to their speed [N].
+        fingers: Shape of the fingers.
+        force: Force at which damping holds the fingers to their speed [N].
     """
     hard, balls = contact_fields(), contact_fields(fingers.torsion_radius)
     for number, (name, side) in enumerate(zip(JOINTS, (1.0, -1.0), strict=True)):
         body = spec.worldbody.add_body(name=name, pos=centres[number])
         body.explicitinertial = True
-        body.mass, body.inertia = FINGER_MASS, (FINGER_MASS,) * 3  # they do not turn
+        body.mass, body.inertia = FINGER_MASS, (FINGER_MASS,) * 3  # fingers do not turn
         body.add_joint(
             name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=(side, 0.0, 0.0),
             damping=[force / CLOSING, 0.0, 0.0], limited=mujoco.mjtLimited.mjLIMITED_TRUE,
             range=(-FAR, 0.0), solref_limit=STIFFNESS, solimp_limit=IMPEDANCE,
         )  # fmt: skip
-        # Friction is that of the finger, not the larger one of both.
+        # The friction of the finger counts, not the larger of both.
         touch = {"priority": 1, "contype": 0, "conaffinity": TIP_BIT << number}
         mirrored = np.array([side, 1.0, 1.0])
         for place, radius in zip(fingers.centres * mirrored, fingers.radii, strict=True):
@@ -334,7 +334,7 @@ def add_fingers(spec: Any, centres: Floats, fingers: Fingers, force: float) -> N
             name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, gear=[1.0, 0, 0, 0, 0, 0]
         )
         motor.gainprm[0] = 1.0
-    equality = spec.add_equality(  # both move by the same distance
+    equality = spec.add_equality(  # both fingers move by the same distance
         type=mujoco.mjtEq.mjEQ_JOINT, name1=JOINTS[0], name2=JOINTS[1],
         objtype=mujoco.mjtObj.mjOBJ_JOINT, solref=STIFFNESS, solimp=IMPEDANCE,
     )  # fmt: skip
@@ -342,17 +342,17 @@ def add_fingers(spec: Any, centres: Floats, fingers: Fingers, force: float) -> N
 
 
 def _add_convex(spec: Any, body: Any, name: str, vertices: Floats, **fields: Any) -> None:
-    """Add a convex part of corners (n, 3) [m] to a body, with fields of its geom."""
+    """Add a convex part with corners (n, 3) [m] to a body, with fields of its geom."""
     mesh = spec.add_mesh(name=name, uservert=vertices.ravel().tolist())
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **fields)
 
 
 def grasp_model(stage: Stage) -> tuple[Any, Any]:
-    """MuJoCo's model and data of fingers on the x axis, and of the object as a free body.
+    """Return MuJoCo's model and data of fingers on the x axis and of the object as a free body.
 
-    The planes of the pads are at the origin while their joints are 0: joints of -a put both a
-    distance 2 a apart.
+    With joints at 0 the planes of the pads are at the origin; joints of -a put them a distance of 2
+    a apart.
     """
     settings = stage.settings
     spec = new_spec(settings.time_step)
@@ -379,10 +379,10 @@ def grasp_model(stage: Stage) -> tuple[Any, Any]:
 def _give_way(model: Any, stiffness: float) -> None:
     """Set the stiffness of every ball [N/m].
 
-    MuJoCo states stiffness per mass, and at rest a contact of impedance d resists more than in
-    motion: its force is `stiffness x depth / ((1 - d) A)`, A the sum of the inverse inertias of
-    both bodies; its acceleration is `stiffness x depth / d`. The impedance is as near to 1/2 as
-    the time step allows.
+    MuJoCo states stiffness per mass. At rest, a contact of impedance d resists more than in motion:
+    its force is `stiffness x depth / ((1 - d) A)`, with A the sum of the inverse inertias of both
+    bodies; its acceleration is `stiffness x depth / d`. The impedance is as near to 1/2 as the time
+    step allows.
     """
     inverse = sum(model.body_invweight0[model.body(name).id, 0] for name in (OBJECT, JOINTS[0]))
     fastest = (FASTEST / model.opt.timestep) ** 2
@@ -394,11 +394,11 @@ def _give_way(model: Any, stiffness: float) -> None:
 
 
 def put_object(model: Any, data: Any, pose: Floats, friction: float) -> None:
-    """Put the object where a gripper's pose wants it.
+    """Place the object relative to the gripper as a pose states.
 
     Args:
-        model: MuJoCo's model; gets the friction.
-        data: Its data; reset.
+        model: MuJoCo's model, whose friction is set.
+        data: Data of the model, which are reset.
         pose: Matrix that takes the gripper's coordinates to the object's [m], shape (4, 4).
         friction: Coulomb coefficient.
     """

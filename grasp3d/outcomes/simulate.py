@@ -1,4 +1,4 @@
-"""Simulating grasps of a gripper, given ones or the best ones: does the object stay in it?
+"""Simulation of given grasps, or of the best ones: does the object stay in the gripper?
 
 MuJoCo collides meshes as their convex hulls, so the object is divided into convex parts.
 """
@@ -38,30 +38,30 @@ from grasp3d.system.context import report_progress, unreported
 from grasp3d.system.files import atomic_write
 
 SEARCH = {"mcts_iterations": 60, "mcts_nodes": 10, "preprocess_mode": "off"}
-"""How CoACD divides: it searches for cuts half as long as by default, for about as few parts, and
-does not remesh the surface, which moves it outward by a hundredth of the object's size. What is
-closed needs no remeshing."""
+"""Settings of CoACD: it searches for cuts half as long as by default, for about as few parts. It
+does not remesh the surface, which would move it outward by a hundredth of the object's size; a
+closed surface needs no remeshing."""
 
 CACHE = "GRASP3D_CACHE"
-"""Environment variable with the folder in which parts are kept; empty: none."""
+"""Environment variable with the folder in which parts are kept; empty: they are not kept."""
 
 
 Parts = tuple[Floats, ...]
-"""Corners of convex bodies whose union is nearly an object [m], shape (n, 3) each."""
+"""Corners of convex bodies whose union is nearly the object [m], shape (n, 3) each."""
 
 
 def parts_of(mesh: ObjectMesh, settings: SimulationSettings, cluster: ClusterSettings) -> Parts:
-    """Convex parts of a mesh, found in a watched process unless there shall be none.
+    """Find the convex parts of a mesh, in a watched process unless the cluster has no workers.
 
     Args:
         mesh: The mesh.
-        settings: Of the parts.
-        cluster: Its limits.
+        settings: Settings of the parts.
+        cluster: Limits of the process.
 
     Raises:
         MeshError: The mesh is open.
-        GraspError: CoACD crashed, took too long, or too much memory.
-        SettingError: It is not installed, or finds no parts.
+        GraspError: CoACD crashed, or took too much time or memory.
+        SettingError: CoACD is not installed, or finds no parts.
     """
     source = mesh.report.source
     if not mesh.report.closed:
@@ -94,11 +94,10 @@ def convex_parts(vertices: Floats, faces: Ints, *, threshold: float = 0.02, seed
         seed: Seed of the search for cuts; the same seed gives the same parts.
 
     Returns:
-        Corners of each part, shape (n, 3); those of the same surface and settings are kept in a
-        file.
+        Corners of each part, shape (n, 3). A file keeps the parts of a surface and settings.
 
     Raises:
-        SettingError: CoACD is not installed, or divides the surface into nothing.
+        SettingError: CoACD is not installed, or finds no parts.
 
     Example:
         >>> import trimesh
@@ -121,7 +120,7 @@ def convex_parts(vertices: Floats, faces: Ints, *, threshold: float = 0.02, seed
 
 
 def coacd_module() -> Any:
-    """CoACD, of the extra `physics`. Raises SettingError if it is not installed."""
+    """Import CoACD, of the extra `physics`. Raises SettingError if it is not installed."""
     try:
         import coacd
     except ImportError as error:
@@ -133,7 +132,7 @@ def coacd_module() -> Any:
 def _decomposed(vertices: Floats, faces: Ints, threshold: float, seed: int) -> Parts:
     coacd = coacd_module()
     coacd.set_log_level("error")
-    # Its threshold is for an object that is scaled to a box from -1 to 1.
+    # CoACD's threshold is for an object that is scaled to a box from -1 to 1.
     parts: Any = coacd.run_coacd(
         coacd.Mesh(vertices, faces), threshold=threshold, seed=seed, **SEARCH
     )
@@ -155,7 +154,7 @@ def _is_solid(vertices: Floats) -> bool:
 
 
 def _cached_file(key: str) -> Path | None:
-    """File in which the parts of a key are kept; None: nowhere."""
+    """File in which the parts of a key are kept; None if they are not kept."""
     folder = os.environ.get(CACHE)
     if folder == "":
         return None
@@ -168,7 +167,7 @@ def _cached_file(key: str) -> Path | None:
 
 
 def _read(path: Path) -> Parts | None:
-    """Parts of a file; None: it is missing or damaged."""
+    """Read parts from a file; None if it is missing or damaged."""
     try:
         with np.load(path) as file:
             vertices, first = file["vertices"], file["first"]
@@ -178,7 +177,7 @@ def _read(path: Path) -> Parts | None:
 
 
 def _write(path: Path, parts: Parts) -> None:
-    """Keep parts in a file, where one can be written."""
+    """Write parts to a file, if possible."""
     counts = np.cumsum([len(one) for one in parts])
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -189,24 +188,24 @@ def _write(path: Path, parts: Parts) -> None:
 
 
 ATTEMPTS = 6
-"""Attempts of one job: some seconds, so that progress is seen and little is lost by a crash."""
+"""Attempts of one job: it takes seconds, so progress shows and a crash loses little."""
 
 FORCE = 40.0
-"""Force of each finger of a gripper that states none [N]."""
+"""Force of each finger of a gripper that states no force [N]."""
 
 STREAM = 0x6E6F697365
-"""Part of every seed, so that numbers which a program drew with the same seed do not recur."""
+"""Part of every seed; it keeps results apart from numbers drawn elsewhere with the same seed."""
 
 TRIALS = 4
-"""Number of the stream of random numbers of trials."""
+"""Number of the random stream for trials."""
 
 NUMBERS = tuple(one.name for one in fields(Outcome) if one.name != "fate")
-"""What is known of an outcome beside the fate, as columns."""
+"""Numbers of an outcome, besides the fate, that become columns."""
 
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Some attempts that are simulated one after the other, with one model."""
+    """Attempts that are simulated one after the other, with one model."""
 
     number: int
     attempts: tuple[Attempt, ...]
@@ -223,37 +222,37 @@ def simulate_grasps(
 ) -> GraspPoses:
     """Close a gripper at poses in MuJoCo, and pull at the object that it holds.
 
-    The gripper is simulated as a whole: pads or round tips that give way, rigid fingers behind
-    them, and the palm. Where it is in the object before it closes, by no more than `give_way` and
-    the pose error, the object gives way. It lies with friction while the fingers close, and may
-    move between them; then it floats, and is pulled at its centre of mass along each axis of the
-    gripper. It is held where it stays within the limits of shift and turn of where it was after
-    the squeeze.
+    The whole gripper is simulated: pads or round tips that give way, rigid fingers behind them, and
+    the palm. If the gripper overlaps the object before it closes, by no more than `give_way` and
+    the pose error, the object is pushed aside. While the fingers close, the object lies with
+    friction and may move between them. Then it floats, and is pulled at its centre of mass along
+    each axis of the gripper. It counts as held if it stays within the limits of shift and turn from
+    its pose after the squeeze.
 
     Args:
         mesh: The object, whose unit is known or stated by the poses.
         grasps: The poses, or a file of them; None: the best `count` grasps of the gripper.
-        model: Friction, whose true value is drawn from its interval for each trial, torsion radius
-            of round tips, and what labels depend on; None: as in `evaluate_grasps`. Torsion on pads
+        model: Friction, torsion radius of round tips, and what labels depend on; None: as in
+            `evaluate_grasps`. Each trial draws its friction from the interval. Torsion on pads
             follows from where they are touched.
         hand: The gripper.
         simulation: Forces, times, limits, pads, pose error and convex parts; None: the defaults.
-        cluster: Which processes simulate; None: one for each processor of this machine. The result
-            does not depend on it.
+        cluster: The processes that simulate; None: one for each processor of this machine. The
+            result does not depend on them.
 
     Returns:
         The poses, each as often as there are trials, with the labels and numbers of
-        `evaluate_grasps` at them, their simulated `outcome` (1: held, 0: not, nan: unknown), which
-        files hold as `success`, and the columns `fate` (one of `Fate`), `trial`, `true_friction`,
-        `pulls_held`, `slip_m`, `pull_shift_m` [m] and `pull_turn` [rad]; where it gave way
-        `start_shift_m`, where it was squeezed `squeeze_shift_m` and `squeeze_turn`; with a pose
-        error also the true pose in the frame of the given one, `error_x_m` ... [m] and as rotation
-        vector `error_rx` ... [rad].
+        `evaluate_grasps`. The simulated `outcome` (1: held, 0: not, nan: unknown) is `success` in
+        files. The columns are `fate` (one of `Fate`), `trial`, `true_friction`, `pulls_held`,
+        `slip_m`, `pull_shift_m` [m], `pull_turn` [rad], `start_shift_m`, if the object gave way,
+        and `squeeze_shift_m` and `squeeze_turn` if it was squeezed; with a pose error also the true
+        pose in the frame of the given one, `error_x_m` ... [m] and as rotation vector `error_rx`
+        ... [rad].
 
     Raises:
-        MeshError: It is no mesh, or an open one.
+        MeshError: The input is not a mesh, or is open.
         SettingError: As in `evaluate_grasps`; or MuJoCo or CoACD is not installed, or the hand is
-            no parallel gripper.
+            not a parallel gripper.
         GraspError: The gripper has no grasp on the object, or every simulation failed.
 
     Example:
@@ -327,7 +326,7 @@ def simulate_grasps(
 
 
 def _needed_jaws(hand: Hand | None) -> Jaws:
-    """A hand as a parallel gripper. Raises SettingError."""
+    """Return the hand if it is a parallel gripper. Raises SettingError."""
     if not isinstance(hand, Jaws):
         name = "none is given" if hand is None else f"{hand.name!r} is none"
         raise SettingError(f"only parallel grippers are simulated; {name} (--hand NAME|FILE)")
@@ -337,7 +336,7 @@ def _needed_jaws(hand: Hand | None) -> Jaws:
 def _evaluated(
     mesh: ObjectMesh, grasps: GraspPoses | None, model: GivenModel, hand: Hand | None, count: int
 ) -> JawGrasps:
-    """Given poses, or the best ones of a gripper, with their labels."""
+    """Evaluate given poses, or find the best ones of a gripper."""
     found: object = (
         best_grasps(label_surface(mesh, model, hand=hand), count)
         if grasps is None
@@ -354,18 +353,18 @@ def _evaluated(
 def simulate_attempts(
     attempts: Sequence[Attempt], stage: Stage, cluster: ClusterSettings
 ) -> tuple[Outcome, ...]:
-    """Simulate attempts, some at a time in each process.
+    """Simulate attempts in jobs of a few, in parallel processes.
 
     Args:
         attempts: The grasps.
         stage: The object and the gripper.
-        cluster: Which processes simulate.
+        cluster: The processes that simulate.
 
     Returns:
-        The outcome of each attempt, in their order; those of jobs that failed are `Fate.BROKEN`.
+        The outcome of each attempt, in order; `Fate.BROKEN` for all attempts of a failed job.
 
     Raises:
-        GraspError: Every job failed, or the cluster is gone.
+        GraspError: Every job failed, or the cluster is unavailable.
     """
     jobs = [
         Job(number, tuple(attempts[first : first + ATTEMPTS]))

@@ -19,10 +19,10 @@ class SimulationSettings(LengthSettings):
     A length is in metres, or has a unit: '3mm'; see `Length`.
 
     Attributes:
-        count: Best grasps that are simulated where none are given.
+        count: Number of best grasps that are simulated if none are given.
         object_mass: Mass of the object [kg], or with a unit: 100g.
-        grip_force: Force of each finger [N], or with a unit: 40N. none: the greatest of the
-            gripper, or 40 N where it states none.
+        grip_force: Force of each finger [N], or with a unit: 40N. none: the largest force of the
+            gripper, or 40 N if it states none.
         pull_acceleration: Acceleration with which the object is pulled, in addition to gravity
             [m/s^2].
         pad_stiffness: Stiffness of a gripper's pad that is pressed on its whole face [N/m], or with
@@ -32,14 +32,14 @@ class SimulationSettings(LengthSettings):
             from a normal distribution about it; the error is two standard deviations.
         trials: Trials of each pose, each with its own true pose and true friction.
         give_way: Depth, added to the pose error, by which the open gripper may overlap the object,
-            which is pushed aside. A length.
+            which is then pushed aside. A length.
         pull_time: Time of each of the six pulls [s].
         max_shift: Largest shift of a held object from where it was squeezed, a length.
         max_turn: Largest turn of a held object.
         part_threshold: Concavity below which a convex part is not divided further, as a fraction of
             the object's size, 0.005 to 1.
         time_step: Step of the simulation [s].
-        seed: Seed of what is drawn, and of the convex parts; the same seed gives the same result.
+        seed: Seed of random draws and of the convex parts; the same seed gives the same result.
 
     Example:
         >>> from grasp3d.outcomes import SimulationSettings

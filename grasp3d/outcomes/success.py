@@ -1,4 +1,4 @@
-"""How many of some grasps succeeded, with the interval of the probability."""
+"""Success rates of grasps, with confidence intervals."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ LEVEL = 0.95
 
 @dataclass(frozen=True)
 class SuccessRate:
-    """How many of some grasps succeeded.
+    """Number of grasps that succeeded, of a set of grasps.
 
     Example:
         >>> from grasp3d.outcomes import SuccessRate
@@ -23,18 +23,18 @@ class SuccessRate:
     """
 
     name: str
-    """Which grasps."""
+    """Name of the set of grasps."""
     count: int
     successes: int
 
     @property
     def rate(self) -> float:
-        """Fraction that succeeded; nan: there are none."""
+        """Fraction that succeeded; nan if there are no grasps."""
         return self.successes / self.count if self.count else float("nan")
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Wilson's interval (JASA 1927) at 95 %; 0 and 1 where there are none."""
+        """Wilson's interval (JASA 1927) at 95 %; 0 and 1 if there are no grasps."""
         if not self.count:
             return 0.0, 1.0
         found = binomtest(self.successes, self.count).proportion_ci(LEVEL, method="wilson")
@@ -42,10 +42,10 @@ class SuccessRate:
 
 
 def success_rate(name: str, success: Bools) -> SuccessRate:
-    """Rate of some grasps.
+    """Return the success rate of some grasps.
 
     Args:
-        name: Which grasps.
+        name: Name of the set of grasps.
         success: Whether each succeeded, shape (k,).
     """
     return SuccessRate(name, len(success), int(np.count_nonzero(success)))

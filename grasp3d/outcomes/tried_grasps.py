@@ -1,4 +1,4 @@
-"""Files of grasps with outcomes: their poses, their gripper, and their object."""
+"""Grasps with outcomes, from files or memory: their poses, gripper and object."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,15 +29,15 @@ OUTCOMES = (
     "a table needs a column success (or outcome) with 1, 0 or nothing; what else states it is "
     "named with --outcome"
 )
-"""What states outcomes, for error messages."""
+"""Ways to state outcomes, for error messages."""
 
 MOST_NAMED = 5
-"""Most files that an error names."""
+"""Largest number of files that an error names."""
 
 
 @dataclass(frozen=True)
 class MeshFolder:
-    """A folder in which the meshes of grasps are looked up, or none.
+    """Folder in which the meshes of grasps are looked up, if any.
 
     Example:
         >>> from pathlib import Path
@@ -54,13 +54,13 @@ class MeshFolder:
             raise MeshError(f"{self.folder}: {problem}; name the folder of the meshes")
 
     def find(self, stated: str | None, grasps: Path) -> Path:
-        """The mesh file that a file of grasps names.
+        """Return the mesh file that a file of grasps names.
 
-        It is looked up beside that file and in the folder: first by the path that is stated, then
-        by its base name, in the folder also in subfolders.
+        The search covers the folder of that file and this folder: first the stated path, then its
+        base name, which may also be in a subfolder of this folder.
 
         Args:
-            stated: What the file of grasps states; None: nothing.
+            stated: Path that the file of grasps states; None: it states none.
             grasps: The file of grasps.
 
         Raises:
@@ -92,7 +92,7 @@ class MeshFolder:
 
     @cached_property
     def _by_base_name(self) -> dict[str, list[Path]]:
-        """All files below the folder by their base names."""
+        """All files below the folder, by base name."""
         paths: dict[str, list[Path]] = {}
         for path in sorted(self.folder.rglob("*")) if self.folder is not None else ():
             paths.setdefault(path.name, []).append(path)
@@ -101,18 +101,18 @@ class MeshFolder:
 
 @dataclass(frozen=True, eq=False)
 class TriedGrasps:
-    """The grasps with an outcome of one file, or of one object in memory, with what they are of."""
+    """Grasps with outcomes, of one file or one object in memory, with their hand and mesh."""
 
     name: str
     poses: GraspPoses
-    """Those with an outcome; k of them."""
+    """The k poses that have an outcome."""
     numbers: Ints
     """Number of each in its file, from 1, shape (k,)."""
     not_tried: int
-    """Grasps without an outcome, which are left out."""
+    """Number of grasps without an outcome, which are left out."""
     hand: Hand
     hand_from: str
-    """Where the gripper is from, in words."""
+    """Origin of the gripper, in words."""
     mesh: MeshSource
 
     __repr__ = short_repr
@@ -127,22 +127,21 @@ def check_grasps(
     outcome: str | None = None,
     **stated: Any,
 ) -> list[TriedGrasps]:
-    """Read grasps and check them before any work: outcomes, gripper and mesh of each.
+    """Read grasps and check them before any work: outcomes, gripper and mesh.
 
     Args:
         sources: Files of poses, or poses in memory.
-        mesh: The mesh of all of them; None: each file names its own.
-        meshes: Folder in which these are looked up.
-        hand: The gripper of all of them; None: each file names its own.
+        mesh: The mesh of all grasps; None: each file names its own.
+        meshes: Folder in which the named meshes are looked up.
+        hand: The gripper of all grasps; None: each file names its own.
         outcome: Name of the values that are outcomes; None: those of each format.
-        stated: What else is stated of the files, as `read_poses` takes it.
+        stated: What else is known of the files, as `read_poses` takes it.
 
     Returns:
         The grasps of each source, in their order; at least one has outcomes.
 
     Raises:
-        ContactError: A file is missing or damaged, has other values than outcomes, or none has
-            outcomes.
+        ContactError: A file is missing or damaged or has invalid outcomes, or no file has outcomes.
         SettingError: The gripper is not known.
         MeshError: A mesh is not found.
     """
@@ -172,7 +171,7 @@ def _checked(
         path, name = Path(source), str(source)
         poses = read_poses(path, hand=hand, **stated)
     gripper, origin = _gripper(poses, hand, name)
-    if path is not None and isinstance(poses.hand, str):  # it states the hand, not the TCP
+    if path is not None and isinstance(poses.hand, str):  # the file states the hand, not the TCP
         poses = read_poses(path, hand=gripper, **stated)
     if mesh is None:
         if path is None:
@@ -191,7 +190,7 @@ def _checked(
 
 
 def _gripper(poses: GraspPoses, hand: Hand | None, name: str) -> tuple[Hand, str]:
-    """The gripper that is given, or that the poses state. Raises SettingError."""
+    """Return the given gripper, or the one that the poses state. Raises SettingError."""
     stated = poses.hand
     if hand is not None:
         return hand, "as given"
@@ -204,41 +203,41 @@ def _gripper(poses: GraspPoses, hand: Hand | None, name: str) -> tuple[Hand, str
 
 
 FAR = 2.0
-"""Distance of a stated centre of mass from the object's centre, in object sizes, that cannot be
-meant."""
+"""Distance of a stated centre of mass from the object's centre, in object sizes, beyond which it
+cannot be right."""
 
 MASS_COLUMNS = ("mass", "object_mass")
 """Columns of poses that state the object's mass at each grasp [kg], or as texts with a unit."""
 
 GIVEN, STATED, COLUMN = "as given", "as the file states", "by the column "
-"""Where masses and centres of mass are from, in words."""
+"""Origins of masses and centres of mass, in words."""
 
 CENTERS = {
     "given": GIVEN,
     "volume": "of the volume, at uniform density",
     "surface": "not known, as the mesh is open: the middle of its surface",
 }
-"""Where the centre of mass of a mesh is from, in words."""
+"""Origins of a mesh's centre of mass, in words."""
 
 
 @dataclass(frozen=True, eq=False)
 class StatedObject:
-    """An object as the grasps on it are evaluated."""
+    """Object as it is used to evaluate the grasps on it."""
 
     mesh: ObjectMesh
     load: Load | None
-    """What each grasp must hold, but for masses of single grasps; None: the mass is not known, and
-    no load was given."""
+    """What each grasp must hold, except for masses of single grasps; None: the mass is not known,
+    and no load was given."""
     masses: Floats
     """Mass at each pose [kg], shape (k,); nan: not known."""
     mass_from: str
-    """In words; empty: it is not known."""
+    """Origin of the mass in words; empty if the mass is not known."""
     center_from: str
-    """In words."""
+    """Origin of the centre of mass, in words."""
 
     @property
     def sources(self) -> str:
-        """Mass and centre of mass in words."""
+        """Mass and centre of mass with their origins, in words."""
         known = self.masses[~np.isnan(self.masses)]
         without = "no grip force" if self.load is None else "forces are for 1 kg"
         mass = f"not known, so {without} (give it with --mass)"
@@ -248,7 +247,7 @@ class StatedObject:
         return f"mass {mass}; centre of mass {self.center_from}"
 
     def parts(self, rows: Ints) -> Iterator[tuple[Ints, Load | None]]:
-        """Poses with the same load, and that load.
+        """Yield the poses that have the same load, with that load.
 
         Args:
             rows: Indices of poses, shape (c,).
@@ -263,22 +262,21 @@ class StatedObject:
 def stated_object(
     source: MeshSource, poses: GraspPoses, options: MeshOptions | None, load: Load | None
 ) -> StatedObject:
-    """Read the mesh of some poses, and take over what their file states of the object.
+    """Read the mesh of some poses, and apply what their file states about the object.
 
-    What the options state is used first: a mass or density of `load`, a centre of mass of
-    `options`. An open mesh has no centre of mass: where none is stated, the middle of its surface
-    is used.
+    Options take precedence: a mass or density of `load`, a centre of mass of `options`. For an open
+    mesh, which has no centre of mass, the middle of the surface is used if none is stated.
 
     Args:
         source: The mesh.
-        poses: Poses on it; `object_scale`, a column of `MASS_COLUMNS`, else `mass` [kg], and `com`
-            [m] of their settings, as ACRONYM states them, in the frame of the scaled mesh.
+        poses: Poses on it. Used are `object_scale`, a column of `MASS_COLUMNS`, else `mass` [kg],
+            and `com` [m] of their settings, as in ACRONYM, in the frame of the scaled mesh.
         options: How the mesh is read.
         load: What each grasp must hold.
 
     Raises:
-        MeshError: It is no mesh.
-        SettingError: Its unit is not known, or the load needs what is not known.
+        MeshError: The input is not a mesh.
+        SettingError: The unit is not known, or the load needs a value that is not known.
         ContactError: The file states an impossible mass or centre of mass.
     """
     mesh = in_stated_scale(load_mesh(source, options), poses)
@@ -302,7 +300,7 @@ def stated_object(
 
 
 def _center(stated: Any, mesh: ObjectMesh) -> Floats:
-    """The centre of mass that a file states. Raises ContactError."""
+    """Return the centre of mass that a file states. Raises ContactError."""
     try:
         center = np.array(stated, dtype=np.float64).reshape(3)
         away = float(np.linalg.norm(center - mesh.center)) / mesh.size
@@ -317,7 +315,7 @@ def _center(stated: Any, mesh: ObjectMesh) -> Floats:
 
 
 def _centered(mesh: ObjectMesh, center: Floats) -> ObjectMesh:
-    """The mesh with a centre of mass that counts as given."""
+    """Return the mesh with a centre of mass that counts as given."""
     x, y, z = center.tolist()
     options = replace(mesh.options, center_of_mass=(x, y, z))
     report = replace(mesh.report, center_mass_from="given")
@@ -325,7 +323,7 @@ def _centered(mesh: ObjectMesh, center: Floats) -> ObjectMesh:
 
 
 def _mass_column(poses: GraspPoses) -> tuple[str, Floats] | None:
-    """Origin and values of a column of masses; None: there is none, or it is empty."""
+    """Origin and values of a column of masses; None if there is none, or only an empty one."""
     for name in filter(poses.columns.__contains__, MASS_COLUMNS):
         values = poses.columns[name].tolist()
         if all(value in ("", None) or value != value for value in values):  # noqa: PLR0124, nan
@@ -336,7 +334,7 @@ def _mass_column(poses: GraspPoses) -> tuple[str, Floats] | None:
 
 
 def _mass(value: Any, name: str) -> float:
-    """A mass that grasps state [kg]. Raises ContactError."""
+    """Return a mass that grasps state [kg]. Raises ContactError."""
     try:
         return parse_quantity(name, value, MASSES)
     except SettingError as error:

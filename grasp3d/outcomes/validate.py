@@ -1,4 +1,4 @@
-"""Labels and scores of grasps, held against their outcomes."""
+"""Comparison of the labels and scores of grasps with their outcomes."""
 
 import math
 from collections import Counter
@@ -37,7 +37,7 @@ from grasp3d.system.context import refuse_warnings, report_progress, within
 from grasp3d.system.names import as_unicode
 
 CHUNK = 20_000
-"""Poses evaluated at a time; only their results are kept."""
+"""Number of poses evaluated at a time; only their results are kept."""
 
 Grasps = str | Path | GraspPoses | Sequence[str | Path | GraspPoses]
 Table = dict[str, Array]
@@ -45,7 +45,7 @@ Table = dict[str, Array]
 
 @dataclass
 class Evaluation:
-    """Grasps that are evaluated, file by file, and what is kept of them."""
+    """Evaluation of grasps, file by file, and the results that are kept."""
 
     model: GraspModel
     options: MeshOptions | None
@@ -53,18 +53,18 @@ class Evaluation:
     load: Load | None
     object_motion: ObjectMotion | None
     explain: bool
-    """Whether poses are read as they fit their object."""
+    """Whether the frame of the poses is chosen by how well they fit their object."""
     files: list[ValidatedFile] = field(default_factory=list)
     tables: list[Table] = field(default_factory=list)
     objects: dict[object, int] = field(default_factory=dict)
     said: dict[str, dict[str, None]] = field(default_factory=dict)
-    """Warnings, with the names of the files that each is of."""
+    """Warnings, each with the names of the files that it applies to."""
 
     def evaluate(self, tried: TriedGrasps) -> None:
         """Evaluate the poses of one file.
 
         Raises:
-            ContactError: It states an impossible mass or centre of mass.
+            ContactError: The file states an impossible mass or centre of mass.
         """
         poses, count, source = tried.poses, tried.poses.count, tried.mesh
         if not count:
@@ -108,7 +108,7 @@ class Evaluation:
             self.said.setdefault(line, {})[tried.name] = None
 
     def warnings(self) -> list[str]:
-        """What may make the results wrong, each sentence once."""
+        """Reasons why the results may be wrong, each sentence once."""
         return [
             f"{name}{f' and {len(others)} more' if others else ''}: {line}"
             for line, (name, *others) in self.said.items()
@@ -132,39 +132,38 @@ def validate_grasps(
 ) -> Validation:
     """Compare labels and scores of grasps with their outcomes.
 
-    The jaws are closed at each pose that has an outcome (`GraspPoses.outcome`), as by
-    `evaluate_grasps`, and critical friction angle, margin, epsilon, grip force, label, reach and
-    simpler scores are compared with the outcomes. Every score counts in a direction that is fixed
-    beforehand (`SCORES`). Nothing is fitted to the outcomes.
+    The jaws close at each pose that has an outcome (`GraspPoses.outcome`), as in `evaluate_grasps`.
+    Critical friction angle, margin, epsilon, grip force, label, reach and simpler scores are then
+    compared with the outcomes. The direction in which each score counts is fixed beforehand
+    (`SCORES`), and nothing is fitted to the outcomes.
 
     Args:
         grasps: Files of poses with outcomes, or `GraspPoses`, one or several.
         model: Friction and sensor resolution [rad], of method exact, with all fingers alike; None:
-            the defaults. Where it has the default resolution, that which the gripper states is
-            used, if any.
+            the defaults. The default resolution gives way to that of the gripper, if it states one.
         mesh: The mesh of all grasps; None: the file that each file of grasps names, with the scale
             that it states.
-        meshes: Folder in which these meshes are looked up, besides that of each file of grasps.
+        meshes: Folder in which these meshes are looked up, besides the folder of each file.
         options: How meshes are read.
-        hand: The gripper; None: that of `reach`, else that which each file states (a known
-            name, or the description in files of this project).
+        hand: The gripper; None: that of `reach`, else the one that each file states (a known name,
+            or the description in files of this project).
         reach: What the objects stand on, and the allowed approach directions.
-        object_motion: Of grippers: free, or None: objects settle between the jaws; fixed: they do
+        object_motion: For grippers. free, or None: objects settle between the jaws; fixed: they do
             not move.
         load: What each grasp must hold; None, or without a mass: the mass and the centre of mass
             that a file states.
         outcome: Column or key of the files that says whether a grasp held, 1 or 0, true or false;
-            of poses in memory `score` or one of their columns. None: the outcomes of the format or
+            for poses in memory `score` or one of their columns. None: the outcomes of the format or
             of the poses.
-        object_pose: Pose of the object in the frame of their poses, as `read_grasps` takes it.
+        object_pose: Pose of the object in the frame of the poses, as `read_grasps` takes it.
         frame: Frame of the gripper in which the files have the poses, as `read_grasps` takes it;
             'auto': the one in which most poses close on the object, if it wins clearly; see
             `PoseReading`. None: the one that each file or its format states.
 
     Raises:
-        ContactError: A file is missing or damaged, no outcome is known, a value is none, or no hand
-            closes.
-        MeshError: A mesh is not found, or is none.
+        ContactError: A file is missing or damaged, no outcome is known, an outcome is invalid, or
+            no hand closes.
+        MeshError: A mesh file is not found, or is not a mesh.
         SettingError: The gripper or the unit of a mesh is not known, or a setting is outside its
             range.
 
@@ -217,7 +216,7 @@ def _compared(evaluation: Evaluation) -> Validation:
     """Compare the scores of evaluated grasps with their outcomes.
 
     Raises:
-        ContactError: At no pose the hand closes on the mesh.
+        ContactError: The hand closes on the mesh at no pose.
     """
     columns, warnings = _joined(evaluation.tables), evaluation.warnings()
     order = np.lexsort((columns["grasp"], columns["file"]))
@@ -245,7 +244,7 @@ def _compared(evaluation: Evaluation) -> Validation:
 
 
 def _joined(tables: Sequence[Table]) -> Table:
-    """Tables below each other; what some of them lack is nan or empty there."""
+    """Stack tables; columns that some of them lack are nan or empty there."""
     joined = {}
     for name in dict.fromkeys(name for table in tables for name in table):
         kinds = {table[name].dtype.kind for table in tables if name in table}

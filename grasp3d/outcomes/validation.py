@@ -1,4 +1,4 @@
-"""Labels and scores of grasps compared with outcomes: the result, its table and its figure.
+"""Result, table and figure of the comparison of labels and scores with outcomes.
 
 Each score has a direction in which it counts, and a number for how well it ranks grasps that held
 above grasps that failed. The directions follow from mechanics and are the same for all data; none
@@ -29,22 +29,22 @@ from grasp3d.surface.fields import Array, under_load
 
 
 def roc_auc(held: Bools, scores: Floats, clusters: Ints) -> tuple[float, float, float]:
-    """The area under the ROC curve, with its interval at 95 %.
+    """Compute the area under the ROC curve, with its interval at 95 %.
 
     The area is the probability that a grasp that held has a better score than one that failed;
-    equal scores count half (Mann & Whitney 1947). Its variance is that of DeLong et al. 1988, and
-    where grasps come in clusters, such as those on one object, of Obuchowski 1997: grasps of a
-    cluster are alike, so only other clusters say how much areas differ. The interval is that of
+    equal scores count half (Mann & Whitney 1947). Its variance is that of DeLong et al. 1988. Where
+    grasps come in clusters, such as those on one object, it is that of Obuchowski 1997: grasps of a
+    cluster are alike, so only several clusters show how much areas differ. The interval is that of
     Student's t in the logit of the area.
 
     Args:
         held: Whether each grasp held, shape (n,).
         scores: Larger is better; -inf is the worst, nan is not allowed; shape (n,).
-        clusters: Number of the cluster of each grasp, from 0, shape (n,); `arange(n)`: each is one.
+        clusters: Number of the cluster of each grasp, from 0, shape (n,); `arange(n)`: no clusters.
 
     Returns:
-        Area and both ends; nan where all outcomes are the same. The ends are 0 and 1 where an
-        outcome is of a single cluster, and the area itself where it is 0 or 1.
+        Area and both ends of the interval; nan where all outcomes are the same. The ends are 0 and
+        1 where an outcome occurs in a single cluster, and equal the area where it is 0 or 1.
 
     Example:
         Two of three grasps that held have a better score than both that failed:
@@ -59,9 +59,9 @@ def roc_auc(held: Bools, scores: Floats, clusters: Ints) -> tuple[float, float, 
     kinds = [held, ~held]
     if not all(kind.any() for kind in kinds):
         return math.nan, math.nan, math.nan
-    # In single precision scores that differ by rounding, as of symmetric grasps, are equal.
+    # Scores that differ by rounding, as for symmetric grasps, are equal in single precision.
     compared = scores.astype(np.float32)
-    below = rankdata(compared)  # how many of the other outcome are worse, of equal ones half
+    below = rankdata(compared)  # how many of the other outcome are worse; equal ones count half
     for kind in kinds:
         below[kind] -= rankdata(compared[kind])
     shares = [below[held] / kinds[1].sum(), 1.0 - below[~held] / kinds[0].sum()]
@@ -82,14 +82,14 @@ def roc_auc(held: Bools, scores: Floats, clusters: Ints) -> tuple[float, float, 
 
 
 def roc_curve(held: Bools, scores: Floats) -> tuple[Floats, Floats]:
-    """Fractions of the failed and of the held grasps that thresholds accept, from none to all.
+    """Fractions of failed and of held grasps that thresholds accept, from none to all.
 
     Args:
-        held: Whether each grasp held, shape (n,), of both kinds.
+        held: Whether each grasp held, shape (n,); both outcomes occur.
         scores: As for `roc_auc`.
 
     Returns:
-        Both of shape (m + 1,), for m different scores.
+        Both of shape (m + 1,), for m distinct scores.
     """
     _, group = np.unique(-scores.astype(np.float32), return_inverse=True)
     failed, right = (
@@ -99,8 +99,8 @@ def roc_curve(held: Bools, scores: Floats) -> tuple[Floats, Floats]:
 
 
 Of = Callable[[EvaluatedPoses], Array | None]
-"""The values of evaluated poses in SI units, shape (k,); None: they need what is not known, such as
-a load."""
+"""Function that returns values of evaluated poses in SI units, shape (k,); None: they need
+something unknown, such as a load."""
 
 
 @dataclass(frozen=True)
@@ -114,23 +114,23 @@ class Score:
     """
 
     name: str
-    """The column of tables."""
+    """Name of its column in tables."""
     title: str
     better: Literal["larger", "smaller"]
     """Which values are better; fixed beforehand."""
     of: Of = field(repr=False)
-    """Takes its values from evaluated poses."""
+    """Function that computes it from evaluated poses."""
     always: bool = False
-    """Whether it has a value where the hand does not close."""
+    """Whether it has a value where the hand does not close on the object."""
 
     def ranked(self, values: Floats) -> Floats:
-        """Turn values so that larger is better; -inf, the worst, where a value is missing (nan)."""
+        """Values turned so that larger is better; -inf, the worst, where one is missing (nan)."""
         signed = values if self.better == "larger" else -values
         return np.where(np.isnan(signed), -math.inf, signed)
 
 
 def _of_jaws(of: Callable[[Any], Array]) -> Of:
-    """What only the jaws of a gripper have; None of hands with joints."""
+    """Restrict a function to poses of grippers; it returns None for hands with joints."""
     return lambda poses: of(poses) if hasattr(poses, "jaws") else None
 
 
@@ -178,18 +178,18 @@ SCORES = (
         _of_jaws(lambda poses: poses.jaws.area.min(axis=1)),
     ),
 )
-"""All scores, each with how it is computed."""
+"""All scores, each with its function."""
 
 
 def scores_of(poses: EvaluatedPoses) -> dict[str, Floats]:
-    """The scores of evaluated poses, shape (k,) each, in SI units and radians.
+    """Compute the scores of evaluated poses, shape (k,) each, in SI units and radians.
 
     Args:
         poses: Evaluated poses.
 
     Returns:
-        By name of `SCORES`; nan where the hand does not close, but for labels and `reachable`,
-        which are 0 there. Those that need a load, a force at hand or jaws are absent without it.
+        The scores by name of `SCORES`; nan where the hand does not close, except for scores that
+        are always defined. Scores that need an unknown load or force, or jaws, are absent.
     """
     closed = poses.closed
     found = ((score, score.of(poses)) for score in SCORES)
@@ -201,33 +201,33 @@ def scores_of(poses: EvaluatedPoses) -> dict[str, Floats]:
 
 
 def columns_of(poses: EvaluatedPoses) -> dict[str, Array]:
-    """All results and scores of evaluated poses, as columns of shape (k,).
+    """Return all results and scores of evaluated poses as columns of shape (k,).
 
     Args:
         poses: Evaluated poses.
     """
     table, scores = poses.to_table(), scores_of(poses)
     results = zip(table.column_names, table.columns, strict=True)
-    # The table's letters are texts, and whether a pose is reachable is true or false.
+    # The table has labels as letters, and `reachable` as true or false.
     own = {name: scores[name] for name in scores if name not in {"label", "reachable"}}
     return {name: column.to_numpy() for name, column in results} | own
 
 
 @dataclass(frozen=True)
 class ValidatedFile:
-    """What the grasps of one file were evaluated with."""
+    """Settings with which the grasps of one file were evaluated."""
 
     name: str
     object_number: int
     """Number of its object, from 1; files with the same mesh and scale have one object."""
     model: GraspModel
-    """Friction and resolution of labels, margins and epsilon: its gripper may state its own."""
+    """Friction and resolution for labels, margins and epsilon; its gripper may state its own."""
     count: int
-    """Grasps with an outcome."""
+    """Number of grasps with an outcome."""
     not_tried: int
-    """Grasps without an outcome, left out."""
+    """Number of grasps without an outcome, which are left out."""
     sources: str
-    """Gripper, mass and centre of mass, and where they are from, in words."""
+    """Gripper, mass and centre of mass with their origins, in words."""
 
 
 @dataclass(frozen=True)
@@ -236,33 +236,33 @@ class ScoreQuality:
 
     score: Score
     roc_auc: float
-    """Probability that a held grasp ranks above a failed one; nan: all outcomes are the same."""
+    """Probability that a held grasp ranks above a failed one; nan if all outcomes are the same."""
     low: float
     """Lower end of its interval at 95 %: for other objects if there are several, else for other
     grasps of this one."""
     high: float
-    """Upper end."""
+    """Upper end of this interval."""
 
 
 @dataclass(frozen=True, eq=False)
 class Validation:
-    """Labels and scores of n grasps, held against their outcomes.
+    """Comparison of the labels and scores of n grasps with their outcomes.
 
-    Grasps whose jaws do not close on the mesh take part: they are labelled U and have the worst
-    value of every score, since that is a prediction too.
+    Grasps whose jaws do not close on the mesh take part, as that is a prediction too: they are
+    labelled U and have the worst value of every score.
     """
 
     files: tuple[ValidatedFile, ...]
     columns: Mapping[str, npt.NDArray[Any]]
     """`file`, `object` (number, from 1), `grasp` (number in the file, from 1), `mass` [kg], all
-    results as `EvaluatedPoses.to_table` has them, with `outcome`, and `SCORES`, in SI units and in
-    the order of the files; shape (n,) each."""
+    results of `EvaluatedPoses.to_table`, `outcome` among them, and `SCORES`, in SI units and in the
+    order of the files; shape (n,) each."""
     qualities: tuple[ScoreQuality, ...]
-    """Of each score."""
+    """Quality of each score."""
     warnings: tuple[str, ...]
-    """What may make the results wrong, one sentence each."""
+    """Reasons why the results may be wrong, one sentence each."""
     outcome: str | None = None
-    """Name of the values of the files that are the outcomes; None: those of their formats."""
+    """Name of the values in the files that are the outcomes; None: those of their formats."""
 
     __repr__ = short_repr
 
@@ -283,7 +283,7 @@ class Validation:
 
     @property
     def rates(self) -> dict[Label, SuccessRate]:
-        """How many grasps of each label held, S first."""
+        """Success rate of the grasps with each label, S first."""
         return {
             label: success_rate(label.name, self.held[self.columns["label"] == label.name])
             for label in sorted(Label)[::-1]
@@ -291,17 +291,17 @@ class Validation:
 
     @property
     def wrong(self) -> Ints:
-        """Rows of S that failed, the best score first, then of U that held, the worst first."""
+        """Rows of S that failed, best score first, then of U that held, worst score first."""
         label, score = self.columns["label"], self.columns["score"]
         failed = np.flatnonzero(~self.held & (label == "S"))
         held = np.flatnonzero(self.held & (label == "U"))
         return np.concatenate([failed[np.argsort(-score[failed])], held[np.argsort(score[held])]])
 
     def ranked(self, score: Score) -> Floats:
-        """Values of a score, shape (n,), turned so that larger is better; -inf: there is none.
+        """Values of a score, shape (n,), turned so that larger is better; -inf if missing.
 
         Args:
-            score: One that was computed.
+            score: A score that was computed.
         """
         values = self.columns[score.name]
         if score.name == "label":
@@ -309,13 +309,13 @@ class Validation:
         return score.ranked(values.astype(np.float64))
 
     def quality(self, name: str) -> ScoreQuality:
-        """How well a score predicts.
+        """How well a score ranks held grasps above failed ones.
 
         Args:
             name: Name of the score.
 
         Raises:
-            KeyError: It was not computed.
+            KeyError: The score was not computed.
         """
         return {one.score.name: one for one in self.qualities}[name]
 
@@ -340,8 +340,6 @@ def write_validation(path: str | Path, result: Validation) -> None:
         >>> import grasp3d
         >>> from grasp3d.formats import GraspPoses
         >>> from grasp3d.outcomes import write_validation
-        >>> from grasp3d.formats import GraspPoses
-        >>> from grasp3d.outcomes import write_validation
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.04, 0.02]), unit="m")
         >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (2, 1, 1))
         >>> tried = GraspPoses(poses=poses, outcome=[1, 0], unit="m")
@@ -356,14 +354,14 @@ def write_validation(path: str | Path, result: Validation) -> None:
 
 
 SHOWN = ("quality", "margin", "payload", "epsilon", "contact_area")
-"""Scores whose ROC curves are drawn, where they are known."""
+"""Scores whose ROC curves are drawn, if known."""
 
 LINE = "#222222"
 
 
 @styled
 def validation_figure(result: Validation) -> Figure:
-    """Draw success within S, M and U with its intervals, and ROC curves if there are both outcomes.
+    """Draw success rates of S, M and U with intervals, and ROC curves if both outcomes occur.
 
     Args:
         result: The result.

@@ -1,7 +1,7 @@
-"""Figures 4 to 11 of Wan & Howe 2018, one part of each.
+"""Figures 4 to 11 of Wan & Howe 2018, or parts of them.
 
-Fig. 4 to 6: what a fingertip cannot distinguish, and the friction cones. Fig. 7 to 11: epsilon
-along outlines, fractions S, M and U, and ceilings.
+Fig. 4 to 6 show what a fingertip cannot distinguish, and the friction cones. Fig. 7 to 11 show
+epsilon along outlines, the fractions S, M and U, and ceilings of the accuracy.
 """
 
 import math
@@ -47,7 +47,7 @@ TIP = 0.42
 """Radius of the drawn fingertip; the cones have length 1."""
 
 TOLERATED = 1.0 / 3.0
-"""Fraction of the tilt that the drawn grasp tolerates at both contacts: less than 1 is ambiguous.
+"""Fraction of the tilt that the drawn grasp tolerates at both contacts; below 1 it is ambiguous.
 """
 
 DEEP = 1.1
@@ -61,10 +61,10 @@ _ARROW: dict[str, Any] = {"marker": r"$\rightarrow$", "linestyle": "none", "mark
 
 @styled
 def tips_figure(sensor: Sensor) -> Figure:
-    """Draw which contacts a flat and a round fingertip of one receptive field cannot distinguish.
+    """Draw the contacts that a flat and a round fingertip with equal fields cannot distinguish.
 
-    Wan & Howe 2018, Fig. 4: on a flat tip only the location is uncertain, on a round one the normal
-    as well.
+    Wan & Howe 2018, Fig. 4: on a flat tip only the location is uncertain, on a round one also the
+    normal.
 
     Args:
         sensor: Receptive field and radius of the round tip [mm].
@@ -121,7 +121,7 @@ def cone_figure(model: GraspModel) -> Figure:
     Wan & Howe 2018, Fig. 5: the effective cone has the half-angle beta - alpha / 2.
 
     Args:
-        model: Friction and sensor resolution, alpha / 2 below beta, both together below 90 degrees.
+        model: Friction and sensor resolution; alpha / 2 below beta, their sum below 90 degrees.
     """
     beta, tilt = model.friction_angle, model.tilt
     figure = new_figure(COLUMN, 3.1)
@@ -158,8 +158,8 @@ def cone_figure(model: GraspModel) -> Figure:
 def combinations_figure(model: GraspModel) -> Figure:
     """Draw one grasp of a circle under the four combinations of extreme normals.
 
-    Wan & Howe 2018, Fig. 6: in some combinations the line between the contacts is inside both
-    cones, in others it is not, so the sensor cannot decide whether the grasp is stable.
+    Wan & Howe 2018, Fig. 6: only in some combinations is the line between the contacts inside both
+    cones, so the sensor cannot decide whether the grasp is stable.
 
     Args:
         model: As in `cone_figure`.
@@ -197,12 +197,12 @@ def combinations_figure(model: GraspModel) -> Figure:
 
 
 def cones_with_line(points: Floats, normals: Floats, friction_angle: float) -> Bools:
-    """Mask of the two cones that have the line between their contacts strictly inside, shape (2,).
+    """Mask of the two cones that contain the line between their contacts, strictly, shape (2,).
 
     Args:
         points: The contacts, shape (2, 2).
         normals: Polar angles of the cones' axes [rad], shape (2,).
-        friction_angle: Their half-angle [rad].
+        friction_angle: Half-angle of the cones [rad].
     """
     apart = points[1] - points[0]
     toward = math.atan2(apart[1], apart[0]) + np.array([0.0, math.pi])
@@ -210,7 +210,7 @@ def cones_with_line(points: Floats, normals: Floats, friction_angle: float) -> B
 
 
 def at_polar(radius: float, angle: float) -> Floats:
-    """Point at a distance from the origin and a polar angle [rad], shape (2,)."""
+    """Point at a distance from the origin and at a polar angle [rad], shape (2,)."""
     return radius * np.array([math.cos(angle), math.sin(angle)])
 
 
@@ -218,7 +218,7 @@ def _draw_cone(
     axes: Axes, tip: Floats, axis: float, half_angle: float, color: str, linestyle: Any,
     *, length: float = 1.0, opacity: float = 0.22, label: str = "",
 ) -> None:  # fmt: skip
-    """Draw a cone at a contact point (2,), about a polar angle, as a wedge."""
+    """Draw a cone at a contact point (2,) as a wedge about a polar angle."""
     low, high = math.degrees(axis - half_angle), math.degrees(axis + half_angle)
     axes.add_patch(
         Wedge(
@@ -239,7 +239,7 @@ _CLOSED_FORM: dict[str, Any] = {"color": "black", "linestyle": (0, (3, 2)), "lin
 
 @styled
 def curves_figure(scans: Sequence[PlanarScan]) -> Figure:
-    """Draw a column for each scan: curves of epsilon, and bars of S, M and U under them.
+    """Draw a column for each scan: curves of epsilon, and below them bars of S, M and U.
 
     Args:
         scans: Scans of one outline at several resolutions; at least one.
@@ -274,7 +274,7 @@ def curves_figure(scans: Sequence[PlanarScan]) -> Figure:
 def _draw_epsilon(axes: Axes, scan: PlanarScan) -> None:
     """Draw epsilon at the perceived normals, at the extreme ones, and at the effective friction.
 
-    Curves are broken at corners; there the values are dots.
+    Curves are interrupted at corners, where the values are dots.
     """
     x, end = abscissas(scan)
     corners = scan.at_corner
@@ -300,7 +300,7 @@ def _draw_epsilon(axes: Axes, scan: PlanarScan) -> None:
 
 
 def _draw_labels(axes: Axes, scan: PlanarScan) -> None:
-    """Draw the labels along the perimeter as bars, those of corners as squares."""
+    """Draw the labels along the perimeter as bars, and those of corners as squares."""
     (x, end), corners = abscissas(scan), scan.at_corner
     place, label = x[~corners], scan.label[~corners]
     first = np.flatnonzero(np.diff(label)) + 1
@@ -322,7 +322,7 @@ def _colors(labels: Bytes) -> list[str]:
 
 
 def abscissas(scan: PlanarScan) -> tuple[Floats, float]:
-    """Angles [degrees] of the points of a circle, positions along a square, (k,); and their end."""
+    """Angles of the points of a circle [degrees], or positions on a square (k,); and their end."""
     if scan.at_corner.any():
         return scan.position, scan.outline.perimeter
     return np.degrees(scan.angle), 360.0
@@ -342,9 +342,9 @@ def fractions_figure(
     Args:
         sweep: Fractions at one friction.
         label: Name of the fractions.
-        scans: A surface's labels at each resolution of the pictures.
-        pictures: Pictures of these surfaces, shape (h, w, 3) each; none: only the fractions.
-        closed_form: The same fractions in closed form, drawn over them as lines.
+        scans: Labels of a surface at the resolution of each picture.
+        pictures: Pictures of these surfaces, shape (h, w, 3) each; empty for only the fractions.
+        closed_form: The same fractions in closed form, drawn over the others as lines.
     """
     count = len(pictures)
     figure = new_figure(PAGE if count else COLUMN, 2.75)
@@ -374,7 +374,7 @@ def fractions_figure(
 
 @styled
 def ceiling_figure(sweeps: Sequence[Sweep]) -> Figure:
-    """Draw the best accuracy of a learned predictor (Wan & Howe 2018, Fig. 11): S + U + M / 2.
+    """Draw the best accuracy of a learned predictor, S + U + M / 2 (Wan & Howe 2018, Fig. 11).
 
     Args:
         sweeps: Fractions of each object at one friction, the same for all.

@@ -1,9 +1,9 @@
-"""Recomputation of the whole paper into one folder: figures, labelled surfaces, numbers.
+"""Recompute the whole paper into one folder: figures, labelled surfaces, numbers.
 
-Figures 4 to 11 of Wan & Howe 2018 have a function each. The scans in space are those of sphere,
-box, cylinder and a real object, one finger fixed, one scanned, which the paper announces as
-counterparts of its Fig. 7 to 10. numbers.md has the paper's numbers beside ours; its text is in the
-template of the same name.
+Each of Figures 4 to 11 of Wan & Howe 2018 has a function. The scans in space, which the paper
+announces as counterparts of its Fig. 7 to 10, have one finger fixed and one scanned on a sphere, a
+box, a cylinder and a real object. numbers.md compares the paper's numbers with ours; its text is in
+the template of the same name.
 """
 
 import math
@@ -42,31 +42,31 @@ from grasp3d.system.context import report_progress, unreported, within
 from grasp3d.system.files import atomic_write, check_writable
 
 WIDEST = 120.0 * DEGREE
-"""Largest resolution of the swept fractions [rad]."""
+"""Largest resolution at which fractions are computed [rad]."""
 STEPS = 480
-"""Steps of the swept resolutions: a quarter of a degree each."""
+"""Number of steps of these resolutions, a quarter of a degree each."""
 COLUMNS = 2
 """Most resolutions that fit side by side on a page."""
 
 BELOW = (0.0, 0.0, -1.0)
-"""Contact point of the first finger on the solids: in the middle underneath, as on the square."""
+"""Contact point of the first finger on the solids: the middle underneath, as on the square."""
 
 ELEVATION, ASIDE = 22.0 * DEGREE, 110.0 * DEGREE
-"""Camera elevation, and its azimuth from the fixed finger, which is then a little behind the side.
+"""Camera elevation, and azimuth from the fixed finger, which is then slightly behind the side.
 """
 UPRIGHT, AZIMUTH = 0.8, 38.0 * DEGREE
-"""Sine of the elevation of a finger from which it counts as under or on top of the object, and the
-camera's azimuth then."""
+"""Sine of a finger's elevation above which it counts as under or on top of the object, and the
+camera's azimuth in that case."""
 
 PIXELS = (720, 720)
 
 PICTURE_EDGE = 1.0 / 100.0
 """Longest edge of a real object's mesh, as a fraction of its size."""
 AS_GOOD = 2e-3
-"""Critical angles that differ by less count as equally good [rad]."""
+"""Difference of critical angles [rad] up to which they count as equally good."""
 
 COMPARED = 24
-"""Equally good contact points that are compared by the area fraction S of their scan."""
+"""Number of equally good contact points whose scans are compared by the area fraction S."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class PaperSettings:
 
     Attributes:
         friction: Coulomb coefficient, above 0.
-        sensor_resolutions: Resolutions alpha [rad], one or two, each with a column of the figures.
+        sensor_resolutions: One or two resolutions alpha [rad], each with a column in the figures.
     """
 
     friction: float = 1.0
@@ -93,7 +93,7 @@ class PaperSettings:
 
     @property
     def models(self) -> tuple[GraspModel, ...]:
-        """Models of the one friction at each resolution."""
+        """The model at each resolution; all have the same friction."""
         return tuple(
             GraspModel(friction=self.friction, sensor_resolution=angle)
             for angle in self.sensor_resolutions
@@ -101,7 +101,7 @@ class PaperSettings:
 
     @property
     def swept(self) -> Floats:
-        """Resolutions over which fractions are drawn [rad], shape (k,)."""
+        """Resolutions at which fractions are drawn [rad], shape (k,)."""
         return np.linspace(0.0, WIDEST, STEPS + 1)
 
 
@@ -124,7 +124,7 @@ def solids(settings: PaperSettings) -> Iterator[ScannedObject]:
 
 
 def _cylinder() -> ObjectMesh:
-    """A cylinder about x of radius 1 and length 3, without slivers; its sides are 2.5 degrees."""
+    """A cylinder about x of radius 1 and length 3, without slivers, in sides of 2.5 degrees."""
     across = np.linspace(0.0, 1.0, 21, endpoint=False)
     along = np.linspace(-1.5, 1.5, 64)
     ends = np.full_like(across, 1.5)
@@ -145,15 +145,15 @@ def load_object(path: Path) -> ObjectMesh:
 
 
 def real_object(mesh: ObjectMesh, name: str, settings: PaperSettings) -> ScannedObject:
-    """Scan any object, the first finger where a two-finger grasp is best.
+    """Scan any object, with the first finger where a two-finger grasp is best.
 
     Args:
-        mesh: Its surface.
-        name: Its name.
+        mesh: Surface of the object.
+        name: Name of the object.
         settings: Friction and resolutions.
 
     Raises:
-        SettingError: No grasp was found on it.
+        SettingError: No grasp was found on the object.
     """
     point = best_contact_point(mesh, settings.models[0])
     with unreported():
@@ -163,8 +163,8 @@ def real_object(mesh: ObjectMesh, name: str, settings: PaperSettings) -> Scanned
 def best_contact_point(mesh: ObjectMesh, model: GraspModel) -> Floats:
     """Find the vertex whose best two-finger grasp tolerates the coarsest sensor, shape (3,).
 
-    Several vertices may tolerate equally coarse sensors; of some of these it is the vertex with
-    the largest area fraction S for the second finger.
+    Among several vertices that tolerate about equally coarse sensors, some are compared: the one
+    with the largest area fraction S for the second finger is chosen.
 
     Raises:
         SettingError: There is no grasp.
@@ -185,7 +185,7 @@ def best_contact_point(mesh: ObjectMesh, model: GraspModel) -> Floats:
 
 
 def view_of(normal: Floats) -> View:
-    """View in which the finger is at the side and the opposing contact is visible.
+    """Return the view in which the finger is at the side and the opposing contact is visible.
 
     Args:
         normal: Inward normal at the finger, shape (3,).
@@ -232,11 +232,11 @@ def _scanned(
 
 
 def swept(angles: AngleDistribution, name: str, settings: PaperSettings) -> Sweep:
-    """Fractions over the resolution, in closed form or of a scan.
+    """Compute fractions over the resolution, in closed form or from a scan.
 
     Args:
         angles: An outline, a sphere, or the critical angles of a scan.
-        name: Its name.
+        name: Name of the object.
         settings: Friction and resolutions.
     """
     return sweep(
@@ -245,10 +245,10 @@ def swept(angles: AngleDistribution, name: str, settings: PaperSettings) -> Swee
 
 
 CONE_MODEL = GraspModel(friction=1.0, sensor_resolution=30.0 * DEGREE)
-"""Model of the drawings of cones for all settings: all its angles are clearly visible."""
+"""Model in all drawings of cones, with clearly visible angles."""
 
 TIP = Sensor(receptive_field=4.0, fingertip_radius=10.0)
-"""The paper's hemispherical tip, with the receptive field that it needs at friction 0.2 [mm]."""
+"""The paper's hemispherical tip with the receptive field that it needs at friction 0.2 [mm]."""
 
 
 FIGURES: dict[str, Callable[[PaperSettings], Figure]] = {
@@ -259,7 +259,7 @@ FIGURES: dict[str, Callable[[PaperSettings], Figure]] = {
     "figure_08": lambda own: fractions_figure(swept(Circle(), "circle", own)),
     "figure_09": lambda own: curves_figure(_scans(Square(), own)),
     "figure_10": lambda own: fractions_figure(swept(Square(), "square", own)),
-    # The paper's curve is that of the sphere, by area; the others are for comparison.
+    # The paper's curve is that of the sphere, by area; the others are added for comparison.
     "figure_11": lambda own: ceiling_figure(
         [
             swept(SphereAngles(), "sphere (the paper's)", own),
@@ -267,9 +267,9 @@ FIGURES: dict[str, Callable[[PaperSettings], Figure]] = {
         ]
     ),
 }
-"""Functions that draw the figures, by the name of their files without suffix: tips, cones of one
-contact and their combinations; epsilon, then fractions, of the circle and of the square; the best
-accuracy of a learned predictor."""
+"""Functions that draw the figures, by file name without suffix: tips, cones of one contact and
+their combinations; epsilon, then fractions, of the circle and of the square; the best accuracy of a
+learned predictor."""
 
 
 def _scans(outline: Outline, settings: PaperSettings) -> list[PlanarScan]:
@@ -279,27 +279,27 @@ def _scans(outline: Outline, settings: PaperSettings) -> list[PlanarScan]:
 RADIUS = 10.0
 """Radius of the paper's hemispherical fingertip [mm]."""
 FIELDS = (4.0, 9.0)
-"""Receptive fields of the paper's two fingertips, about [mm]."""
+"""Approximate receptive fields of the paper's two fingertips [mm]."""
 OPENINGS = (20.0, 40.0, 80.0)
-"""Openings at which the turn of the line is compared [mm]."""
+"""Openings at which the turns of the line are compared [mm]."""
 
 DEGREES = (5.0, 10.0, 15.0, 22.6, 30.0, 45.0, 60.0, 90.0, 100.0, 120.0)
 """Resolutions of the tables [degrees]."""
 SLIPPERY = 0.2
-"""Friction of the second set of tables, where the four combinations fail at small resolutions."""
+"""Friction of the second set of tables, at which the four combinations fail at fine resolutions."""
 ARC = 65
-"""Forces with which a planar cone approximates the arc between its two edges."""
+"""Number of forces with which a planar cone approximates the arc between its edges."""
 FEW_POINTS = 72
-"""Points at which epsilon at the effective friction is compared."""
+"""Number of points at which epsilon at the effective friction is compared."""
 
 COARSE = 22.6 * DEGREE
-"""Resolution at which the paper reads a value from its Fig. 8, at friction 1 [rad]."""
+"""Resolution [rad] at which the paper reads a value from its Fig. 8, at friction 1."""
 OUTLINES: dict[str, Outline] = {"circle": Circle(), "square": Square()}
 SHAPES: dict[str, AngleDistribution] = {**OUTLINES, "sphere": SphereAngles()}
 
 
 def numbers_page(settings: PaperSettings, objects: Sequence[ScannedObject]) -> str:
-    """Write the page.
+    """Write the page of numbers.
 
     Args:
         settings: Friction and resolutions.
@@ -440,7 +440,7 @@ def _fractions(angles: AngleDistribution, model: GraspModel) -> dict[str, float]
 
 
 def _table(rows: Sequence[Mapping[str, str]], *, left: int = 1) -> str:
-    """Write a table of rows by heading, whose first columns are text, the others numbers."""
+    """Write a table of rows by heading; the first columns are text, the others numbers."""
     rule = [":---"] * left + ["---:"] * (len(rows[0]) - left)
     lines = [list(rows[0]), rule, *(row.values() for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
@@ -464,16 +464,16 @@ def _alpha(model: GraspModel) -> str:
 NUMBERS = "numbers.md"
 SOLIDS = ("sphere", "box", "cylinder")
 OBJECT = "object"
-"""Name of a real object in the names of files."""
+"""Name of a real object in file names."""
 SUFFIXES = (".svg", ".png")
 
 SEARCH = 0.3
-"""Part of the duration that the search on a real object takes, for the progress."""
+"""Fraction of the duration taken by the search on a real object, for the progress."""
 
 
 @dataclass(frozen=True)
 class Paper:
-    """Files that were written."""
+    """Files that were written, and what is missing."""
 
     written: tuple[Path, ...]
     notes: tuple[str, ...]
@@ -483,15 +483,15 @@ class Paper:
 def write_paper(output: Path, settings: PaperSettings, *, object_file: Path | None = None) -> Paper:
     """Recompute Wan & Howe 2018: Fig. 4 to 11, their counterparts in space, and all numbers.
 
-    Files of the same names are replaced atomically; other files in the folder are not changed.
+    Files of the same names are replaced atomically; other files in the folder stay unchanged.
 
     Args:
-        output: Folder, made if it is missing.
+        output: Folder, created if it is missing.
         settings: Friction and resolutions.
         object_file: A mesh for the counterparts in space.
 
     Raises:
-        SettingError: A setting is outside its range, or no grasp was found on the mesh.
+        SettingError: A setting is out of range, or no grasp was found on the mesh.
         MeshError: The mesh cannot be read.
         OutputError: The folder cannot be written to.
     """
@@ -530,7 +530,7 @@ def write_paper(output: Path, settings: PaperSettings, *, object_file: Path | No
 
 
 def _check(output: Path, files: list[str]) -> None:
-    """Check before the work that the folder, or the one that it will be in, can be written to."""
+    """Check before the work that the folder, or its first existing parent, can be written to."""
     folder = next(one for one in (output, *output.absolute().parents) if one.exists())
     if not folder.is_dir():
         raise OutputError(f"{output}: cannot be made, as {folder} is a file; name another folder")

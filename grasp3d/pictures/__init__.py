@@ -1,1 +1,1 @@
-"""Pictures: one scene of PyVista (surface, grasp, hand, table), and figures of matplotlib."""
+"""Pictures: a PyVista scene of surface, grasp, hand and table, and matplotlib figures."""

@@ -1,4 +1,4 @@
-"""Cameras of pictures: directions of view, that which shows a grasp, and what fills a picture."""
+"""Cameras of pictures: directions of view, the best view of a grasp, and the frame to show."""
 
 import math
 from dataclasses import dataclass
@@ -19,15 +19,15 @@ AMBIENT = 0.55
 """Ambient fraction of the light."""
 
 UPRIGHT = np.array([0.0, 0.0, 1.0])
-"""Direction that is up where nothing else is stated."""
+"""Direction that is up where no other is stated."""
 
 PARALLEL = 1e-20
-"""Squared distance of a unit vector from the z-axis below which it is parallel to it."""
+"""Squared distance of a unit vector from the z-axis below which both count as parallel."""
 
 
 @dataclass(frozen=True)
 class View:
-    """Direction of the camera; the z-axis is up."""
+    """Direction of view; the z-axis is up."""
 
     azimuth: Radians = 75.0 * DEGREE
     """Angle of the camera about the z-axis, from the x-axis."""
@@ -49,7 +49,7 @@ class View:
 
 
 def broad_view(points: Floats, up: Floats) -> View:
-    """The usual view, from the side of an object's longest level axis; about `up`, see `view_axes`.
+    """The usual view, from the side of an object's longest level axis; for `up` see `view_axes`.
 
     Args:
         points: Points of the object, shape (n, 3).
@@ -65,7 +65,7 @@ def view_axes(view: View, up: Floats) -> Floats:
 
     Args:
         view: Direction of the camera.
-        up: Direction that points up in the picture, instead of the z-axis, shape (3,).
+        up: Direction that is up in the picture, instead of the z-axis, shape (3,).
     """
     return np.asarray(view.axes @ turn_to(up).T)
 
@@ -77,30 +77,29 @@ def turn_to(up: Floats) -> Floats:
     if z < 0.0 and aside < PARALLEL:
         return np.diag([1.0, -1.0, -1.0])
     cross = np.array([[0.0, 0.0, x], [0.0, 0.0, y], [-x, -y, 0.0]])
-    # 1 / (1 + z); near z = -1 that of the squares does not cancel.
+    # 1 / (1 + z); near z = -1 the form with squares avoids cancellation.
     factor = 1.0 / (1.0 + z) if z >= 0.0 else (1.0 - z) / aside
     return np.asarray(np.eye(3) + cross + factor * (cross @ cross))
 
 
 LEVEL = 0.3
-"""Least level part of an axis across which the camera may look."""
+"""Smallest level part of an axis across which the camera may look."""
 
 USUAL = 0.2
-"""Weight of the usual azimuth beside that of the palm, behind which the camera should not be."""
+"""Weight of the usual azimuth relative to the side away from the palm."""
 
 
 def grasp_view(points: Floats, up: Floats, pose: GripperPose | None = None) -> View:
-    """The view of a grasp: across its closing axis, from above; about `up`, see `view_axes`.
+    """View of a grasp: across its closing axis, from above; for `up` see `view_axes`.
 
-    The closing axis of hands with joints, and of arrows, is that along which contacts spread. Where
-    it is upright, the camera looks across the approach, or the axis along which they spread next.
-    Of the two sides, that from which no palm is in front of the object, else that nearer to the
-    usual view.
+    For hands with joints, and for arrows, the closing axis is the one along which contacts spread.
+    If it is upright, the camera looks across the approach, or across the second axis of the spread.
+    The camera is on the side where no palm hides the object, or else nearer to the usual view.
 
     Args:
-        points: Contacts, shape (n, 3); where there are none, the view is the usual one.
+        points: Contacts, shape (n, 3); if there are none, the view is the usual one.
         up: Direction that points up in the picture, shape (3,).
-        pose: Pose of the hand at them; None: arrows are drawn.
+        pose: Pose of the hand at the contacts; None: arrows are drawn.
     """
     if not len(points):
         return View()
@@ -125,16 +124,16 @@ def grasp_view(points: Floats, up: Floats, pose: GripperPose | None = None) -> V
 
 
 MARGIN = 1.06
-"""Size of the free area relative to the object that fills it."""
+"""Size of the free area relative to the object that it shows."""
 
 
 MOST_BESIDE = 2.4
-"""Largest size of a frame relative to the object alone, where a gripper is beside it."""
+"""Largest size of a frame relative to the object alone, if a gripper is beside it."""
 
 
 @dataclass(frozen=True)
 class FreeArea:
-    """The part of a pane that is free for the object [pixels]."""
+    """Part of a pane that is free for the object [pixels]."""
 
     width: float
     """Width of the pane."""
@@ -180,7 +179,7 @@ def middle_of(points: Floats, axes: Floats) -> Floats:
 
 
 def parallel_scale(reach: tuple[float, float], area: FreeArea) -> float:
-    """Half the pane's height [m], if the given extents fill the free area."""
+    """Half the pane's height [m] at which given extents fill the free area."""
     width, height = area.free
     per_pixel = max(2.0 * reach[0] / width, 2.0 * reach[1] / height, np.finfo(float).tiny)
     return 0.5 * MARGIN * per_pixel * area.height
@@ -188,23 +187,23 @@ def parallel_scale(reach: tuple[float, float], area: FreeArea) -> float:
 
 @dataclass(frozen=True)
 class Frame:
-    """What a picture shows: its centre, and half its extents."""
+    """Visible part of a picture: its centre, and half its extents."""
 
     middle: Floats
-    """Shape (3,)."""
+    """Centre, shape (3,)."""
     reach: tuple[float, float]
     """Largest horizontal and vertical distance from the centre [m]."""
 
 
 def frame_of(points: Floats, beside: Floats, axes: Floats) -> Frame:
-    """The frame of an object and of what is beside it.
+    """Frame of an object and of what is beside it.
 
-    A large gripper beside a small object would make the object tiny: the object keeps at least
-    1 / `MOST_BESIDE` of the size that it would have alone, and stays within the frame.
+    A large gripper beside a small object would make the object tiny. So the object keeps at least 1
+    / `MOST_BESIDE` of the size that it would have alone, and stays within the frame.
 
     Args:
         points: Points of the object, shape (n, 3).
-        beside: Points of a gripper, shape (m, 3); may be none.
+        beside: Points of a gripper, shape (m, 3); m may be 0.
         axes: Unit vectors to the right, up and toward the camera, shape (3, 3).
     """
     alone = middle_of(points, axes)
@@ -222,12 +221,12 @@ def frame_of(points: Floats, beside: Floats, axes: Floats) -> Frame:
 
 
 def aim(camera: "pyvista.Camera", size: float, axes: Floats, middle: Floats) -> None:
-    """Point the camera at a point.
+    """Point a camera at a centre.
 
     Args:
         camera: The camera.
-        size: Size of all that is shown.
-        axes: As `view_axes` returns them.
+        size: Size of everything that is shown.
+        axes: Axes from `view_axes`.
         middle: Centre of the picture, shape (3,).
     """
     camera.parallel_projection = True
@@ -238,7 +237,7 @@ def aim(camera: "pyvista.Camera", size: float, axes: Floats, middle: Floats) -> 
 
 
 def pixel_ratio(renderer: "pyvista.Renderer") -> float:
-    """Pixels per 1/72 inch, the factor of line widths and text sizes in fine pictures."""
+    """Pixels per 1/72 inch; line widths and text sizes are multiplied by it."""
     return float(renderer.GetRenderWindow().GetDPI()) / 72.0
 
 

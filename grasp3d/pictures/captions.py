@@ -27,13 +27,13 @@ MIN_SIZE, MAX_SIZE = 10, 20
 """Limits of the text size [pixels at 72 per inch]."""
 
 ACROSS, DOWN = 64, 48
-"""Width and height of a picture, in text sizes, below which the text becomes smaller."""
+"""Width and height of a picture, in text sizes, below which its texts become smaller."""
 
 LINE = 1.5
-"""Height of a line, in text sizes."""
+"""Height of a line of text, in text sizes."""
 
 NARROW = 0.62
-"""Width of a letter on average, in text sizes."""
+"""Average width of a letter, in text sizes."""
 
 BAR = 0.4
 """Largest width of the scale bar, as a fraction of the picture's width."""
@@ -41,7 +41,7 @@ BAR = 0.4
 
 @dataclass(frozen=True)
 class LegendEntry:
-    """A colour and what it means."""
+    """A colour and its meaning."""
 
     color: str
     text: str
@@ -53,20 +53,20 @@ class Captions:
 
     title: str = ""
     settings: str = ""
-    """A line below the title."""
+    """Line below the title."""
     legend: Sequence[LegendEntry] = ()
-    """Colours and their meanings, a line each."""
+    """Colours and their meanings, one line each."""
     ramp: Ramp | None = None
-    """What colours mean instead; None: the legend."""
+    """Legend of a quantity; None: the colours have the meanings in `legend`."""
     placeholder: str = ""
-    """A sentence in the middle, where there is no object."""
+    """Sentence in the middle of a picture without an object."""
     metres: bool | None = None
-    """Whether lengths are in metres, as far as the unit is known; None: there is no scale bar."""
+    """Whether lengths are in metres, or in an unknown unit; None: there is no scale bar."""
     contacts: Floats = field(default_factory=lambda: np.empty((0, 3)))
-    """Where contacts are numbered, shape (n, 3)."""
+    """Positions of the numbers of contacts, shape (n, 3)."""
 
     def free_area(self, width: float, height: float, size: float) -> FreeArea:
-        """The part of a picture that texts of a size leave free [pixels]."""
+        """Return the part of a picture that texts of a given size leave free [pixels]."""
         line = LINE * size
         top = 1.3 * line * bool(self.title) + line * bool(self.settings)
         below = max(len(self.legend), 2)
@@ -105,16 +105,16 @@ class Texts:
         return float(unit * min(MAX_SIZE, max(MIN_SIZE, fits)))
 
     def free_area(self, captions: Captions) -> FreeArea:
-        """The part of the renderer that texts leave free."""
+        """Return the part of the renderer that texts leave free."""
         width, height = self._renderer.GetSize()
         return captions.free_area(width, height, self.size)
 
     def show(self, captions: Captions, per_pixel: float) -> None:
-        """Draw the texts; only what has changed.
+        """Draw the texts that have changed.
 
         Args:
             captions: The texts.
-            per_pixel: Length of a pixel, for the scale bar.
+            per_pixel: Length of a pixel in the scene, for the scale bar.
         """
         contacts, window = captions.contacts.tobytes(), tuple(self._renderer.GetSize())
         key = vars(captions) | {"contacts": contacts, "window": window}
@@ -161,12 +161,12 @@ class Texts:
         self, text: str, x: float, y: float, size: float, space: float, *,
         color: str = INK, font: str = PLAIN,
     ) -> None:  # fmt: skip
-        """A line at a position [pixels], shortened to a width: in its middle, or at its end."""
+        """Draw a line of text at a position [pixels], shortened in the middle or at the end."""
         most = int((space - x) / (NARROW * size))
         if len(text) > most > 1:
             last = 0 if color == QUIET else most // 2
             text = f"{text[: most - 1 - last]}…{text[len(text) - last :]}"
-        plain = printable(text).replace("$", r"\$")  # VTK would read formulas
+        plain = printable(text).replace("$", r"\$")  # VTK would interpret formulas
         actor = pyvista.Text(plain, position=(round(x), round(y)))
         _set_font(actor.prop, color, round(size / pixel_ratio(self._renderer)), font)
         self._plotter.add_actor(actor, reset_camera=False, render=False, pickable=False)
@@ -196,7 +196,7 @@ class Texts:
         self._actors.append(bar)
 
     def _draw_scale(self, captions: Captions, per_pixel: float) -> None:
-        """A bar of a round length at the lower right, with its length above it."""
+        """Draw a bar of a round length at the lower right, with its length above it."""
         known = captions.metres is not None and 0.0 < per_pixel < math.inf
         self._scale.SetVisibility(known)
         if not known:
@@ -224,6 +224,6 @@ def _set_font(look: Any, color: str, size: int, font: str = PLAIN) -> None:
 
 
 def round_length(limit: float) -> float:
-    """Largest of 1, 2 and 5 times powers of ten that does not exceed a length."""
+    """Largest length up to a limit that is 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(limit))
     return next(step * power for step in (5.0, 2.0, 1.0) if step * power <= limit * (1.0 + 1e-9))

@@ -1,6 +1,6 @@
-"""Colours of a surface: the codes of its labels, or numbers and the table that they index.
+"""Colours of a surface: codes of its labels, or numbers and the colour table that they index.
 
-Colours are not mixed between vertices: a point of a face has the label of the nearest corner, or
+Colours are not blended between vertices: a point of a face has the label of the nearest corner, or
 the colour of the interpolated number.
 """
 
@@ -23,7 +23,7 @@ from grasp3d.surface.sweeps import quantiles
 from grasp3d.system.names import short_number
 
 PALETTE = np.array([*(COLORS[label] for label in sorted(Label)), GREY], dtype=np.uint8)
-"""The last colour is that of unknown values: no grasp, or not searched; and of excluded faces."""
+"""The last colour is for unknown values (no grasp, or not searched), and for excluded faces."""
 
 HEX_PALETTE = [hex_color(color) for color in PALETTE]
 
@@ -31,55 +31,55 @@ STEPS = 256
 """Number of colours of a ramp."""
 
 RAMP = np.array(colormaps["viridis"](np.linspace(0.0, 1.0, STEPS))[:, :3] * 255.0, dtype=np.uint8)
-"""Colours of a ramp, from the lowest value to the highest, shape (STEPS, 3); none is grey."""
+"""Colours of a ramp, from the lowest value to the highest, shape (STEPS, 3); no grey occurs."""
 
 _SIDES = np.concatenate([np.linspace(0.0, 0.4, STEPS // 2), np.linspace(0.6, 1.0, STEPS // 2)])
 BOTH_SIDES = np.array(colormaps["BrBG"](_SIDES)[:, :3] * 255.0, dtype=np.uint8)
 """Colours of values on both sides of 0, brown below and green above, shape (STEPS, 3).
 
-They jump at 0, so that the border is sharp and none is grey.
+They jump at 0, so that the border is sharp and no grey occurs.
 """
 
 NEUTRAL = (0xE9, 0xE3, 0xD6)
-"""Colour of an object whose surface is not labelled, unlike the greys of hands."""
+"""Colour of an object without labels, unlike the greys of hands."""
 
 PALE, PALE_FRACTION = (0xDD, 0xE0, 0xE4), 0.7
-"""Colour and fraction that are mixed into the colours of an outdated surface."""
+"""Colour that is mixed into the colours of an outdated surface, and its fraction."""
 
 ROUNDING = 1e-9
 """Relative rounding error of values."""
 
 MOST = 0.95
-"""Area fraction, of that with finite values, up to which the ramps of forces and payloads go: a few
-vertices near the centre of mass, or far from it, would hide the others."""
+"""Fraction of the area with finite values up to which the ramps of forces and payloads extend: a
+few vertices near the centre of mass, or far from it, would hide the others."""
 
 EQUAL_GRASPS = "where several grasps have the same β*, ε is that of one of them, so it can jump"
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """What colours can show beside the labels."""
+    """Quantity that colours can show instead of the labels."""
 
     listed: str
-    """Its name, as it is listed."""
+    """Name in lists."""
     title: Callable[[Subject], str]
-    """Its name in a legend."""
+    """Function that returns the name in a legend."""
     values: Callable[[SurfaceLabels], Floats | None]
-    """At each vertex, shape (V,), in the unit; not finite: there is none."""
+    """Function that returns the value at each vertex, shape (V,), in the unit; not finite: none."""
     most: Callable[[Subject, Floats], float]
-    """The value of the last colour."""
+    """Function that returns the value of the last colour."""
     unit: str = "°"
     grey: str = ""
-    """Meaning of grey; empty: that there is no grasp."""
+    """Meaning of grey; empty: there is no grasp."""
     note: str = ""
     """Remark for the reader."""
     needs: str = ""
-    """The attribute of the labels that must be computed for it: epsilon_range, or load_result."""
+    """Attribute of the labels that must be computed for it: epsilon_range, or load_result."""
     problem: Callable[[Subject], str] | None = None
-    """Why a surface has none, empty: it has; None: every one has it."""
+    """Function that says why a surface has no values, or ''; None: every surface has values."""
 
     def problem_of(self, subject: Subject) -> str:
-        """Why a surface has none; empty: it has."""
+        """Reason why a surface has no values; empty if it has."""
         return self.problem(subject) if self.problem else ""
 
     def missing(self, labels: SurfaceLabels) -> bool:
@@ -92,7 +92,7 @@ class Ramp:
     """Legend of a quantity."""
 
     text: str
-    """Its name."""
+    """Name of the quantity."""
     maximum: float
     """Value of the last colour."""
     unit: str
@@ -101,9 +101,9 @@ class Ramp:
     note: str = ""
     """Remark for the reader."""
     exceeded: bool = False
-    """Whether larger values have the last colour, too."""
+    """Whether larger values also have the last colour."""
     minimum: float = 0.0
-    """Value of the first colour; lower values have it, too."""
+    """Value of the first colour; lower values also have it."""
 
     @property
     def colors(self) -> Bytes:
@@ -112,13 +112,13 @@ class Ramp:
 
     @property
     def start(self) -> str:
-        """The value of the first colour as text."""
+        """Value of the first colour, as text."""
         least = f"≤ −{short_number(-self.minimum)}" if self.minimum < 0.0 else "0"
         return f"{least}{self.unit}"
 
     @property
     def end(self) -> str:
-        """The value of the last colour as text."""
+        """Value of the last colour, as text."""
         return f"{'≥ ' if self.exceeded else ''}{short_number(self.maximum)}{self.unit}"
 
 
@@ -128,11 +128,11 @@ def corner_codes(subject: Subject) -> Bytes:
 
 
 def corner_values(subject: Subject, paint: Paint) -> Floats:
-    """Values of a quantity at the corners of a surface, shape (C,); nan where it is not known.
+    """Values of a quantity at the corners of a surface, shape (C,); nan where unknown.
 
     Args:
         subject: The surface.
-        paint: One of `QUANTITIES`.
+        paint: A key of `QUANTITIES`.
     """
     values = _values(subject, paint)[subject.mesh.corner_normals.vertices]
     return np.where(np.isfinite(values), values, math.nan)
@@ -149,10 +149,10 @@ def labels_at(subject: Subject) -> Bytes:
 
 
 def label_codes(subject: Subject, worst: Floats, best: Floats) -> Bytes:
-    """Label given critical angles of a subject, their bounds if contact locations are uncertain.
+    """Label given critical angles of a subject, or bounds on them for uncertain locations.
 
-    Beyond the searched cone the search may have missed a better grasp: U is then unknown, and so
-    is M if the missed grasp could be S.
+    Beyond the searched cone the search may have missed a better grasp. There U is unknown, and M is
+    unknown if the missed grasp could be S.
 
     Args:
         subject: The surface, with the cone that was searched.
@@ -175,13 +175,13 @@ def area_fractions(subject: Subject, codes: Bytes) -> Floats:
 
 
 def faded(colors: Bytes) -> Bytes:
-    """Pale version of colours (n, 3), for a surface that is outdated."""
+    """Pale version of colours (n, 3), for an outdated surface."""
     mixed = (1.0 - PALE_FRACTION) * colors + PALE_FRACTION * np.array(PALE)
     return np.asarray(np.rint(mixed), dtype=np.uint8)
 
 
 def ramp_of(subject: Subject, paint: Paint) -> Ramp | None:
-    """Legend of the quantity that is shown; None: labels."""
+    """Legend of the displayed quantity; None if labels are displayed."""
     if subject.poses is not None or paint == "label":
         return None
     shown, labels = QUANTITIES[paint], subject.labels
@@ -207,19 +207,19 @@ def ramp_of(subject: Subject, paint: Paint) -> Ramp | None:
 
 
 def _values(subject: Subject, paint: Paint) -> Floats:
-    """Values of a quantity at each vertex, shape (V,); nan where it is not known."""
+    """Values of a quantity at each vertex, shape (V,); nan where unknown."""
     labels, shown = subject.labels, QUANTITIES[paint]
     values = None if shown.missing(labels) else shown.values(labels)
     return np.full(labels.size, math.nan) if values is None else values
 
 
 def _sharp(model: GraspModel) -> float:
-    """Critical angle below which a grasp is S with a sensor that resolves everything [rad]."""
+    """Critical angle below which a grasp is S with a perfect sensor [rad]."""
     return model.sure_angle + model.sensor_resolution / 2.0
 
 
 def _resolution_range(subject: Subject, _: Floats) -> float:
-    # Without friction to spare none is S; then the scale is that of exact friction and normals.
+    # If no grasp can be S, the scale is that of exact friction and normals.
     sharp = _sharp(subject.model)
     return 2.0 * math.degrees(sharp if sharp > 0.0 else subject.model.friction_angle)
 
@@ -229,7 +229,7 @@ def _largest(_: Subject, values: Floats) -> float:
 
 
 def _most_of_area(subject: Subject, values: Floats) -> float:
-    """Value up to which most of the area goes."""
+    """Largest value of a quantity on most of the area."""
     vertices = np.flatnonzero(np.isfinite(values) & (subject.weights > 0.0))
     if not len(vertices):
         return 1.0
@@ -329,10 +329,10 @@ QUANTITIES: dict[Paint, Quantity] = {
         note="green: by how much it is S; brown: by how much it fails to be S",
     ),
 }  # fmt: skip
-"""The quantities by name: `ViewSettings.paint`."""
+"""The quantities by name, as in `ViewSettings.paint`."""
 
 PAINTS: dict[Paint, str] = {
     "label": "S, M, U of the contacts",
     **{name: one.listed for name, one in QUANTITIES.items()},
 }
-"""What colours can show, as it is listed."""
+"""Names in lists of everything that colours can show."""

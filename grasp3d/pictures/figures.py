@@ -1,4 +1,4 @@
-"""Figures: their common style, their parts, and files of them in formats chosen by suffix.
+"""Figures: their common style and parts, and output to files in formats chosen by suffix.
 
 Sweeps are drawn as fractions S, M and U over friction and resolution, and as accuracy ceilings.
 Neither pyplot nor matplotlib's global settings are changed.
@@ -30,11 +30,11 @@ from grasp3d.system.names import as_unicode
 COLUMN = 3.5
 """Width of one column of the paper's journal [inch]."""
 PAGE = 7.16
-"""Width of its two columns [inch]."""
+"""Width of both columns [inch]."""
 
 _FILE = files(__package__) / "static" / "figures.mplstyle"
 STYLE: dict[str, Any] = dict(rc_params_from_file(str(_FILE), use_default_template=False).items())
-"""Settings of matplotlib that all figures have."""
+"""Settings of matplotlib for all figures."""
 
 LABEL_COLORS: dict[Label, str] = {
     label: "#{:02X}{:02X}{:02X}".format(*color) for label, color in COLORS.items()
@@ -49,14 +49,14 @@ LINES: tuple[dict[str, Any], ...] = tuple(
     for turn in range(len(_DASHES))
     for number in range(len(_COLORS))
 )
-"""Styles of curves: the first five are distinct in dashes as well, and all in colour from labels.
+"""Styles of curves: the first five also differ in dashes, and all differ in colour from labels.
 """
 
 DPI = 300
 
 SAVING: dict[str, Any] = {
-    # Text as outlines, so that it has the same size with any fonts; the text itself is in a comment
-    # beside each outline.
+    # Text is saved as outlines, so that it has the same size with any fonts. A comment beside each
+    # outline contains the text itself.
     "svg.fonttype": "path",
     "svg.hashsalt": "grasp3d",
 }
@@ -66,11 +66,11 @@ METADATA: dict[str, dict[str, Any]] = {
     ".png": {"Software": "grasp3d"},
     ".pdf": {"CreationDate": None, "Creator": "grasp3d"},
 }
-"""Metadata of each format: no time, so that files are the same bytes each time."""
+"""Metadata of each format, without the time, so that files are the same bytes each time."""
 
 
 styled = style.context(["default", STYLE])
-"""Decorator of functions that draw: the figures' style applies while they run, and only then."""
+"""Decorator of functions that draw; the figures' style applies only while they run."""
 
 
 @styled
@@ -107,14 +107,14 @@ def bare(axes: Axes) -> None:
 def draw_arrow(
     axes: Axes, start: ArrayLike, end: ArrayLike, color: str, name: str = "", **options: Any
 ) -> None:
-    """Draw an arrow from one point (2,) to another, where its name is written.
+    """Draw an arrow from one point (2,) to another, with its name at the tip.
 
     Args:
         axes: Axes to draw on.
-        start: Its tail.
-        end: Its tip, or the middle of the name.
-        color: Of both.
-        name: Its name.
+        start: Tail of the arrow.
+        end: Tip of the arrow, or the middle of the name.
+        color: Colour of arrow and name.
+        name: Name of the arrow.
         options: Further options of the text.
     """
     tail, tip = np.asarray([start, end]).tolist()
@@ -142,25 +142,25 @@ def save_as(figure: Figure, path: Path) -> None:
 
     Args:
         figure: The figure.
-        path: File to make or replace; .svg, .png or .pdf.
+        path: File to create or replace; .svg, .png or .pdf.
 
     Raises:
-        OutputError: No figure has that suffix, or the file cannot be written.
+        OutputError: No figure format has this suffix, or the file cannot be written.
     """
     check_suffix(path, METADATA, "figure")
     suffix = path.suffix.lower()
     with atomic_write(path) as part, style.context(SAVING), warnings.catch_warnings():
-        # A name in letters that the font lacks is drawn as boxes, without a warning.
+        # Letters that the font lacks are drawn as boxes, without a warning.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         figure.savefig(part, format=suffix[1:], dpi=DPI, metadata=METADATA[suffix])
 
 
 PANEL = 1.7
-"""Least width of a panel [inch]."""
+"""Smallest width of a panel [inch]."""
 ROW, MARGINS = 1.35, 1.25
-"""Height of a row of panels, and of titles and legend above and below the rows [inch]."""
+"""Height of a row of panels, and total height of the titles and the legend [inch]."""
 NAME = 20
-"""Characters of a name in one line."""
+"""Number of characters of a name in one line."""
 RESOLUTION = r"sensor resolution $\alpha$ [°]"
 
 _MEMBER: dict[str, Any] = {"color": "black", "alpha": 0.45, "linewidth": 0.4}
@@ -200,7 +200,7 @@ def stack_fractions(
 def draw_ceiling(axes: Axes, sweeps: Sequence[Sweep]) -> None:
     """Draw the best accuracy of any predictor over the resolution (Wan & Howe 2018, Fig. 11).
 
-    One line for each sweep and friction, labelled with what differs among them.
+    There is one line for each sweep and friction, labelled with what differs among them.
 
     Args:
         axes: Axes to draw on, in degrees and percent.
@@ -242,7 +242,7 @@ def sweep_figure(
 
     Args:
         sweeps: Sweeps of the same values; at least one.
-        members: The sweeps that the last one is the mean of, whose S are drawn as thin lines.
+        members: The sweeps whose mean is the last sweep; their S are drawn as thin lines.
         fractions: Area fractions whose required resolution is marked.
     """
     rows, columns = len(sweeps), len(sweeps[0].stable) + 1
@@ -274,10 +274,10 @@ def sweep_figure(
 
 
 def meaning_in(sweeps: Sequence[Sweep]) -> dict[Label, str]:
-    """Meaning of each label in sweeps, of which some may be of given grasps.
+    """Meaning of each label in sweeps, some of which may be of given grasps.
 
     Args:
-        sweeps: At least one.
+        sweeps: The sweeps, at least one.
     """
     meaning = MEANING[sweeps[0].mode]
     if len({sweep.mode for sweep in sweeps}) > 1:

@@ -1,4 +1,4 @@
-"""Hands from several sides: grippers with dimensions or frames, hands with joints as they close."""
+"""Drawings of hands: grippers with dimensions or frames, hands with joints as they close."""
 
 import math
 from collections.abc import Sequence
@@ -24,16 +24,16 @@ LINE, FAINT = "#222222", "#777777"
 AXIS_COLORS = {"x": "#D55E00", "y": "#009E73", "z": "#0072B2", "approach": "#CC79A7"}
 
 FRONT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""A view: right, up and toward the viewer in the hand's frame. Here z is down, since grippers are
-mostly seen from above."""
+"""A view: axes to the right, up and toward the viewer in the hand's frame. Here z is down, since
+grippers are mostly seen from above."""
 SIDE = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
 OBLIQUE = np.array([[1.0, -0.55, 0.0], [0.0, -0.4, -1.0]])
-"""From axes of frames to right and up, on a gripper from the front."""
+"""Oblique projection of frames' axes to right and up, on a gripper seen from the front."""
 
 ORIGIN = np.zeros(3)
 
 LIGHT = np.array([0.3, 0.5, 0.8])
-"""Direction of the light, in coordinates of the view."""
+"""Direction of the light in the axes of the view."""
 DARKEST = 0.45
 """Brightness of faces in the shade."""
 
@@ -43,22 +43,22 @@ DOUBLE_ARROW: dict[str, Any] = {
 }  # fmt: skip
 
 STEP = 0.08
-"""Distance of dimension lines from what they measure, and between them, in heights of a gripper."""
+"""Distance of dimension lines from the measured part, and between lines, in gripper heights."""
 FRAME_LENGTH = 0.38
-"""Length of a frame's axes, in heights of a gripper."""
+"""Length of a frame's axes, in gripper heights."""
 AXES_LENGTH = 0.2
-"""Length of the axes of a hand with joints, in its size."""
+"""Length of the axes of a hand with joints, relative to the hand's size."""
 COLUMNS = 4
-"""Drawings of frames beside each other."""
+"""Number of drawings of frames in a row."""
 NAMES_HEIGHT = 0.45
 """Height of the names above a row of drawings [inch]."""
 
 
 @styled
 def hand_figure(hand: ArticulatedHand) -> Figure:
-    """Draw a hand: open from the object's side and from beside, and half closed from beside.
+    """Draw a hand: open from the object's side and from the side, and half closed from the side.
 
-    Fingertips are dark. x, y and z are the axes of the hand's frame, the arrow from the palm is the
+    Fingertips are dark. x, y and z are the axes of the hand's frame. The arrow from the palm is the
     approach direction.
 
     Args:
@@ -83,17 +83,17 @@ def hand_figure(hand: ArticulatedHand) -> Figure:
         length = AXES_LENGTH * hand.size
         ways = dict(zip("xyz", length * np.eye(3), strict=True))
         for name, way in {**ways, "approach": 2.0 * length * hand.approach}.items():
-            if np.linalg.norm(view[:2] @ way) > 0.2 * length:  # not toward the viewer, or away
+            if np.linalg.norm(view[:2] @ way) > 0.2 * length:  # neither toward the viewer nor away
                 start = palm if name == "approach" else ORIGIN
                 _draw_axis(axes, name, view @ (start - middle), view @ (start + way - middle))
     return _fitted(figure, plots, len(plots))
 
 
 def _views(hand: ArticulatedHand) -> tuple[Floats, Floats]:
-    """The views from the object's side and from beside.
+    """Return the views from the object's side and from the side of the hand.
 
-    Up is that axis of the hand's frame across the approach direction that fingers point along most,
-    or along the negative axis.
+    The direction up is the axis of the hand's frame across the approach direction, positive or
+    negative, that is closest to the direction of the fingers.
     """
     (poses,) = hand.link_poses(hand.preshapes["open"])
     places = {name: pose[:3, 3] for name, pose in zip(hand.link_names, poses, strict=True)}
@@ -109,7 +109,7 @@ def _views(hand: ArticulatedHand) -> tuple[Floats, Floats]:
 def gripper_figure(gripper: ParallelGripper) -> Figure:
     """Draw a gripper from the front and from the side, open, with dimensions in millimetres.
 
-    Dashed: the fingers at the smallest opening. The frame is at the tool centre point.
+    Dashed lines show the fingers at the smallest opening. The frame is at the tool centre point.
 
     Args:
         gripper: The gripper.
@@ -126,7 +126,7 @@ def gripper_figure(gripper: ParallelGripper) -> Figure:
     front, side = plots
     shape, opening = gripper.shape(gripper.max_opening), gripper.max_opening
     corners = shape.vertices[shape.faces]
-    half = (shape.parts == Part.PALM) | (corners[..., 0].mean(axis=1) > 0.0)  # with finger 2 alone
+    half = (shape.parts == Part.PALM) | (corners[..., 0].mean(axis=1) > 0.0)  # with finger 2 only
     palm, finger, tip = (
         np.stack([points.min(axis=0), points.max(axis=0)])
         for points in (
@@ -165,14 +165,14 @@ def gripper_figure(gripper: ParallelGripper) -> Figure:
 def _measure(
     axes: Axes, ends: Floats, of: float, at: float, text: str = "", *, upright: bool = False
 ) -> None:
-    """Draw a dimension line at `at` with the length between two ends of something at `of`.
+    """Draw a dimension line at `at` with the distance between two ends of a part at `of`.
 
     Args:
         axes: Axes to draw on.
-        ends: Across, or along z if `upright`, shape (2,).
-        of: In the other direction.
-        at: Likewise.
-        text: What is before the length in millimetres.
+        ends: Ends in the horizontal direction, or along z if `upright`, shape (2,).
+        of: Position of the part in the other direction.
+        at: Position of the line in that direction.
+        text: Text before the length in millimetres.
         upright: Whether the line is along z.
     """
     low, high = ends.tolist()
@@ -196,7 +196,7 @@ def _measure(
 def frames_figure(gripper: ParallelGripper) -> Figure:
     r"""Draw the frames of all known programs on a gripper, seen from the front, z down.
 
-    Frames that are the same one for this gripper are drawn once.
+    Frames that coincide for this gripper are drawn once.
 
     Args:
         gripper: The gripper.
@@ -226,7 +226,7 @@ def frames_figure(gripper: ParallelGripper) -> Figure:
 
 
 def _sheet(title: str, names: Sequence[str], columns: int) -> tuple[Figure, list[Axes]]:
-    """A figure of drawings to one scale with their names above them, `columns` side by side."""
+    """Return a figure of drawings to one scale, `columns` in a row, with names above them."""
     figure = new_figure()
     rows = math.ceil(len(names) / columns)
     plots = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel().tolist()
@@ -240,7 +240,7 @@ def _sheet(title: str, names: Sequence[str], columns: int) -> tuple[Figure, list
 
 
 def _fitted(figure: Figure, plots: Sequence[Axes], columns: int) -> Figure:
-    """Make the figure as high as its drawings are at the width of a page."""
+    """Set the height of the figure to fit its drawings at the width of a page."""
     box = Bbox.union([axes.dataLim for axes in plots])
     height = PAGE / columns * box.height / box.width + NAMES_HEIGHT
     figure.set_size_inches(PAGE, math.ceil(len(plots) / columns) * height + 0.2)
@@ -250,14 +250,14 @@ def _fitted(figure: Figure, plots: Sequence[Axes], columns: int) -> Figure:
 def _draw_shape(
     axes: Axes, shape: Triangles, view: Floats, shown: Any = slice(None), middle: Floats = ORIGIN
 ) -> None:
-    """Draw the triangles of a hand from the back to the front, and the origin of its frame.
+    """Draw the triangles of a hand from back to front, and the origin of its frame.
 
     Args:
         axes: Axes to draw on.
         shape: The hand.
-        view: Right, up and toward the viewer, shape (3, 3).
-        shown: Mask of the triangles that are drawn.
-        middle: Point of the hand's frame that is drawn at 0, 0.
+        view: Axes to the right, up and toward the viewer, shape (3, 3).
+        shown: Mask of the triangles to draw.
+        middle: Point of the hand's frame to draw at 0, 0.
     """
     triangles = (shape.vertices[shape.faces[shown]] - middle) @ view.T
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
@@ -272,6 +272,6 @@ def _draw_shape(
 
 
 def _draw_axis(axes: Axes, name: str, start: Floats, end: Floats) -> None:
-    """Draw an axis as an arrow between two points, of which the first two numbers are drawn."""
+    """Draw an axis as an arrow between two points, of which the first two coordinates count."""
     halo = [withStroke(linewidth=2.0, foreground="white")]
     draw_arrow(axes, start[:2], end[:2], AXIS_COLORS[name], name, weight="bold", path_effects=halo)

@@ -14,22 +14,22 @@ from grasp3d.hand.gripper_pose import GripperPose
 from grasp3d.settings import GraspModel
 
 CONTACT_RADIUS, ROD_RADIUS, RIM = 0.013, 0.0035, 0.0035
-"""Radii of contacts and of the lines between them, and width of their rim, relative to the object's
-size."""
+"""Radii of contacts and of the lines between them, and width of their rims, relative to the
+object's size."""
 
 ARROW, HEAD, HEAD_RADIUS, SHAFT = 0.19, 0.035, 0.0095, 0.0022
-"""Arrows at contacts, likewise: length, with the head, that of the head, its radius, and that of
-the shaft."""
+"""Dimensions of the arrows at contacts, relative to the object's size: length with the head, length
+and radius of the head, radius of the shaft."""
 
 CONE_LENGTH = 0.15
-"""Length of a cone's sides, likewise."""
+"""Length of a cone's sides, relative to the object's size."""
 
 APPROACH = np.array([1.6, 0.15])
-"""Distances of the tail and the tip of the approach's arrow from the TCP, in finger lengths: the
-tail is in the translucent palm, which no object hides."""
+"""Distances of the tail and the tip of the approach arrow from the TCP, in finger lengths. The tail
+is in the translucent palm, which no object hides."""
 
 APPROACH_HEAD, APPROACH_HEAD_RADIUS, APPROACH_SHAFT = 0.35, 0.12, 0.04
-"""The same of the approach's arrow, relative to its length."""
+"""Length and radius of the head, and radius of the shaft, relative to the arrow's length."""
 
 CIRCLE = np.linspace(0.0, 2.0 * math.pi, 41)
 """Angles along a closed circle [rad]."""
@@ -37,27 +37,27 @@ CIRCLE = np.linspace(0.0, 2.0 * math.pi, 41)
 NO_POINTS: Floats = np.empty((0, 3))
 
 Shapes = dict[str, pyvista.PolyData]
-"""By layer."""
+"""Shapes by layer."""
 
 
 @dataclass(frozen=True, eq=False)
 class MarkedContacts:
-    """Contacts with their normals, as they are drawn."""
+    """Contacts with their normals, as drawn."""
 
     points: Floats
-    """Shape (n, 3)."""
+    """Contacts, shape (n, 3)."""
     normals: Floats
-    """Inward unit normals, (n, 3)."""
+    """Inward unit normals, shape (n, 3)."""
     model: GraspModel | None = None
-    """Friction and resolution of the cones."""
+    """Friction and resolution, for the cones."""
     held: GripperPose | None = None
-    """Pose of the gripper; None: there is none, or it does not reach them: cones are drawn."""
+    """Pose of the gripper; None: cones are drawn, as there is none or it does not reach them."""
 
     @classmethod
     def of_pose(cls, grasps: EvaluatedPoses, row: int) -> "MarkedContacts":
-        """The contacts of a pose, with the hand that makes them.
+        """Return the contacts of a pose, with the hand that makes them.
 
-        The links that touch, or the fingers of a gripper, have the colour of the letter.
+        Links that touch, or the fingers of a gripper, have the colour of the label.
 
         Args:
             grasps: Evaluated poses.
@@ -66,12 +66,12 @@ class MarkedContacts:
         return cls(*grasps.contacts_of(row), grasps.model, grasps.held_at(row))
 
     def tails(self, size: float) -> Floats:
-        """Tails of the arrows at the contacts of an object of a size, shape (n, 3)."""
+        """Tails of the arrows at the contacts, for an object of a given size, shape (n, 3)."""
         return self.points - ARROW * size * self.normals
 
     @property
     def drawn(self) -> tuple[object, ...]:
-        """All that its marks depend on."""
+        """Key of everything that the marks depend on."""
         held, model = self.held, self.model
         angles = model and not held and (model.friction_angle, model.tilt, model.sure_angle)
         pose = held and (
@@ -87,7 +87,7 @@ NO_CONTACTS = MarkedContacts(NO_POINTS, NO_POINTS)
 
 
 def copies(shape: pyvista.PolyData, points: Floats, ways: Floats) -> pyvista.PolyData:
-    """Copies of a shape with the origin at points (n, 3), and the axis x along ways (n, 3)."""
+    """Copies of a shape with their origins at points (n, 3) and their x axes along ways (n, 3)."""
     places = pyvista.PolyData(points)
     places["way"] = ways
     found: pyvista.PolyData = places.glyph(orient="way", scale=False, geom=shape)
@@ -95,7 +95,7 @@ def copies(shape: pyvista.PolyData, points: Floats, ways: Floats) -> pyvista.Pol
 
 
 def arrow(length: float, head: float, head_radius: float, shaft: float) -> pyvista.PolyData:
-    """An arrow along x that ends at the origin, with the length and radius of its head."""
+    """An arrow along x whose tip is at the origin, with a given length and radius of its head."""
     return pyvista.Arrow(
         start=(-length, 0.0, 0.0), scale=length, tip_length=head / length,
         tip_radius=head_radius / length, shaft_radius=shaft / length,
@@ -106,14 +106,14 @@ def contact_marks(
     layer: str, grasp: MarkedContacts, size: float, *, arrows: bool = True, lines: bool = False,
     wide: float = 1.0,
 ) -> Shapes:  # fmt: skip
-    """Spheres at contacts, with arrows along the inward normals, and the rims around them.
+    """Spheres at contacts, arrows along the inward normals, and rims around both.
 
     Args:
-        layer: The layer of the marks; that of the rims has its name, too.
+        layer: Layer of the marks; the layer of the rims is named after it.
         grasp: The contacts.
         size: Size of the object.
-        arrows: Whether there are arrows.
-        lines: Whether there are lines between contacts: all pairs of up to three, or neighbours.
+        arrows: Whether to add arrows.
+        lines: Whether to add lines between contacts: all pairs for up to three, else neighbours.
         wide: Factor of the radius of the spheres.
     """
     marks: Shapes = {}
@@ -144,7 +144,7 @@ def _connections(points: Floats) -> pyvista.PolyData:
 
 
 def cone_marks(grasp: MarkedContacts, size: float) -> Shapes:
-    """The friction cones outside the surface, by layer: nominal, safe, and about extreme normals.
+    """Friction cones outside the surface, by layer: nominal, safe, and about extreme normals.
 
     Args:
         grasp: The contacts.
@@ -167,10 +167,10 @@ def cone_marks(grasp: MarkedContacts, size: float) -> Shapes:
 
 
 def cone(angle: float, length: float) -> pyvista.PolyData:
-    """Open lateral surface of a cone with its apex at the origin, which opens along x.
+    """Open lateral surface of a cone that has its apex at the origin and opens along x.
 
     Args:
-        angle: Half-angle [rad], from above 0 to below pi / 2.
+        angle: Half-angle [rad], above 0 and below pi / 2.
         length: Length of the sides.
     """
     height = length * math.cos(angle)
@@ -189,7 +189,7 @@ def rim(angle: float, length: float) -> pyvista.PolyData:
 
 
 def approach_mark(pose: GripperPose, length: float) -> Shapes:
-    """The arrow along the approach between fingers of a length; none of hands without a TCP."""
+    """Arrow along the approach between fingers of a length; none for hands without a TCP."""
     if pose.has_joints:
         return {}
     tail, tip = APPROACH * length

@@ -1,6 +1,6 @@
-"""Rendering with OpenGL: whether pictures can be rendered, off screen, and their pixels.
+"""Rendering with OpenGL: test whether it works, off-screen plotters, and their pixels.
 
-Without OpenGL VTK ends the whole process instead of raising an error, so a separate process tests
+Without OpenGL, VTK ends the whole process instead of raising an error, so a separate process tests
 it first.
 """
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
 TIMEOUT = 120.0
-"""Longest duration of the separate process that tests rendering [s]."""
+"""Longest time that the separate process may take to test rendering [s]."""
 
 OVERSAMPLING = 2
 """Rendered pixels per pixel of a picture, in each direction; they are averaged."""
 
 MAX_DRAWN = 8192
-"""Largest width or height that every OpenGL renders [pixels]."""
+"""Largest width or height that every OpenGL can render [pixels]."""
 
 DPI = 72
 """Resolution at which texts have their nominal size [pixels per inch]."""
@@ -47,7 +47,7 @@ def can_render() -> bool:
 
 @cache
 def begin_render_test() -> subprocess.Popen[bytes] | None:
-    """Start what `can_render` waits for, so that other work can be done in the meantime."""
+    """Start the test that `can_render` waits for, so that other work can go on meanwhile."""
     choose_window()
     return _started(
         "from grasp3d.pictures import opengl; raise SystemExit(not opengl.draws_a_triangle())"
@@ -60,7 +60,7 @@ def exits_cleanly(code: str) -> bool:
 
 
 def _started(code: str) -> subprocess.Popen[bytes] | None:
-    """A process that runs code; None: it cannot be started."""
+    """Start a process that runs code; None if it cannot be started."""
     silent = subprocess.DEVNULL
     try:
         return subprocess.Popen([sys.executable, "-c", code], stdout=silent, stderr=silent)  # noqa: S603
@@ -92,7 +92,7 @@ def check_rendering() -> None:
 
 def draws_a_triangle() -> bool:
     """Render a triangle and return whether it is visible; without OpenGL this ends the process."""
-    # By VTK itself: what PyVista imports takes a second.
+    # With VTK itself, as PyVista's imports take a second.
     import vtkmodules.vtkRenderingOpenGL2  # noqa: F401, draws what the others describe
     from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
     from vtkmodules.vtkFiltersSources import vtkRegularPolygonSource
@@ -125,12 +125,12 @@ def choose_window() -> None:
 
 
 def new_plotter(width: int, height: int, *, panel: bool = False) -> "pyvista.Plotter":
-    """A plotter without lights: off screen, or of a window with a panel, a second renderer.
+    """Return a plotter without lights: off screen, or a window with a second renderer as panel.
 
     Args:
         width: Width [pixels].
         height: Height [pixels].
-        panel: Whether it has a window, with a panel.
+        panel: Whether to make a window with a panel.
     """
     import pyvista
 
@@ -144,7 +144,7 @@ def new_plotter(width: int, height: int, *, panel: bool = False) -> "pyvista.Plo
 
 @contextmanager
 def off_screen(width: int, height: int) -> Iterator[tuple["pyvista.Plotter", int]]:
-    """A plotter for a picture, and its rendered pixels per pixel in each direction."""
+    """Open a plotter for a picture; yield it and its oversampling factor in each direction."""
     choose_window()
     factor = OVERSAMPLING if OVERSAMPLING * max(width, height) <= MAX_DRAWN else 1
     plotter = new_plotter(factor * width, factor * height)

@@ -1,6 +1,6 @@
 """A surface in colours, with its grasp, hand and table, in one renderer.
 
-There is one actor for each appearance, in the order in which they cover.
+There is one actor for each appearance; actors are drawn in the order in which they cover.
 """
 
 from collections.abc import Callable
@@ -49,34 +49,34 @@ from grasp3d.pictures.subject import Subject
 from grasp3d.pictures.view_settings import Paint
 
 DEPTH_OFFSET = -60000.0
-"""Depth offset that puts faint layers in front of the surface [units of depth]."""
+"""Depth offset that draws faint layers in front of the surface [units of depth]."""
 
 FAINT = 0.4
-"""Opacity of what is behind the surface."""
+"""Opacity of marks behind the surface."""
 
 INK, GREY, BLUE = "#1A1A1A", "#4A5562", "#0072B2"
-"""Colours of marks; blue is that of the safe cone, which no label has."""
+"""Colours of marks; blue is for the safe cone, as no label has it."""
 
 INSIDE, EDGE, FRAME = "#8C857B", "#2B2F33", "#5B6470"
-"""Colours of back faces, which are seen in a section or if a mesh is open; of the edges of hands;
+"""Colours of back faces, which are visible in a section or if a mesh is open; of edges of hands;
 and of the outline of a section."""
 
 
 @dataclass(frozen=True)
 class Look:
-    """How a layer looks."""
+    """Appearance of a layer."""
 
     color: str | tuple[int, int, int] = "white"
     opacity: float = 1.0
     lit: bool = False
     """Whether its brightness depends on its direction."""
     culled: str = "none"
-    """Faces that are not drawn: 'front', of rims around smaller marks, 'back' or 'none'."""
+    """Faces that are not drawn: 'front' for rims around smaller marks, 'back' or 'none'."""
     width: float = 0.0
-    """Of lines [pixels at 72 per inch]; 0: faces."""
+    """Width of lines [pixels at 72 per inch]; 0: the layer consists of faces."""
     mark: bool = False
-    """Whether it covers what was drawn before it, and is seen faintly where the surface is in front
-    of it."""
+    """Whether it covers what was drawn before it, and is faintly visible where the surface is in
+    front of it."""
 
 
 LOOKS = {
@@ -101,7 +101,7 @@ LOOKS = {
     "fixed": Look(INK, mark=True),
     "approach": Look(ARC_COLOR, mark=True),
 }
-"""All layers: those behind in the list cover those before them."""
+"""All layers; later ones in the list cover earlier ones."""
 
 SURFACES = ("surface", "excluded", "inside")
 LINES = ("halo", "nominal rims", "safe rims", "extreme cones")
@@ -130,7 +130,7 @@ class Layers:
         renderer.add_light(pyvista.Light(position=LIGHT, light_type="camera light", intensity=1.0))
 
     def show(self, name: str, data: pyvista.PolyData | None) -> None:
-        """Draw a layer; None: it is hidden."""
+        """Draw a layer, or hide it if there are no data."""
         for actor in filter(None, (self.actors[name], self._faint.get(name))):
             actor.visibility = data is not None
             if data is not None:
@@ -139,12 +139,12 @@ class Layers:
                 actor.prop.line_width = LOOKS[name].width * pixel_ratio(self.renderer)
 
     def hide(self) -> None:
-        """Show nothing."""
+        """Hide everything."""
         for name in LOOKS:
             self.show(name, None)
 
     def _actor(self, look: Look, *, faint: bool = False) -> pyvista.Actor:
-        """An actor without content."""
+        """Create an actor without content."""
         actor = pyvista.Actor(mapper=pyvista.DataSetMapper())
         actor.mapper.SetScalarVisibility(False)  # noqa: FBT003
         drawn = actor.prop
@@ -155,7 +155,7 @@ class Layers:
             vtkMapper.SetResolveCoincidentTopologyToPolygonOffset()
             actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(0.0, DEPTH_OFFSET)
         if look.mark:
-            actor.ForceTranslucentOn()  # drawn in the order in which they are made
+            actor.ForceTranslucentOn()  # drawn in the order of creation
         actor.PickableOff()
         actor.VisibilityOff()
         self.renderer.AddActor(actor)
@@ -163,7 +163,7 @@ class Layers:
 
 
 def show_colors(actor: pyvista.Actor, name: str, *, of_points: bool) -> None:
-    """Colour an actor by an array of its data: red, green, blue of points or of cells."""
+    """Colour an actor by an array of its data: red, green and blue of points or of cells."""
     mapper = actor.mapper
     mapper.SetScalarVisibility(True)  # noqa: FBT003
     if of_points:
@@ -175,19 +175,19 @@ def show_colors(actor: pyvista.Actor, name: str, *, of_points: bool) -> None:
 
 
 OPACITIES = {Part.PALM: 0.3, Part.FINGER: 0.7, Part.PAD: 0.9, Part.TIP: 0.9}
-"""Opacities of the parts of a gripper: what it holds remains visible behind it."""
+"""Opacities of the parts of a gripper, behind which the object remains visible."""
 
 PARTS = np.array([(*COLORS[part], round(255.0 * OPACITIES[part])) for part in Part], dtype=np.uint8)
-"""Red, green, blue and opacity of the parts."""
+"""Red, green, blue and opacity of each part."""
 
 OPAQUE = 255
-"""Opacity of the links of hands with joints, which overlap, but for the palm."""
+"""Opacity of the links of hands with joints, which overlap; the palm is translucent."""
 
 EDGE_ANGLE = 40.0
-"""Angle of the faces at the edges of fingers and palm that are drawn [degrees]."""
+"""Angle between faces above which the edges of a hand are drawn [degrees]."""
 
 ARC_RADIUS, ARC_INNER = 0.95, 0.35
-"""Outer radius of the approach arc relative to the fingers' length, and the inner one relative to
+"""Outer radius of the approach arc relative to the fingers' length, and inner radius relative to
 the outer one."""
 
 FRAME_MARGIN = 0.04
@@ -198,9 +198,9 @@ SAME = 1e-9
 
 
 def _most_of(size: int = 64) -> Bytes:
-    """Codes in a square with U, M, S and the code of what is unknown at its corners, (size, size).
+    """Codes of the nearest corner in a square with U, M, S and unknown at its corners, (s, s).
 
-    U is never beside what is unknown, so two triangles of three codes each are enough.
+    U is never beside unknown, so two triangles with three codes each are enough.
     """
     u, v = np.meshgrid(*2 * [(np.arange(size) + 0.5) / size])
     below, none = u + v <= 1.0, np.zeros_like(u)
@@ -212,10 +212,10 @@ MOST_OF = _most_of()
 
 
 class Pane:
-    """A surface, whole or cut by a section, and what is drawn with it.
+    """A surface, whole or cut by a section, with everything that is drawn around it.
 
     Args:
-        renderer: What draws it.
+        renderer: Renderer that draws it.
     """
 
     def __init__(self, renderer: pyvista.Renderer) -> None:
@@ -230,7 +230,7 @@ class Pane:
 
         Args:
             subject: The surface.
-            paint: The quantity that colours show.
+            paint: Quantity that colours show.
             stale: Use pale colours, as the surface does not belong to the current choices.
         """
         self._draw(subject.mesh)
@@ -252,7 +252,7 @@ class Pane:
         show_colors(actor, "rgb", of_points=True)
 
     def hide(self) -> None:
-        """Show nothing."""
+        """Hide everything."""
         self._layers.hide()
         self._mesh, self._held = None, ()
 
@@ -260,7 +260,7 @@ class Pane:
         """Cut the surface open.
 
         Args:
-            plane: A point of it and its normal toward the visible part; None: no section.
+            plane: A point of the plane and its normal toward the visible part; None: no section.
         """
         mesh, layers = self.mesh, self._layers
         layers.actors["inside"].visibility = plane is not None or not mesh.report.closed
@@ -298,7 +298,7 @@ class Pane:
 
     @property
     def mesh(self) -> ObjectMesh:
-        """The mesh that is drawn."""
+        """The displayed mesh."""
         assert self._mesh is not None
         return self._mesh
 
@@ -309,7 +309,7 @@ class Pane:
 
     @property
     def beside(self) -> Floats:
-        """Points of what is drawn beside the object: of a hand or of arrows, (n, 3)."""
+        """Points that are drawn beside the object, of a hand or of arrows, shape (n, 3)."""
         return np.concatenate([self.hand_points, self._marked])
 
     def _draw(self, mesh: ObjectMesh) -> None:
@@ -327,7 +327,7 @@ class Pane:
         self._layers.actors["excluded"].prop.color = HEX_PALETTE[-1]
 
     def _paint_labels(self, codes: Bytes, palette: Bytes) -> None:
-        """Colour each point of a face by the code of the corner that it has most of."""
+        """Colour each point of a face by the code of its nearest corner."""
         actor = self._layers.actors["surface"]
         actor.mapper.dataset.active_texture_coordinates = np.column_stack([codes % 2, codes // 2])
         actor.texture = pyvista.Texture(palette[MOST_OF][::-1].copy())
@@ -335,7 +335,7 @@ class Pane:
         actor.mapper.SetScalarVisibility(False)  # noqa: FBT003
 
     def _paint_numbers(self, values: Floats, ramp: Ramp, shade: Callable[[Bytes], Bytes]) -> None:
-        """Colour the surface by numbers of its corners, which are interpolated before that."""
+        """Colour the surface by numbers at its corners, interpolated before they become colours."""
         actor = self._layers.actors["surface"]
         actor.texture, mapper, colors = None, actor.mapper, shade(ramp.colors)
         mapper.dataset.point_data["value"] = values
@@ -383,7 +383,7 @@ class Pane:
             feature_angle=EDGE_ANGLE, boundary_edges=False, manifold_edges=False
         ))  # fmt: skip
         framed = np.isin(parts, (Part.PALM, Part.FINGER))
-        if isinstance(hand, ArticulatedHand):  # a forearm would make the fingers small
+        if isinstance(hand, ArticulatedHand):  # a forearm would make the fingers look small
             palm = hand.link_names.index(hand.palm)
             framed = (parts != Part.PALM) | (solid.links == palm)
         self.hand_points = solid.vertices[np.unique(solid.faces[framed])]
@@ -393,7 +393,7 @@ class Pane:
             layers.show("arc", surface_of(arc))
 
     def _show_marks(self, grasp: MarkedContacts, hand: Hand | None, fixed: Floats) -> None:
-        """Mark contacts, and the approach of a gripper or else cones, which it would hide."""
+        """Mark contacts, and the approach of a gripper or, without a gripper, friction cones."""
         size, held, several = self.mesh.size, hand and grasp.held, len(grasp.points) > 1
         gaps = np.linalg.norm(grasp.points[:, None] - fixed, axis=2)
         apart = (gaps > SAME * size).all(axis=1)
@@ -413,19 +413,19 @@ class Pane:
 
 
 def surface_of(triangles: Triangles) -> pyvista.PolyData:
-    """Triangles as a surface of PyVista."""
+    """Return triangles as a PyVista surface."""
     faces = triangles.faces.astype(int)
     surface: pyvista.PolyData = pyvista.PolyData.from_regular_faces(triangles.vertices, faces)
     return surface
 
 
 def _drawn(mesh: ObjectMesh) -> Floats:
-    """The vertices of corners, shape (C, 3)."""
+    """Vertices of the corners, shape (C, 3)."""
     return mesh.vertices[mesh.corner_normals.vertices]
 
 
 def _rectangle(mesh: ObjectMesh, point: Floats, normal: Floats) -> pyvista.PolyData:
-    """Outline of a section, somewhat larger than the bounding box of the surface."""
+    """Outline of a section, slightly larger than the bounding box of the surface."""
     axis, points = int(np.argmax(np.abs(normal))), _drawn(mesh)
     margin = FRAME_MARGIN * mesh.size
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin

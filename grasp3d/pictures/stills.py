@@ -1,4 +1,4 @@
-"""Pictures without texts, of surfaces in colours and of grasps, and a figure of several grasps."""
+"""Pictures of coloured surfaces and of grasps without texts, and a figure of several grasps."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -38,10 +38,10 @@ from grasp3d.system.context import report_progress
 from grasp3d.system.names import as_unicode, printable, short_number
 
 PIXELS = (512, 512)
-"""Size of the pictures of grasps."""
+"""Size of the pictures of grasps [pixels]."""
 
 MOST_PICTURES = 40
-"""Most pictures of grasps."""
+"""Largest number of pictures of grasps."""
 
 
 def draw_labels(
@@ -84,17 +84,17 @@ def draw_colors(
     grasp: MarkedContacts | None = None,
     hand: Hand | None = None,
 ) -> Bytes:
-    """Render a surface in colours of its vertices on white, filling the picture.
+    """Render a surface in the colours of its vertices on white, filling the picture.
 
     Fully lit parts have exactly the given colours.
 
     Args:
         mesh: The surface.
         colors: Red, green, blue from 0 to 255, shape (V, 3) or (3,) for all.
-        view: Direction of the camera; None: from above and the side.
+        view: Direction of the camera; None: from above and from the side.
         size: Width and height [pixels].
         grasp: Contacts to mark, with the pose of the hand; None: none.
-        hand: The hand, which is translucent; None: arrows are drawn.
+        hand: The hand, drawn translucent; None: arrows are drawn.
 
     Returns:
         Red, green, blue from 0 to 255, shape (height, width, 3).
@@ -114,13 +114,13 @@ def draw_grasps(
 ) -> list[Bytes]:
     """Render the object with each grasp, at most `MOST_PICTURES` of them.
 
-    At poses the hand is drawn, with its approach, and the table; else arrows and friction cones
-    are. The table is level, and the camera looks across the closing axis, from above. All pictures
+    For poses the hand is drawn, with its approach, and the table; otherwise arrows and friction
+    cones. The table is level, and the camera looks across the closing axis from above. All pictures
     have the same scale.
 
     Args:
         grasps: The grasps.
-        labels: The labelled surface that they are on; None: it has no labels.
+        labels: The labelled surface of the grasps; None: it is drawn without labels.
 
     Returns:
         Red, green, blue from 0 to 255, shape (height, width, 3) each.
@@ -156,7 +156,7 @@ def draw_grasps(
 
 
 Render = Callable[[Floats, Frame, float], Bytes]
-"""Renders from axes of a view what a frame has, at a scale."""
+"""Function that renders a frame from the axes of a view, at a scale."""
 
 
 def _filling(pane: Pane, picture: Render, axes: Floats) -> Bytes:
@@ -166,7 +166,7 @@ def _filling(pane: Pane, picture: Render, axes: Floats) -> Bytes:
 
 @contextmanager
 def _still(size: tuple[int, int]) -> Iterator[tuple[Pane, Render]]:
-    """A pane that fills a picture, and what renders it; the scale 0 is that which fills it.
+    """Open a pane that fills a picture; yield it and its renderer, which fits the frame at scale 0.
 
     Args:
         size: Width and height [pixels].
@@ -190,29 +190,29 @@ def _still(size: tuple[int, int]) -> Iterator[tuple[Pane, Render]]:
 
 COLUMNS = 4
 HEIGHT, LINE = 1.9, 0.2
-"""Height of a row of pictures with their titles, and of a line of text below [inch]."""
+"""Height of a row of pictures with their titles, and of a line of text below them [inch]."""
 MARGINS = 0.9
-"""Height of the headline and the legend [inch]."""
+"""Total height of the headline and the legend [inch]."""
 LEAST_WIDTH = 4.6
-"""Least width of the figure, which the legend needs [inch]."""
+"""Smallest width of the figure, set by the legend [inch]."""
 
 REASON = 28
-"""Characters in a line of a reason."""
+"""Number of characters in a line of a reason."""
 
 LONGEST = 48
-"""Characters of a name in the headline."""
+"""Largest number of characters of a name in the headline."""
 
 
 @styled
 def grasp_figure(
     grasps: GraspTable | EvaluatedPoses, pictures: list[Bytes], mode: Mode = "scan"
 ) -> Figure:
-    """Lay out the pictures of grasps, with the legend of their colours.
+    """Arrange the pictures of grasps in a figure, with the legend of their colours.
 
     Args:
         grasps: The grasps.
         pictures: Pictures of the first grasps, at least one.
-        mode: That of the labels of the surface; of grasps without such labels 'scan'.
+        mode: Mode of the surface's labels; 'scan' for grasps without such labels.
     """
     model = grasps.model
     fingers = f"{model.fingers} fingers" if grasps.scene is None else grasps.scene.hand.name
@@ -231,7 +231,7 @@ def grasp_figure(
 
 
 def _lines(grasps: GraspTable | EvaluatedPoses, row: int) -> list[str]:
-    """What is written below the picture of a grasp."""
+    """Return the lines of text below the picture of a grasp."""
     angle, lines = float(grasps.critical_angle[row]), []
     if math.isfinite(angle):
         beta = rf"$\beta^*$ {math.degrees(angle):.1f}°"
@@ -250,7 +250,7 @@ def _lines(grasps: GraspTable | EvaluatedPoses, row: int) -> list[str]:
 
 
 def _sheet(source: str, settings: str, count: int, below: int) -> tuple[Figure, list[Axes]]:
-    """A figure for `count` pictures, with lines of text below each."""
+    """Return a figure for `count` pictures, with lines of text below each."""
     columns = min(count, COLUMNS)
     rows = math.ceil(count / columns)
     width = max(PAGE * columns / COLUMNS, LEAST_WIDTH)
@@ -263,6 +263,6 @@ def _sheet(source: str, settings: str, count: int, below: int) -> tuple[Figure, 
 
 
 def _short(name: str) -> str:
-    """A file's name as text; its end if it is too long for the headline."""
+    """Return a file's name as text, or only its end if it is too long for the headline."""
     text = as_unicode(name)
     return text if len(text) <= LONGEST else f"…{text[1 - LONGEST :]}"

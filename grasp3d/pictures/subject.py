@@ -1,4 +1,4 @@
-"""The viewed surface, and the best grasp of each of its vertices as far as it is known."""
+"""The viewed surface, with the best grasp of each of its vertices if known."""
 
 import math
 from dataclasses import dataclass, replace
@@ -17,31 +17,31 @@ from grasp3d.surface.sweeps import vertex_weights
 from grasp3d.surface.vertex_fields import Reason, SearchReport
 
 NO_LABELS = "the surface has no labels: poses of a hand are shown"
-"""Why it cannot be clicked or saved."""
+"""Reason why a surface cannot be clicked or saved."""
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """Labels that are viewed, computed or from a file."""
+    """Viewed labels, computed or from a file."""
 
     labels: SurfaceLabels
     name: str
     notes: tuple[str, ...] = ()
-    """Warnings that concern the labels, one sentence each."""
+    """Warnings about the labels, one sentence each."""
     searched: float = math.pi
     """Largest friction angle and tilt for which the search went far enough [rad]."""
     given: GraspTable | None = None
-    """The grasp whose surface it is, one row, shown until a vertex is inspected; None: none."""
+    """The grasp on the surface, one row, shown until a vertex is inspected; None: no grasp."""
     poses: EvaluatedPoses | None = None
-    """Poses of a hand, of which the first one is shown; the surface has no labels."""
+    """Poses of a hand, of which the first one is shown; the surface then has no labels."""
 
     __repr__ = short_repr
 
     def at(self, model: GraspModel) -> "Subject":
-        """The same grasps at another friction and resolution, of the same number of fingers."""
+        """Return the same grasps at another friction and resolution, with as many fingers."""
         if model.fingers != self.labels.model.fingers:
             model = replace(model, fingers=self.labels.model.fingers)
-        if model == self.labels.model:  # what is computed already is kept
+        if model == self.labels.model:  # keeps what has been computed
             return self
         return replace(self, labels=self.labels.using(model=model))
 
@@ -62,7 +62,7 @@ class Subject:
 
     @property
     def weights(self) -> Floats:
-        """Area fraction that belongs to each vertex, (V,)."""
+        """Fraction of the area that belongs to each vertex, shape (V,)."""
         return vertex_weights(self.mesh, "area")
 
     @property
@@ -72,16 +72,16 @@ class Subject:
         return np.stack([points.min(axis=0), points.max(axis=0)])
 
     def covers(self, model: GraspModel) -> bool:
-        """Whether the search went far enough for a model: no, where poses are given."""
+        """Whether the search went far enough for a model; False for given poses."""
         return self.poses is None and search_cone(model) <= self.searched + ANGLE_ROUNDING
 
 
 def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
-    """The subject of labels.
+    """Return the subject for labels.
 
     Args:
         labels: The labels.
-        name: Name of the object; None: that of its file.
+        name: Name of the object; None: the name of its file.
     """
     scanned = labels.mode == "scan"
     return Subject(
@@ -93,7 +93,7 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
 
 
 def _method_notes(labels: SurfaceLabels) -> tuple[str, ...]:
-    """Note on labels that are not thresholds."""
+    """Return a note on labels that do not follow from thresholds."""
     note = (
         "its labels were computed from wrench hulls at extreme normals; the displayed ones are "
         "thresholds on the critical friction angle, which hold for every normal"
@@ -102,7 +102,7 @@ def _method_notes(labels: SurfaceLabels) -> tuple[str, ...]:
 
 
 def subject_of_poses(grasps: EvaluatedPoses) -> Subject:
-    """The object of evaluated poses, of which the first one is shown; its surface has no labels.
+    """Return the object of evaluated poses, showing the first one; its surface has no labels.
 
     Args:
         grasps: The poses.
@@ -112,12 +112,12 @@ def subject_of_poses(grasps: EvaluatedPoses) -> Subject:
 
 
 def subject_of_mesh(mesh: ObjectMesh, model: GraspModel, scene: Scene | None = None) -> Subject:
-    """An object without labels.
+    """Return an object without labels.
 
     Args:
         mesh: The object.
         model: Friction and resolution.
-        scene: Hand and table; None: there are none.
+        scene: Hand and table; None: no hand and no table.
     """
     count = len(mesh.vertices)
     labels = SurfaceLabels.of_vertices(

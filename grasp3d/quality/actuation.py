@@ -5,10 +5,10 @@ With forces f of the hand on the object, Jacobian J of the contact points and we
 
     J^T f + g = B u + E s,    -u+ <= u <= u+,  s >= 0,
 
-B the joints that have a motor, and E those at a stop. Joints that a rigid coupling moves with
-another one are no joints of their own: they move with that in J, and structure carries what its
-motor does not. The forces for which that has a solution are a convex polyhedron K, which does not
-depend on normals.
+where B selects the joints that have a motor, and E those at a stop. Joints that a rigid coupling
+moves with another one do not count: J includes their motion, and the structure bears what the motor
+does not. The forces for which this has a solution form a convex polyhedron K, which does not depend
+on normals.
 """
 
 from dataclasses import dataclass
@@ -21,10 +21,10 @@ from grasp3d.errors import SettingError
 
 @dataclass(frozen=True, eq=False, init=False)
 class Actuation:
-    """The torques that k motors, one of a joint, and stops exert on p joints."""
+    """The torques that k motors, at most one for each joint, and stops exert on p joints."""
 
     columns: Floats
-    """Torques on the joints of the motors, and of the stops after them, B and E, shape (p, q)."""
+    """Joint torques of unit motors, followed by those of unit stops (B and E), shape (p, q)."""
     limits: Floats
     """Greatest torques of the motors, both ways, above 0; inf: no limit; shape (k,)."""
     names: tuple[str, ...]
@@ -55,7 +55,7 @@ class Actuation:
                 minus the masses of the links times the Jacobians of their centres.
 
         Raises:
-            SettingError: Shapes that do not match, or values out of range.
+            SettingError: Shapes do not match, or values are out of range.
         """
         try:
             most = np.asarray(limits, dtype=np.float64)

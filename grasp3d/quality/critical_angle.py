@@ -54,7 +54,7 @@ class Status(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """Proof of a result, which linear algebra can verify."""
+    """Proof of a result that linear algebra can verify."""
 
     _direct: Callable[[], Floats]
     """Computes `direction`."""
@@ -69,8 +69,8 @@ class Certificate:
 
         If the grasp is not force-closed, the direction separates it from the origin: no wrench of
         any contact has a positive component along it. If it is, the disturbance that is hardest to
-        resist acts against it: the support function of the grasp wrench space is `upper` there. In
-        a `ForceClosure` it is meaningful only where not force-closed.
+        resist acts against the direction: there the support function of the grasp wrench space is
+        `upper`. In a `ForceClosure` it is meaningful only where the grasp is not force-closed.
         """
         return self._direct()
 
@@ -79,9 +79,9 @@ class Certificate:
         """Forces in equilibrium, computed when they are first read.
 
         If the grasp is force-closed, nonzero forces in equilibrium, each inside its friction cone,
-        shape (..., n, 4): force along x, y, z, and torsional moment about the normal [m].
-        For given wrenches their weights, shape (..., n). nan where not force-closed, and where
-        `cone_offset` makes cones of 90 degrees or more. Copies and pickles hold the forces.
+        shape (..., n, 4): force along x, y, z, and torsional moment about the normal [m]. For given
+        wrenches, their weights, shape (..., n). nan where not force-closed, and where `cone_offset`
+        makes cones of 90 degrees or more. Copies and pickles contain the forces.
         """
         return self._balance()
 
@@ -99,8 +99,8 @@ def forces_of_components(
     Args:
         contacts: The contacts.
         components: Shape (b, p, 4).
-        order: The contact of each row of components, as of `Contacts.by_finger`, shape (p,); None:
-            one of each contact.
+        order: The contact of each row of components, as from `Contacts.by_finger`, shape (p,);
+            None: one row for each contact.
 
     Returns:
         Forces and torsional moments, shape (b, n, 4).
@@ -165,11 +165,11 @@ def force_closure(
     cone_offset: ArrayLike = 0.0,
     phase: float = 0.0,
 ) -> ForceClosure:
-    """Whether grasps resist every wrench in the span of their own, with certificates.
+    """Whether grasps resist every wrench in the span of their own wrenches, with certificates.
 
-    A grasp is force-closed if its wrenches contain a ball about the origin of 1e-8 of the largest
-    one. It surely is not if in some direction none reaches farther than 1e-12 of that. What lies
-    between is undecided, and counts as not force-closed.
+    A grasp is force-closed if its wrench space contains a ball about the origin with a radius of
+    1e-8 of the largest wrench. It surely is not if in some direction no wrench reaches farther than
+    1e-12 of that. Cases in between are undecided, and count as not force-closed.
 
     The result depends neither on the centre of mass nor on a torque scale; the direction of the
     certificate is that for a torque scale of 1.
@@ -177,8 +177,8 @@ def force_closure(
     Args:
         contacts: The contacts.
         edges: Edges of polygonal friction cones; None: circular cones.
-        cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n);
-            where one becomes negative, tilts exceed friction: nothing is decided.
+        cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n); where
+            one becomes negative, tilts exceed friction, and nothing is decided.
         phase: As in `epsilon`.
 
     Raises:
@@ -211,8 +211,8 @@ def force_closure(
 
 
 TORQUE_SCALE = 10.0
-"""Torque scale of hulls that must contain a ball, in extents of the contacts: the larger, the less
-of a wrench of the ball is force."""
+"""Torque scale of hulls that must contain a ball, in extents of the contacts: the larger, the
+smaller the forces of the ball's wrenches."""
 
 
 def critical_friction_angle(contacts: Contacts, *, tolerance: float = 1e-4) -> Floats:
@@ -220,8 +220,8 @@ def critical_friction_angle(contacts: Contacts, *, tolerance: float = 1e-4) -> F
 
     Two contacts have a closed form. For more the angle is bracketed by closure tests: three can be
     in equilibrium only in the plane through them, where six planar wrenches decide closure (Ponce &
-    Faverjon 1995); for more see `angle_brackets`. Friction and torsion of the contacts do not
-    matter.
+    Faverjon 1995); for more see `angle_brackets`. Friction and torsion of the contacts have no
+    effect.
 
     Args:
         contacts: The contacts.
@@ -229,11 +229,11 @@ def critical_friction_angle(contacts: Contacts, *, tolerance: float = 1e-4) -> F
 
     Returns:
         Angles [rad], shape (...). 0 where the grasp is force-closed without friction. For two
-        contacts up to pi; for more, pi/2 where the grasp is force-closed at no friction. inf for
+        contacts up to pi; for more, pi/2 where no friction makes the grasp force-closed. inf for
         one contact, where no forces are in equilibrium.
 
     Raises:
-        SettingError: A tolerance that is not above 0.
+        SettingError: The tolerance is not above 0.
 
     Example:
         The second of two opposing fingers is beside the line of the first:
@@ -309,9 +309,9 @@ def angle_brackets(
 ) -> tuple[Floats, Floats]:
     """Friction angles up to which grasps are surely open, and from which they are surely closed.
 
-    By bisection with closure tests: the direction that a test ends with separates the grasp up to
-    an angle that may be above the lower end. Where closure is undecided at some angles, the
-    ends are farther apart than the tolerance.
+    They are found by bisection with closure tests: the direction that a test ends with separates
+    the grasp up to an angle that may raise the lower end. Where closure is undecided at some
+    angles, the ends are farther apart than the tolerance.
 
     Args:
         points: Contact points, n >= 3, shape (b, n, 3).
@@ -319,10 +319,10 @@ def angle_brackets(
         wider: Angle by which the cone of each contact exceeds the friction angle [rad], shape
             (b, n). No angle at which a cone would be negative or of 90 degrees is tested.
         first: Angles that are tested first [rad], shape (b,); None: the middle ones.
-        displacement: Distance by which every contact may move, in any direction, and closed grasps
-            are still force-closed, shape (b,): a contact that is d away applies the torque of its
-            force there and up to d times the force more, so that its support function falls by at
-            most d |u_tau|, and the hull must contain a ball of d / rho, rho the torque scale.
+        displacement: Distance by which every contact may move, in any direction, while closed
+            grasps stay force-closed, shape (b,). If a contact moves by d, its torque changes by up
+            to d times its force, so its support function falls by at most d |u_tau|, and the hull
+            must contain a ball of radius d / rho, where rho is the torque scale.
         tolerance: Width of the brackets [rad], shape (b,) or one for all; inf: only one angle is
             tested.
 
@@ -341,5 +341,5 @@ def angle_brackets(
     width = np.full(len(points), tolerance, dtype=np.float64)
     bracket = Bracket(low, high.copy(), first, width, np.ascontiguousarray(wider), radius)
     WrenchProblem.at_any_angle(points, normals, scale).narrow(bracket)
-    # Closed just below the last angle that exists: at no angle.
+    # A grasp closed only just below the last possible angle is closed at no angle.
     return np.maximum(bracket.low, 0.0), np.minimum(bracket.high, high)

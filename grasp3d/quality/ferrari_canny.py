@@ -29,7 +29,7 @@ class Epsilon(ForceClosure):
     lower: Floats
     """Certified lower bound, shape (...); 0 where the grasp is not force-closed."""
     upper: Floats
-    """Certified upper bound, shape (...); for polygonal cones that have converged, `lower`."""
+    """Certified upper bound, shape (...); equal to `lower` for converged polygonal cones."""
 
     __repr__ = short_repr
 
@@ -57,7 +57,7 @@ def epsilon(
         edges: Edges of polygonal friction cones; None: circular cones. The pyramid of a soft finger
             also has its pure normal force with the torsional moment in either sense.
         actuation: 'total': all forces together are at most 1 (the hull of the contacts' wrenches);
-            'per_finger': each finger's force is (the Minkowski sum), of all its points together.
+            'per_finger': all forces of one finger together are at most 1 (the Minkowski sum).
         torque_scale: Length that torques are divided by [m]; `ObjectMesh.torque_scale`
             makes the value independent of the unit.
         rtol: Circular cones: largest difference of the bounds, as a fraction of the upper one.
@@ -67,7 +67,7 @@ def epsilon(
             of some cone the lower bound is 0 and the status UNDECIDED. Polygons and the cones of
             soft fingers must stay below 90 degrees.
         phase: Polygons: angle of the first edge about the normal, from the first of
-            `friction_cones.tangents` [rad].
+            `contacts.tangents` [rad].
         bounded: 'force': the length of a contact force is at most 1; 'normal': its normal
             component is, as in some packages.
 

@@ -5,20 +5,20 @@ The true normal of each contact lies anywhere within the tilt a = alpha/2 of the
 and a bound on the lengths of forces instead of their normal components:
 
 * The cone of half-angle beta - a lies in every tilted one, and a force has no normal component that
-  is longer than itself. So F at beta - a suffices whichever the normals are. Where lengths are
+  is longer than itself. So F at beta - a suffices whatever the normals are. Where lengths are
   bounded anyway, it is the largest force over all tilts: a tilt by a turns the normal away from any
   direction, so that the smallest support function over the tilts is that of the smaller cone.
 * Every tilted cone lies in that of half-angle beta + a, below 90 degrees, and there a force is at
   most 1 / cos(beta) times as long as its normal component. So no normals need less than cos(beta)
   times F at beta + a.
 
-In the first case soft fingers press at points (`Contacts.as_points`): it is proven for these, whose
-pressure may gather in one of them. A finger whose limit surface turns with its normal may need more
-at some tilt; so the force must also suffice for that surface at the given normals. In the second
-case only their forces must balance, whatever torques they resist.
+In the first case soft fingers press at points (`Contacts.as_points`), and the pressure may gather
+in one of them: this is what the proof covers. A finger whose limit surface turns with its normal
+may need more at some tilt, so the force must also suffice for that surface at the given normals. In
+the second case only the forces of soft fingers must balance, whatever torques they resist.
 
-Epsilon has such a range too, where Wan & Howe sample extreme normals. Friction may be uncertain as
-well; contacts are at their perceived locations.
+Epsilon has such a range too, for which Wan & Howe sample extreme normals. Friction may be uncertain
+as well; contacts are at their perceived locations.
 """
 
 import math
@@ -73,18 +73,18 @@ def epsilon_range(
 ) -> EpsilonRange:
     """Epsilon at the given normals, its minimum and a bound on its maximum over all tilts.
 
-    The minimum is, for
+    The minimum depends on the fingers:
 
-    * hard fingers with circular cones: exact. The worst tilt reduces the half-angle of a contact's
-      cone by a whatever the direction of the disturbance, so the minimum is epsilon at beta - a.
-      Where a exceeds beta at some contact the result is 0, a bound;
-    * hard fingers with polygonal cones: epsilon of polygons of the effective friction, half-angle
-      beta - a, as in the paper. A tilted polygon does not contain that polygon exactly, so epsilon
-      at some tilt may be slightly smaller;
-    * soft fingers: the smaller of epsilon at the given normals and that of the points at which they
-      press, at beta - a: a bound in this model, in which the normal of each point tilts. A limit
-      surface that turns with its normal may attain less, but is force-closed at every tilt where
-      the minimum is above 0: it is 0 unless hard fingers are.
+    * Hard fingers with circular cones: it is exact. The worst tilt reduces the half-angle of a
+      contact's cone by a whatever the direction of the disturbance, so the minimum is epsilon at
+      beta - a. Where a exceeds beta at some contact the result is 0, a bound.
+    * Hard fingers with polygonal cones: it is epsilon of polygons of the effective friction,
+      half-angle beta - a, as in the paper. A tilted polygon does not contain that polygon exactly,
+      so epsilon at some tilt may be slightly smaller.
+    * Soft fingers: it is the smaller of epsilon at the given normals and epsilon of the points at
+      which they press, at beta - a: a bound in this model, in which the normal of each point tilts.
+      With a limit surface that turns with its normal, epsilon may be smaller, but the grasp is
+      force-closed at every tilt if the minimum is above 0: it is 0 unless hard fingers are.
 
     The maximum of hard fingers is at most epsilon of circular cones at beta + a. Torsion adds at
     most its moment for a unit force: the largest of all fingers, or with actuation 'per_finger' the
@@ -95,7 +95,7 @@ def epsilon_range(
         tilt: Largest angle a between true and given normals [rad], from 0 to below pi/2: one value,
             or shape (..., n).
         options: Cones, actuation, torque scale, and accuracy; None: the defaults.
-        bound_rtol: `rtol` of the maximum, which is always one of circular cones; None:
+        bound_rtol: `rtol` of the maximum, which always comes from circular cones; None:
             `options.rtol`.
 
     Raises:
@@ -120,7 +120,7 @@ def epsilon_range(
                 points = chunk.as_points()
                 narrower = -angles.repeat(points.count // chunk.count, axis=1)
                 pressed = epsilon_with(points, options, cone_offset=narrower)
-                # Without friction a soft finger is no disc.
+                # Without friction a soft finger is not a disc.
                 sure = least.closed & (pressed.rank == nominal.rank)
                 minimum = np.where(sure, np.minimum(pressed.lower, nominal.lower), 0.0)
             widest = epsilon_with(hard, bound, cone_offset=angles).upper
@@ -134,7 +134,7 @@ def epsilon_range(
 
 
 def _chunks(kinds: Bools) -> Iterator[Ints]:
-    """Indices of grasps of one kind after the other, as many at a time as fit."""
+    """Yield indices of grasps, one kind after the other, in chunks that fit in memory."""
     for kind in np.unique(kinds):
         chosen = np.flatnonzero(kinds == kind)
         for start in range(0, len(chosen), TILTED_AT_ONCE):
@@ -155,7 +155,7 @@ def uncertain_epsilon_range(
     *,
     bound_rtol: float | None = None,
 ) -> EpsilonRange:
-    """As `epsilon_range`, over friction as well.
+    """`epsilon_range` over an interval of friction as well.
 
     The minimum is at the smallest friction, the bound on the maximum at the largest.
 
@@ -193,9 +193,9 @@ def over_friction(
     """Results at the nominal, the smallest and the largest friction.
 
     Args:
-        evaluated: Its result for contacts and the largest tilt of their normals.
+        evaluated: Function of contacts and of the largest tilt of their normals.
         cases: The contacts.
-        tilt: Largest tilt at the smallest and at the largest friction; nominal normals are exact.
+        tilt: Largest tilt at the smallest and the largest friction; it is 0 at the nominal one.
     """
     with unreported():
         nominal = evaluated(cases.nominal, 0.0)
@@ -206,9 +206,9 @@ def over_friction(
 
 
 Certainty = Literal["exact", "bound"]
-"""How the extreme forces over all tilts are known: as exact values (within the tolerance); or as
-safe bounds, the least not too large and the largest not too small, of soft fingers as far as they
-press at points (see above)."""
+"""How the extreme forces over all tilts are known: as exact values (within the tolerance), or as
+safe bounds, the least not too large and the largest not too small; for soft fingers, in the model
+in which they press at points (see above)."""
 
 CHUNK = 4096
 """Grasps between two reports of progress."""
@@ -247,7 +247,7 @@ def force_range(
     masses: ArrayLike | None = None,
     rtol: float = 1e-3,
 ) -> ForceRange:
-    """Smallest forces that resist a task, at the given normals and at all that may be true.
+    """Smallest forces that resist a task, at the given normals and over all tilts of them.
 
     Args:
         contacts: The contacts.
@@ -319,7 +319,7 @@ def _largest(contacts: Contacts, tilts: Floats, options: ForceOptions, bound: Fo
 
 
 def _least(contacts: Contacts, tilts: Floats, options: ForceOptions, bound: ForceBound) -> Floats:
-    """A force that no tilts of a flat batch need less than, with tilts (b, n), shape (b,)."""
+    """A lower bound of the force at all tilts of a flat batch, with tilts (b, n), shape (b,)."""
     least, widest = np.zeros(len(tilts)), contacts.friction_angle + tilts
     soft = np.asarray((contacts.torsion_radius > 0.0).any(axis=1))
     # Whatever soft fingers resist by torsion, their forces must balance: as if all were at the
@@ -347,8 +347,8 @@ def force_within_tilt(
 ) -> Floats:
     """Force for a task at the worst or the best normals within a tilt of the given ones [N].
 
-    At the worst ones it suffices at all; at the best ones none needs less. Other arguments, shape
-    and errors as for `payload`; inf where no force suffices there.
+    With 'worst' it suffices at all these normals; with 'best' none of them needs less. Other
+    arguments, shape and errors are as for `payload`; inf where no force suffices.
     """
     flat, tilts = contacts.reshape((-1,)), tilts_of(tilt, contacts)
     options = ForceOptions(task, None, rtol)
@@ -360,7 +360,7 @@ def force_within_tilt(
 
 
 def _enough(contacts: Contacts, tilts: Floats, options: ForceOptions, bound: ForceBound) -> Floats:
-    """A force that suffices at all tilts, and of soft fingers for their limit surface, (b,)."""
+    """A force that suffices at all tilts, for soft fingers also with their limit surface, (b,)."""
     if tilts.any() and not contacts.torsion_radius.any():
         return _largest(contacts, tilts, options, bound)
     nominal = options.found(ForceProblem.bounded(contacts, bound))[0].upper
@@ -384,15 +384,15 @@ def payload(
 
     Args:
         contacts: The contacts.
-        task: What must be resisted; its own mass does not matter.
-        force: Force at hand [N], bounded as `bound` says.
+        task: What must be resisted; its own mass has no effect.
+        force: Available force [N], bounded as `bound` states.
         tilt: As in `force_range`, whose largest force counts.
         bound: As in `grip_force`.
         rtol: As in `grip_force`.
 
     Returns:
-        Masses [kg], shape (...); 0: the force does not even hold what does not grow with the mass,
-        or no force holds the task.
+        Masses [kg], shape (...); 0 where the force does not hold even the part that does not grow
+        with the mass, or no force holds the task.
 
     Raises:
         SettingError: A setting outside its range, or a task without weight or acceleration.
@@ -421,7 +421,7 @@ def payload(
     tilts = tilts_of(tilt, contacts)
 
     def excess(rows: Ints, masses: Floats) -> Floats:
-        """Force that some of the grasps need for masses (r,), beyond the one at hand."""
+        """Force that some of the grasps need for masses (r,), beyond the available one."""
         part = replace(options, masses=masses)
         needed = _enough(flat.take(rows), tilts[rows], part, bound)
         return np.asarray(needed - force)

@@ -4,9 +4,10 @@ The smallest bound t of the contact forces for which they can balance every wren
 
     F = max over u of h_T(-u) / h(u),
 
-h and h_T the support functions of the grasp wrench space, with contact forces bounded by 1, and of
-the task: epsilon of Ferrari & Canny (ICRA 1992) with another ruler. It is found by the same growing
-hull, with facets ranked by h / h_T; for one wrench by the simplex method along its ray.
+where h and h_T are the support functions of the grasp wrench space, with contact forces bounded by
+1, and of the task. This is epsilon of Ferrari & Canny (ICRA 1992), measured by the task instead of
+a ball. The same growing hull finds it, with facets ranked by h / h_T; for one wrench, the simplex
+method along its ray.
 
 Compiled kernels evaluate batches of grasps in chunks and threads.
 """
@@ -34,11 +35,11 @@ from grasp3d.quality.wrenches import EpsilonOptions, check_rtol
 from grasp3d.settings import check_choice
 
 ForceBound = Literal["normal", "norm", "total"]
-"""What of the contact forces is limited: the sum of the normal components of each finger's, the sum
-of the lengths of each finger's, or the sum of the normal components of all."""
+"""Which sum of contact forces is limited: of the normal components for each finger, of the lengths
+for each finger, or of the normal components of all fingers."""
 
 Size = Literal["normal", "length"]
-"""What of a contact force counts."""
+"""Which size of a contact force counts: its normal component, or its length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +47,11 @@ class ForceProblem:
     """Wrench spaces of a flat batch of grasps whose contact forces are bounded by 1."""
 
     problem: WrenchProblem
-    """The points, in the order in which fingers have them, divided by the grasps' sizes: a torque
-    scale for each."""
+    """Wrench spaces of the contact points, ordered by finger and divided by the size of the grasp,
+    which thus is its torque scale."""
     contacts: Contacts
     order: Ints
-    """The contact of each of these points, some contacts more than once, (p,)."""
+    """The contact of each of these points; some contacts occur more than once, (p,)."""
     sizes: Floats
     """Largest distance of a contact from the centre of mass; 1 where that is 0 (b,)."""
 
@@ -62,7 +63,7 @@ class ForceProblem:
 
         Args:
             contacts: The contacts.
-            size: What of a force counts: its normal component, or its length.
+            size: Which size of a force counts: its normal component, or its length.
             total: Whether the forces of all fingers share one bound.
         """
         lengths = np.linalg.norm(contacts.points, axis=-1).max(axis=-1)
@@ -78,7 +79,7 @@ class ForceProblem:
 
     @classmethod
     def bounded(cls, contacts: Contacts, bound: ForceBound) -> "ForceProblem":
-        """The problem of contacts whose forces are bounded as `grip_force` takes it."""
+        """The problem of contacts whose forces are bounded as in `grip_force`."""
         check_choice("bound", bound, ForceBound)
         size: Size = "length" if bound == "norm" else "normal"
         return cls.of_contacts(contacts, size=size, total=bound == "total")
@@ -114,13 +115,13 @@ class ForceProblem:
         return results
 
     def in_contact_frame(self, components: Floats) -> Floats:
-        """Forces along x, y, z, and moments about the normals (b, n, 4), from those components."""
+        """Convert components of `of_wrenches` to forces along x, y, z, and moments (b, n, 4)."""
         return forces_of_components(self.contacts, components, self.order)
 
     def _of_terms(
         self, terms: Terms, masses: Floats, rtol: float, *, small: bool = False
     ) -> ForceResults:
-        """Bounds for the terms of a task and masses (b,); `small`: hulls of a few facets only."""
+        """Bounds for the terms of a task and masses (b,); `small`: only hulls of a few facets."""
         problem, results = self.problem, self.problem.unwritten(ForceResults)
         forces = terms.rows[:, SIZE].max() * masses.max(initial=0.0)
         size = float(max(forces, np.abs(terms.points).max(initial=0.0)))  # of the task's wrenches
@@ -142,7 +143,7 @@ class ForceProblem:
         return results
 
     def _decide(self, grasps: Ints, wrenches: Floats, rtol: float, results: ForceResults) -> None:
-        """Prove by the growing hull that no force resists single wrenches, or find one."""
+        """With the growing hull, prove that no force resists single wrenches, or find one."""
         different, which = np.unique(wrenches[grasps], axis=0, return_inverse=True)
         for k, wrench in enumerate(different):
             rows = grasps[which.reshape(-1) == k]
@@ -172,11 +173,11 @@ class Resistance(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class ForceCertificate:
-    """Proof of a grip force, which linear algebra can verify."""
+    """Proof of a grip force that linear algebra can verify."""
 
     direction: Floats
-    """Direction u of wrenches, shape (..., 6), against which the task reaches h_T(-u) and the grasp
-    wrench space only h(u): `lower` is their ratio; where no force suffices h(u) is 0."""
+    """Direction u of wrenches, shape (..., 6): the task reaches h_T(-u) against it, and the grasp
+    wrench space only h(u) along it. `lower` is their ratio; where no force suffices h(u) is 0."""
     _balance: Callable[[], tuple[Floats, Floats]]
     """Computes `wrench` and `forces`."""
 
@@ -211,7 +212,7 @@ class GripForce:
     lower: Floats
     """Lower bound: no smaller force suffices [N], shape (...)."""
     upper: Floats
-    """Upper bound: this force suffices [N], shape (...); inf where no force is known to."""
+    """Upper bound: this force suffices [N], shape (...); inf where none is known to suffice."""
     resistance: Bytes
     """`Resistance` codes, shape (...)."""
     certificate: ForceCertificate
@@ -239,8 +240,8 @@ def grip_force(
 ) -> GripForce:
     """Smallest contact forces that resist a wrench, or any wrench of a task.
 
-    The fingers may press differently for each wrench, as far as the bound allows: it is the force
-    that the gripper must be capable of.
+    The fingers may press differently for each wrench, within the bound: it is the force that the
+    gripper must be capable of.
 
     Args:
         contacts: The contacts. Soft fingers have the elliptic limit surface of Howe & Cutkosky
@@ -255,15 +256,15 @@ def grip_force(
         rtol: Largest difference of the bounds, as a fraction of the upper one.
 
     Returns:
-        Bounds, proof, and where infinite the reason, of each grasp of the batch.
+        Bounds and proof for each grasp of the batch, and the reason where no force suffices.
 
     Raises:
-        ContactError: Wrenches of another shape, or values that are not finite.
-        SettingError: A setting outside its range.
+        ContactError: Wrenches have another shape, or values are not finite.
+        SettingError: A setting is outside its range.
 
     Example:
-        Two soft fingers on opposite sides of a part of 0.5 kg, gravity across their line, where
-        m g / (2 friction) is known, and in any direction:
+        Two soft fingers on opposite sides of a part of 0.5 kg: gravity acts across their line,
+        where the force is m g / (2 friction), then in any direction:
 
         >>> import grasp3d
         >>> from grasp3d.quality import Weight
@@ -325,20 +326,20 @@ def masses_of(values: ArrayLike, contacts: Contacts) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ForceOptions:
-    """What `grip_force` takes besides the contacts, for a batch or some of it."""
+    """Arguments of `grip_force` besides the contacts, for a batch or a part of it."""
 
     task: Task | ArrayLike
     masses: ArrayLike | None
     rtol: float
 
     def flat(self, contacts: Contacts) -> "ForceOptions":
-        """With one wrench and one mass for each grasp of a flat batch."""
+        """The options with one wrench and one mass for each grasp of a flat batch."""
         task = self.task if isinstance(self.task, Task) else wrenches_of(self.task, contacts)
         masses = None if self.masses is None else masses_of(self.masses, contacts)
         return replace(self, task=task, masses=masses)
 
     def take(self, rows: slice | Ints) -> "ForceOptions":
-        """Those of chosen grasps."""
+        """The options of chosen grasps."""
         task = self.task if isinstance(self.task, Task) else np.asarray(self.task)[rows]
         masses = None if self.masses is None else np.asarray(self.masses)[rows]
         return replace(self, task=task, masses=masses)
@@ -356,9 +357,9 @@ class ForceOptions:
         return self.task.farthest_for(masses, directions)
 
     def found(self, problem: ForceProblem) -> tuple[ForceResults, Floats | None]:
-        """Results of a flat batch, and the hardest wrenches (b, 6), of which the forces are.
+        """Results of a flat batch, and the hardest wrenches (b, 6), which the forces balance.
 
-        Without these wrenches, and forces, where the task was taken as a whole.
+        If the task is evaluated as a whole, the wrenches are None, and there are no forces.
         """
         task = self.task
         if isinstance(task, Task):

@@ -1,12 +1,11 @@
 """Payload of a hand with joints: the largest load that its motors hold, and what limits it.
 
-Hard contacts whose normals are known to within tilts a hold in the worst case exactly what the
-cones beta - a hold: whichever motions prove that no more is possible, normals turned away from the
-relative velocities that they cause make the same proof for the full friction cones.
+Hard contacts whose normals are known to within tilts a hold, in the worst case, exactly what cones
+of beta - a hold: a motion that proves that no more is possible also proves it for the full friction
+cones, if the normals are turned away from the relative velocities that it causes.
 
-A grasp has contacts, and the forces that the hand can press there. How far the wrenches reach that
-the hand so exerts is a second-order cone program, solved by Clarabel (Goulart & Chen 2024,
-arXiv:2405.12762).
+How far the wrenches reach that the hand can exert at its contacts follows from a second-order cone
+program, solved by Clarabel (Goulart & Chen 2024, arXiv:2405.12762).
 """
 
 import math
@@ -25,24 +24,24 @@ from grasp3d.quality.tasks import Sum, Task, Wrenches
 from grasp3d.quality.wrenches import check_rtol, span, wrench_axes
 
 FEASIBLE = 1e-7
-"""Largest violation of a row, relative to the largest number of a point, but at least to 1, with
-which that counts as feasible."""
+"""Largest violation of a row with which a point counts as feasible, relative to the point's largest
+number, or to 1 if that is larger."""
 
 
 class Solution(NamedTuple):
-    """A feasible point, and a bound that none passes.
+    """A feasible point of a cone program, and a bound of the cost.
 
-    Interior-point answers are approximate: the point is feasible but for `FEASIBLE`, which is
-    checked whatever the solver says of it, and the bound is that of the dual, right to about 1e-8
-    of the numbers of the program. Where the solver gives up there is no bound.
+    Interior-point answers are approximate. The point is feasible to within `FEASIBLE`, which is
+    checked whatever the solver reports. The bound is that of the dual, right to about 1e-8 of the
+    numbers of the program. Where the solver gives up there is no bound.
     """
 
     x: Floats | None
-    """None: no point is known."""
+    """The point; None: none is known."""
     least: float
-    """No feasible point costs less; -inf: not known, inf: there is none."""
+    """No feasible point costs less; -inf: not known; inf: no point is feasible."""
     multipliers: Floats
-    """Of the rows, z with cost + A^T z = 0."""
+    """Multipliers z of the rows, with cost + A^T z = 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +53,9 @@ class ConeProgram:
     bounds: Floats
     """b, shape (m,)."""
     equations: int
-    """Rows whose values are 0."""
+    """Number of rows whose values are 0."""
     inequalities: int
-    """Rows whose values are at least 0; what follows are second-order cones."""
+    """Number of rows whose values are at least 0; the rows after them are second-order cones."""
     cones: tuple[int, ...]
     """Sizes of the second-order cones."""
 
@@ -75,10 +74,10 @@ class ConeProgram:
         )
 
     def solve(self, cost: Floats) -> Solution:
-        """Solve it for a cost (k,)."""
+        """Solve the program for a cost (k,)."""
         self._solver.update(q=cost)
         found = self._solver.solve()
-        x, left = np.array(found.x), np.array(found.s)  # what is left is in the cones
+        x, left = np.array(found.x), np.array(found.s)  # the slack is in the cones
         error = np.abs(self.bounds - self.matrix @ x - left).max()
         feasible = error <= FEASIBLE * max(1.0, np.abs(x).max())
         status = str(found.status)
@@ -100,8 +99,8 @@ def _settings() -> Any:
 
 
 STRUCTURE = 1e3
-"""Largest length of a contact's force [N]: what is held by preload that no motor sets, between the
-palm and rigid links, is limited by what these bear."""
+"""Largest length of a contact's force [N]. It limits what preload between the palm and rigid links,
+which no motor sets, can hold."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -129,13 +128,13 @@ class HandGrasp:
         """Check the shapes.
 
         Args:
-            contacts: Of one grasp, hard points.
-            jacobian: Of shape (n, 3, p).
-            actuation: Of the p joints.
-            most_force: What link and object bear [N], above 0.
+            contacts: Hard contacts of one grasp.
+            jacobian: As the field, shape (n, 3, p).
+            actuation: Actuation of the p joints.
+            most_force: Largest force that link and object bear [N], above 0.
 
         Raises:
-            ContactError: Several grasps, soft contacts, or shapes that do not match.
+            ContactError: There are several grasps or soft contacts, or shapes do not match.
         """
         if contacts.batch or contacts.torsion_radius.any() or contacts.groups is not None:
             raise ContactError(
@@ -175,7 +174,7 @@ class HandGrasp:
 
     @cached_property
     def wrenches(self) -> Floats:
-        """Wrenches of unit forces along normals and tangents, torques by the size, (6, 3 n)."""
+        """Wrenches of unit forces along normals and tangents, torques over the size, (6, 3 n)."""
         contacts = self.contacts
         points = contacts.points / self.scale[-1]
         axes = wrench_axes(points, contacts.normals, np.zeros(contacts.count), 1.0)
@@ -183,7 +182,7 @@ class HandGrasp:
 
     @cached_property
     def spanned(self) -> Floats:
-        """Orthonormal rows that span those wrenches, shape (r, 6)."""
+        """Orthonormal rows that span `wrenches`, shape (r, 6)."""
         return span(self.wrenches.T)
 
     @cached_property
@@ -196,7 +195,7 @@ class HandGrasp:
 
 
 OF_FORCE = "the largest contact force"
-"""What limits where no motor does."""
+"""What limits the payload where no motor does."""
 
 
 class Farthest(NamedTuple):
@@ -205,37 +204,38 @@ class Farthest(NamedTuple):
     point: Floats | None
     """Coordinates of a wrench that reaches farthest [N], shape (k,); None: none is known."""
     upper: float
-    """None reaches farther [N]; -inf: there is none, inf: not known."""
+    """No wrench reaches farther [N]; -inf: there is no wrench; inf: not known."""
     shares: Floats
-    """Parts of it that the limits of the motors bear, and that of the contact forces, (k + 1,)."""
+    """Parts of `upper` due to the limits of the motors, and to that of the contact forces,
+    (k + 1,)."""
     work: Floats
-    """Part of the direction that carries the links, as the proof of `upper` has it, for links that
-    weigh as they do with 1 kg, (k,)."""
+    """Part of the direction that carries the links in the proof of `upper`, for links that weigh as
+    much as with an object of 1 kg, (k,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class HandWrenches:
-    """The wrenches of a subspace that balance what a hand can press."""
+    """The wrenches of a subspace that a hand can exert at its contacts."""
 
     grasp: HandGrasp
     basis: Floats
     """Orthonormal rows that span the subspace, torques by `grasp.scale`, within the span of the
     wrenches of the contacts, shape (k, 6)."""
     constant: Floats
-    """Wrench that the contacts exert besides [N], shape (6,)."""
+    """Wrench that the contacts exert in addition [N], shape (6,)."""
     carried: Floats
-    """Torques that the drives exert less [N m], shape (p,)."""
+    """Torques that the drives need not exert [N m], shape (p,)."""
     links: Floats | None = None
     """Torques that hold the links per acceleration, as in `Actuation`, where the wrench is that of
-    the object's weight; None: they do not weigh."""
+    the object's weight; None: the links are weightless."""
     mass: float = np.inf
-    """Mass of the object then [kg]; inf: the links weigh nothing against it."""
+    """Mass of the object in that case [kg]; inf: the weight of the links is negligible."""
 
     __repr__ = short_repr
 
     @cached_property
     def _held(self) -> Floats:
-        """Torques that hold the links, in units of 1, along the basis, for 1 kg, shape (p, k)."""
+        """Scaled torques that hold the links, along the basis, for a 1 kg object, shape (p, k)."""
         grasp = self.grasp
         none = np.zeros((grasp.actuation.joints, 3))
         links = none if self.links is None else self.links
@@ -243,12 +243,12 @@ class HandWrenches:
 
     @property
     def _limited(self) -> Ints:
-        """Motors that have a limit."""
+        """Numbers of the motors that have a limit."""
         return np.flatnonzero(np.isfinite(self.grasp.actuation.limits))
 
     @cached_property
     def program(self) -> ConeProgram:
-        """Unknown are forces along normals and tangents, drives, and coordinates, in units of 1."""
+        """The program; scaled unknowns: forces along normals and tangents, drives, coordinates."""
         grasp, actuation = self.grasp, self.grasp.actuation
         (joints, drives), motors = actuation.columns.shape, len(actuation.limits)
         count, limited = grasp.wrenches.shape[1], self._limited
@@ -286,7 +286,7 @@ class HandWrenches:
         )
 
     def reach(self, direction: Floats) -> Farthest:
-        """How far the wrenches reach along a direction of the subspace, (k,), of length 1."""
+        """How far the wrenches reach along a unit direction of the subspace, (k,)."""
         grasp, program, limited = self.grasp, self.program, self._limited
         first = program.matrix.shape[1] - len(direction)
         x, least, multipliers = program.solve(np.pad(-direction, (first, 0)))
@@ -304,25 +304,25 @@ MOST_PROGRAMS = 600
 """Cone programs after which a search for the worst wrench ends with the bounds reached."""
 
 FLAT = 1e-7
-"""Reach, in the unit of force, that is none, and size of a wrench outside a span that is none."""
+"""Reach, in the unit of force, and relative size of a wrench outside a span, that count as 0."""
 
 NARROW = 1e-6
-"""Half-angle of a cone [rad] up to which it is taken to have this one."""
+"""Smallest half-angle of a cone [rad]; narrower cones are treated as having this one."""
 
 LINE = 5
 """Rank of contacts whose points are on a line."""
 
 MOST_MASSES = 40
-"""Masses that are tried with the weight of the links."""
+"""Most masses that are tried if the links have weight."""
 
 LIGHT = 1e-2
-"""A load with which it is tried whether the links alone are held, relative to the payload."""
+"""Load, relative to the payload, at which it is tested whether the links alone are held."""
 
 OF_LINKS = "the weight of the links"
 OF_LINE = "the turn about the line of the contacts"
 OF_CONTACTS = "what can be pressed at the contacts"
-"""What limits where nothing is held: for the links alone, as points on one line leave the turn
-about it free, and otherwise."""
+"""What limits where nothing is held: the links alone are too heavy, contacts on one line leave the
+turn about it free, or another reason."""
 
 
 @dataclass(frozen=True)
@@ -330,9 +330,9 @@ class HandPayload:
     """The largest load that a hand holds at all normals within the tilts, with bounds."""
 
     lower: float
-    """It surely holds so much: a mass [kg], or a factor of wrenches that have no mass."""
+    """Load that it surely holds: a mass [kg], or a factor of wrenches that have no mass."""
     upper: float
-    """It does not hold more at some of the normals; inf: not known."""
+    """Load beyond which it fails at some of the normals; inf: not known."""
     limit: str
     """What limits it: a motor, or the largest contact force; or why nothing is held."""
 
@@ -342,23 +342,23 @@ def hand_payload(
 ) -> HandPayload:
     """The largest load that the motors of a hand hold at all normals within the tilts.
 
-    They hold smaller loads too, with the weight of the links down to a hundredth of it. The lower
-    bound rests on contact forces that were found, and that keep to all limits but for 1e-7 of the
-    largest of them, the upper one on duals that are about as accurate.
+    They hold smaller loads too; with the weight of the links, down to a hundredth of the payload.
+    The lower bound rests on contact forces that exceed no limit by more than 1e-7 of the largest of
+    them, the upper bound on dual solutions that are about as accurate.
 
-    Where `Actuation.links` is known the weight of the links turns with that of the load: exactly,
-    also in any direction. It is neglected for tasks that have no mass, and for those with a curved
-    border and given wrenches besides.
+    Where `Actuation.links` is known, the weight of the links turns with that of the load. This is
+    exact, also for weight in any direction. The weight of the links is neglected for tasks without
+    a mass, and for tasks with a curved border that also have given wrenches.
 
     Args:
         grasp: Contacts, Jacobian and drives.
-        task: What must be resisted: its own mass does not matter, the payload is one [kg]. Tasks
-            without a mass, and wrenches of shape (6,) or (k, 6), force [N] and torque about the
-            centre of mass [N x unit of the points], are multiplied by a factor instead.
+        task: What must be resisted; its own mass has no effect, the payload is a mass [kg]. For
+            tasks without a mass, and wrenches of shape (6,) or (k, 6), force [N] and torque about
+            the centre of mass [N x unit of the points], the payload is a factor instead.
         tilt: Largest angle a between true and given normals [rad], one value or shape (n,). Where
-            it exceeds the friction angle no force of the contact is safe.
+            it exceeds the friction angle, the contact is not used.
         rtol: For tasks with a curved border: largest difference of the bounds relative to the upper
-            one. Those of wrenches agree to about 1e-7.
+            one. Bounds for wrenches agree to about 1e-7.
 
     Raises:
         SettingError: A setting outside its range.
@@ -398,7 +398,7 @@ def hand_payload(
 
 
 def links_weigh(task: Task | ArrayLike) -> bool:
-    """Whether payloads of a task take the weight of the hand's links, where it is known."""
+    """Whether payloads of a task include the weight of the hand's links, where it is known."""
     growing, fixed = _parts(task)
     if growing.mass is None or fixed is None:
         return growing.mass is not None
@@ -406,7 +406,7 @@ def links_weigh(task: Task | ArrayLike) -> bool:
 
 
 def _parts(task: Task | ArrayLike) -> tuple[Task, Task | None]:
-    """What grows with the mass, for 1 kg, and what does not; all of a task without a mass grows."""
+    """Split a task into what grows with the mass, for 1 kg, and the rest; all if it has no mass."""
     task = task if isinstance(task, Task) else Wrenches(np.asarray(task))
     grows = [term for term in task.scaled_to(1.0).terms() if term.mass is not None]
     others = [term for term in task.terms() if term.mass is None]
@@ -417,17 +417,17 @@ def _parts(task: Task | ArrayLike) -> tuple[Task, Task | None]:
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """The search for the load at which the wrench of a task that is hardest to hold is held."""
+    """The search for the largest load at which the hardest wrench of a task is held."""
 
     grasp: HandGrasp
     growing: Task
     fixed: Task | None
     rtol: float
     links: Floats | None
-    """Torques that hold the links, as `Actuation.links`; None: they do not weigh."""
+    """Torques that hold the links, as `Actuation.links`; None: the links are weightless."""
 
     def payload(self) -> HandPayload:
-        """The payload."""
+        """Compute the payload."""
         parts = [self.growing] if self.fixed is None else [self.growing, self.fixed]
         corners = [one.corners_for(None, 1) for one in parts]
         rows = [
@@ -449,7 +449,7 @@ class _Search:
         return replace(worst, upper=min(one.upper for one in each))
 
     def of_wrench(self, wrench: Floats, fixed: Floats) -> HandPayload:
-        """The largest factor of one wrench that acts on the object besides another one."""
+        """The largest factor of a wrench that is held while a fixed one also acts on the object."""
         grasp, scaled = self.grasp, -wrench / self.grasp.scale
         size, joints = float(np.linalg.norm(scaled)), grasp.actuation.joints
         carried = np.zeros(joints) if self.links is None else -self.links @ wrench[:3]
@@ -458,18 +458,18 @@ class _Search:
         point = 0.0 if found.point is None else float(found.point[0])
         lower = max(self.above_rounding(point) / size, 0.0)
         if lower > 0.0 and (fixed.any() or carried.any()):
-            # What it holds without the load: no load but 0 is a payload otherwise.
+            # Without the load the rest must be held as well; otherwise the payload is 0.
             back = wrenches.reach(-np.ones(1)).point
             lower = lower if back is not None and back[0] <= FLAT * grasp.force else 0.0
         upper = max(self.above_rounding(found.upper) / size, lower)
         return HandPayload(lower, upper, self.limit(found) if lower > 0.0 else OF_CONTACTS)
 
     def above_rounding(self, reach: float) -> float:
-        """A reach, 0 where it is one of rounding."""
+        """A reach, or 0 if it is only rounding."""
         return reach if abs(reach) > FLAT * self.grasp.force else 0.0
 
     def limit(self, found: Farthest) -> str:
-        """What bears most of a reach."""
+        """The limit that contributes most to a reach."""
         names = self.grasp.actuation.names
         largest = int(found.shares.argmax())
         return names[largest] if largest < len(names) else OF_FORCE
@@ -478,13 +478,14 @@ class _Search:
 class _Growth:
     """The search for the payload of a task with a curved border.
 
-    A polytope inside the wrenches of the hand grows where it is nearest to the task, in its ruler:
-    the facets bound the load from below, what the hand reaches beyond them from above.
+    A polytope inside the wrenches of the hand grows where it is nearest to the task, measured by
+    the task. Its facets bound the load from below, and what the hand reaches beyond them bounds it
+    from above.
 
-    The weight of the links does not grow with the load. With links that do, and weigh what they do
-    where it is m, the payload would be some f(m): m is held exactly if m <= f(m). As 1 / f is a
-    convex function of 1 / m, and every proof that wrenches reach no farther bounds it from below by
-    a line, loads that fall from bound to bound end at the payload.
+    The weight of the links does not grow with the load. If it did, and were right at a load of m,
+    the payload would be some f(m); m is held exactly if m <= f(m). 1 / f is a convex function of
+    1 / m, and every proof that wrenches reach no farther bounds it from below by a line. So loads
+    that fall from bound to bound end at the payload.
     """
 
     def __init__(self, search: _Search, basis: Floats) -> None:
@@ -493,12 +494,12 @@ class _Growth:
         self.wrenches = HandWrenches(search.grasp, basis, np.zeros(6), carried, search.links)
         self.programs = 0
         self.least, self.upper, self.limit = 0.0, math.inf, OF_CONTACTS
-        """Loads that may be held, and what limits them."""
+        """Bounds of the loads that may be held, and what limits them."""
         self.most = math.inf
-        """Bound of f from above."""
+        """Upper bound of f."""
 
     def payload(self) -> HandPayload:
-        """The payload."""
+        """Compute the payload."""
         rtol = self.search.rtol
         lower = self.grown(self.wrenches, rtol)
         if self.search.links is not None:
@@ -517,13 +518,13 @@ class _Growth:
         return HandPayload(lower, max(self.upper, lower), limit)
 
     def grown(self, wrenches: HandWrenches, rtol: float, enough: float = math.inf) -> float:
-        """Load up to which the task is inside the polytope, when it has grown until that is known.
+        """Grow the polytope until the load up to which it contains the task is known; return it.
 
         Args:
-            wrenches: What the hand reaches; links weigh what they do with its mass, and grow with
+            wrenches: Wrenches of the hand; the links' weight is right at its mass, and grows with
                 the load.
             rtol: Width of the bounds, relative to them.
-            enough: A load of which it suffices to know whether it is held.
+            enough: A load for which it suffices to know whether it is held.
         """
         self.most, self.programs, lower = math.inf, 0, 0.0
         try:
@@ -542,18 +543,18 @@ class _Growth:
                     break
                 at_origin = (distances <= self.flat) & (growing > 0.0)
                 middle = at_origin.sum() > 1 and bool(self.programs % 2)
-                # Where the origin is a corner still the middle of its facets cuts most of them off.
+                # While the origin is a corner, the mean normal of its facets cuts most of them off.
                 direction = normals[at_origin].mean(axis=0) if middle else normals[nearest]
                 point = self.reach(wrenches, direction / np.linalg.norm(direction))
                 if (normals @ point - distances).max() <= self.flat and not middle:
-                    break  # it is known but for rounding
+                    break  # known but for rounding
                 hull.add_points(point[None])
         except QhullError:  # too thin for its precision: what is known so far holds
             pass
         return lower
 
     def start(self, wrenches: HandWrenches) -> list[Floats]:
-        """Wrenches that span the subspace, where the hand can exert such."""
+        """Wrenches of the hand that span the subspace, if there are such."""
         count = len(wrenches.basis)
         points = [np.zeros(count)]
         while self.programs < 4 * count and self.most > 0.0:
@@ -565,7 +566,7 @@ class _Growth:
         return points
 
     def reach(self, wrenches: HandWrenches, direction: Floats) -> Floats:
-        """The wrench that reaches farthest along a direction; the bounds that follow are kept."""
+        """The wrench that reaches farthest along a direction; also updates the bounds."""
         found, search = wrenches.reach(direction), self.search
         self.programs += 1
         growing, fixed = (float(one[0]) for one in self.extents(direction[None]))
@@ -586,7 +587,7 @@ class _Growth:
         return -(directions @ self.wrenches.basis) / self.search.grasp.scale
 
     def extents(self, directions: Floats) -> tuple[Floats, Floats]:
-        """How far the opposite of both parts of the task reaches along directions (r, k)."""
+        """How far the opposites of both parts of the task reach along directions (r, k)."""
         u, fixed = self.against(directions), self.search.fixed
         constant = np.zeros(len(u)) if fixed is None else fixed.support(u)
         return np.asarray(self.search.growing.support(u)), np.asarray(constant)

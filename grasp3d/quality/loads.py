@@ -1,8 +1,8 @@
 """Loads: what each grasp must hold, with which force, and tasks as texts and files.
 
 A task is a text such as 'weight within 30 of -z + acceleration 5', or a file, 'pushes.csv'. Forces
-are in newtons and torques in newton metres, also in files. Nothing here imports NumPy until a task
-is made, so that the command line checks a text quickly.
+are in newtons and torques in newton metres, also in files. NumPy is imported only when a task is
+made, so the command line checks a text quickly.
 """
 
 import math
@@ -32,13 +32,13 @@ AXES = {
 Row = tuple[float, ...]
 
 MAX_WRENCHES = 200
-"""Most wrenches of a text: the header of a PLY states them."""
+"""Most wrenches of a text, as the header of a PLY file contains them."""
 
 COLUMNS = "fx,fy,fz,tx,ty,tz"
-"""The line of names with which a file of wrenches may begin."""
+"""The optional header line of a file of wrenches."""
 
 LARGEST_FILE = 2**20
-"""Bytes of the largest file of wrenches."""
+"""Largest size of a file of wrenches [bytes]."""
 
 
 class _Part(NamedTuple):
@@ -102,13 +102,12 @@ _FORMS: tuple[tuple[str, str, Callable[..., _Part]], ...] = (
     ("wrench FX,FY,FZ,TX,TY,TZ", r"wrench\s+(.+)", _wrench),
     ("FILE.csv", r"(?i:(.+\.csv))", _wrench_file),
 )
-"""What a part of a text may be: for messages, as a pattern, and what makes the part of its groups.
-"""
+"""Forms of a part of a text: for messages, as a pattern, and the function that makes the part."""
 
 
 @dataclass(frozen=True, repr=False)
 class TaskText:
-    r"""The text of a task with the wrenches of its files, checked.
+    r"""The checked text of a task, with the wrenches of its files.
 
     Example:
         >>> from pathlib import Path
@@ -128,7 +127,7 @@ class TaskText:
         """Parse a text, see `parse_task`, and read its files.
 
         Raises:
-            SettingError: It is no task, or a file is missing or damaged.
+            SettingError: It is not a task, or a file is missing or damaged.
         """
         parts = tuple(_parse(part.strip()) for part in re.split(r"\s\+\s", text.strip()))
         count = sum(len(part.rows) for part in parts if part.kind == "wrench")
@@ -142,7 +141,7 @@ class TaskText:
         return self.text
 
     def __repr__(self) -> str:
-        """The text that settings take for it."""
+        """The text form, as in settings."""
         return repr(self.text)
 
     @property
@@ -152,7 +151,7 @@ class TaskText:
 
     @property
     def has_torques(self) -> bool:
-        """Whether it states torques, so that the contacts' points must be in metres."""
+        """Whether it states torques, for which the contact points must be in metres."""
         return any(any(row[3:]) for part in self.parts for row in part.rows)
 
     def task(self, *, mass: float = 1.0) -> "Task":
@@ -190,7 +189,7 @@ def parse_task(text: str, *, mass: float = 1.0) -> "Task":
         mass: Mass of the object [kg].
 
     Raises:
-        SettingError: It is no task, or a file is missing or damaged.
+        SettingError: It is not a task, or a file is missing or damaged.
 
     Example:
         An object of 0.5 kg that is pushed with 5 N:
@@ -216,7 +215,7 @@ def _parse(text: str) -> _Part:
 
 
 def _numbers(words: str, count: int = 6, what: str = "force [N] and torque [N m] as") -> Row:
-    """So many finite numbers with commas between them."""
+    """Parse `count` finite numbers separated by commas. Raises SettingError."""
     try:
         numbers = tuple(map(float, words.split(",")))
     except ValueError:
@@ -234,13 +233,13 @@ class Load(Settings):
     Quantities are numbers in SI units, or texts with a unit: '500 g', '40N', '7.85 g/cm^3'.
 
     Attributes:
-        mass: Mass of the object [kg], or with a unit: 0.5kg, 500g, 1.1lb. none: it follows from the
-            density; without a density either, forces are for 1 kg.
+        mass: Mass of the object [kg], or with a unit: 0.5kg, 500g, 1.1lb. none: computed from the
+            density; without either, forces are for 1 kg.
         density: Density of the object [kg/m^3], or with a unit: 7.85g/cm^3.
-        grip_force: Force at hand of each finger, normal to the surface [N], or with a unit: 40N.
-            none: the greatest force of the gripper, if any states one.
+        grip_force: Available force of each finger, normal to the surface [N], or with a unit: 40N.
+            none: the greatest force of the gripper, if it states one.
         torque_limits: Hands with joints: greatest torque of the motor of every joint [N m], or with
-            a unit: 0.7Nm. none: those that its description states.
+            a unit: 0.7Nm. none: those that the hand's description states.
         task: What the grasp must resist: weight; 'weight within 30 of -z' (gravity at most 30
             degrees from an axis, or from three numbers); 'acceleration 5' [m/s^2]; 'wrench
             0,0,-5,0,0,0.1' (force [N], torque about the centre of mass [N m]); a file of wrenches
@@ -273,7 +272,7 @@ class Load(Settings):
 
     @property
     def chosen(self) -> "Load | None":
-        """The load as the options of the command line choose it; None: all have their defaults."""
+        """The load as the options of the command line state it; None if all have their defaults."""
         values = {one.name: getattr(self, one.name) for one in fields(self)}
         defaults = {one.name: one.default for one in fields(self)}
         return None if values == defaults else Load(**values)
@@ -288,14 +287,15 @@ class Load(Settings):
 
 
 GivenLoad: TypeAlias = Load | Mapping[str, Any] | str | float | None
-"""A load as functions take it: also a dict of its fields, or its mass, '0.5kg' or 0.5 [kg]."""
+"""A load as functions accept it: a `Load`, its fields as a dict, or its mass, '0.5kg' or 0.5
+[kg]."""
 
 
 def load_settings(load: Load | None) -> dict[str, str | float | None]:
     """A load as settings of one line each, as `load_from` reads them.
 
     Args:
-        load: The load; None: there is none, and all values are none.
+        load: The load; None: all values are None.
 
     Example:
         >>> import grasp3d
@@ -318,9 +318,9 @@ def load_from(values: Mapping[str, str]) -> Load | None:
         values: As `load_settings` returns them, as texts; others are ignored.
 
     Returns:
-        None: there is none.
+        The load; None: the settings contain none.
 
     Raises:
-        SettingError: It is damaged.
+        SettingError: The settings are damaged.
     """
     return None if values.get("task", "None") == "None" else settings_of_texts(Load, values)

@@ -29,10 +29,10 @@ LEAST_RANK = 5
 """Rank of hard fingers on a line; below it contacts coincide, or have no friction."""
 
 SAME_POINT = 1e-12
-"""Size of a grasp, relative to its distance from the centre of mass, that is rounding alone."""
+"""Size of a grasp, relative to its distance from the centre of mass, up to which it is rounding."""
 
 BESIDE_ORIGIN = 1e-9
-"""Part of the vector of ones outside the wrenches' column space from which weights exist."""
+"""Part of the vector of ones outside the wrenches' column space beyond which weights exist."""
 
 
 def metrics(
@@ -52,11 +52,11 @@ def metrics(
         names: 'all', names of measures in a list, or separated by commas in one text.
         torque_scale: Length that torques are divided by [m]; with
             `ObjectMesh.torque_scale` nothing depends on the unit.
-        edges: Edges of the polygonal friction cones; about the normal they lie as those of
+        edges: Edges of the polygonal friction cones; their angles about the normal are those of
             `epsilon`.
 
     Returns:
-        Values by name, of the batch's shape each; nan where a measure is undefined.
+        Values by name, each of the batch's shape; nan where a measure is undefined.
 
     Raises:
         SettingError: An unknown name, or a setting outside its range.
@@ -174,8 +174,8 @@ def _wrench_space_volume(contacts: Contacts, torque_scale: float, edges: int) ->
 
 def _hull_volume(rows: Floats, rank: int) -> float:
     """Volume in the span of wrenches (k, 6); nan if Qhull finds them too flat."""
-    # In coordinates in which the hull extends alike in all directions: Qhull's tolerances are
-    # those of its longest.
+    # The hull extends equally in all directions of these coordinates: Qhull's tolerances follow its
+    # longest extent.
     left, sizes, _ = np.linalg.svd(rows, full_matrices=False)
     try:
         hull = ConvexHull(left[:, :rank])
@@ -185,19 +185,19 @@ def _hull_volume(rows: Floats, rank: int) -> float:
 
 
 def _coordinates(contacts: Contacts, edges: int) -> tuple[Floats, Floats, Bools]:
-    """Primitive wrenches about the mean as of `_span`, and which are no mere copies (b, k)."""
+    """Primitive wrenches about the mean, as from `_span`, and which are not copies (b, k)."""
     rows = wrenches(_about_mean(contacts), edges=edges)
     used = np.ones((*contacts.friction.shape, rows.shape[1] // contacts.count), dtype=bool)
-    used[..., edges:] = (contacts.torsion_radius > 0.0)[..., None]  # there are none if all are hard
+    used[..., edges:] = (contacts.torsion_radius > 0.0)[..., None]  # none if all are hard
     mask = used.reshape(rows.shape[:2])
     return *_span(np.where(mask[..., None], rows, 0.0)), mask
 
 
 def _min_weight(contacts: Contacts, _: float, edges: int) -> Floats:
-    """Largest smallest weight of a combination of the primitive wrenches that is 0, weights sum 1.
+    """Largest minimum weight with which the primitive wrenches add up to 0; the weights sum to 1.
 
-    With equal weights, 1 / k each of k, the combination is their mean m. If -m is in F times the
-    hull about m, weights that combine to 0 are at least (1 - F) / k.
+    With equal weights 1 / k, the k wrenches add up to their mean m. If -m is in F times the hull
+    about m, there are weights of at least (1 - F) / k with which they add up to 0.
     """
     coordinates, sizes, used = _coordinates(contacts, edges)
     ones, counts = used.astype(np.float64), used.sum(axis=1)
@@ -227,4 +227,4 @@ _MEASURES: Mapping[str, Callable[[Contacts, float, int], Floats]] = {
     "smallest_singular_value": lambda contacts, scale, _: _singular_values(contacts, scale)[0],
     "min_weight": _min_weight,
 }
-"""Known measures by name, of a flat batch, the torque scale and the edges of the cones."""
+"""Known measures by name: functions of a flat batch, the torque scale and the cones' edges."""

@@ -2,8 +2,8 @@
 
 A task is a convex set of wrenches, given by its support function: how far it reaches in a
 direction. A wrench is (force [N], torque about the centre of mass [N m]), as it acts on the object;
-where contacts are not in metres, torques are in newtons times their unit. Sums of tasks act
-together: any wrench of the first with any of the second.
+where contacts are not in metres, torques are in newtons times their unit. The tasks of a sum act
+together: any wrench of the first with any wrench of the second.
 """
 
 import math
@@ -63,17 +63,17 @@ class Task(ABC):
         return np.asarray(sum(term.farthest(directions) for term in self.terms()))
 
     def scaled_to(self, mass: float) -> "Task":
-        """The task for another mass [kg]: weights and accelerations change, given wrenches not."""
+        """The task for another mass [kg]: weights and accelerations change, wrenches do not."""
         return Sum(tuple(term.scaled_to(mass) for term in self.terms()))
 
     @property
     def mass(self) -> float | None:
-        """The largest mass that it is for [kg]; None where it has none, as given wrenches."""
+        """The largest mass of its terms [kg]; None if none has a mass (given wrenches)."""
         return max((term.mass for term in self.terms() if term.mass is not None), default=None)
 
     @property
     def in_all_directions(self) -> bool:
-        """Whether it has a force in every direction, as weight has."""
+        """Whether it has a force in every direction, like weight in any direction."""
         rows = self.arrays().rows
         return bool(((rows[:, 0] == kernels.ANY_DIRECTION) & (rows[:, kernels.SIZE] > 0.0)).any())
 
@@ -88,9 +88,9 @@ class Task(ABC):
         return np.asarray(sum(parts))
 
     def corners_for(self, masses: Floats | None, size: int) -> Floats | None:
-        """The wrenches whose convex hull it is, for masses (b,), shape (b, k, 6).
+        """The wrenches whose convex hull is the task, for masses (b,), shape (b, k, 6).
 
-        None where it has a curved border, or too many corners.
+        None if it has a curved border, or too many corners.
         """
         task = self if masses is None else self.scaled_to(1.0)
         factors = np.ones(size) if masses is None else masses
@@ -132,7 +132,7 @@ class Term(Task):
         """Its numbers (TERM,), and its wrenches (p, 6), for the compiled kernels."""
 
     def corners(self) -> Floats | None:
-        """The wrenches whose convex hull it is (k, 6); None: its border is curved."""
+        """The wrenches whose convex hull is the task (k, 6); None if its border is curved."""
         return None
 
     def terms(self) -> tuple["Term", ...]:
@@ -321,7 +321,7 @@ class Wrenches(Term):
 
 @dataclass(frozen=True)
 class Sum(Task):
-    """Tasks that act together, as `+` makes it."""
+    """Tasks that act together, as made by `+`."""
 
     parts: tuple[Term, ...]
 
@@ -338,7 +338,7 @@ def _directions(directions: ArrayLike) -> Floats:
 
 
 def _unit(vectors: Floats) -> Floats:
-    """Vectors of length 1; any where there is no direction."""
+    """Vectors scaled to length 1; an arbitrary one where there is no direction."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     first = np.zeros(vectors.shape[-1])
     first[0] = 1.0

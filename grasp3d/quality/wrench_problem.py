@@ -34,7 +34,7 @@ INITIAL_FACETS = (1 << 11) + 8
 """Capacity of a thread's first polytope, in facets; see `Polytope` on the 8."""
 
 THREAD_CONTACTS = 512
-"""Contacts of grasps that are worth another thread."""
+"""Contacts in a batch that are worth another thread."""
 
 MAX_FACETS = (1 << 18) + 8
 """Largest capacity of a polytope; a hull with more facets is not grown further."""
@@ -74,8 +74,8 @@ class WrenchProblem:
     cones: Floats
     """Normal and tangential component of a force on the rim of the cones (b, n, 2)."""
     edge_forces: Floats | None = None
-    """Of polygonal cones, whose wrenches are the rows: forces along the edges, as components along
-    the contacts' axes (b, n, m, 4)."""
+    """Polygonal cones, whose wrenches are the rows: forces along the edges, as components along the
+    contacts' axes (b, n, m, 4)."""
     group: int = 1
     """As in `WrenchSpace`."""
     spherical: bool = True
@@ -130,7 +130,7 @@ class WrenchProblem:
 
         cones = cone_parts(angles, bounded)
         if options.edges is not None:
-            # Without a width the edges do not span what friction does.
+            # The edges of cones without a width do not span what friction does.
             none = (contacts.friction_angle == 0.0) & (offset >= 0.0)
             sure = ((angles > 0.0) | none).all(axis=-1).reshape(-1)
             parts = cones.reshape(*torsion.shape, 2)
@@ -240,7 +240,7 @@ class WrenchProblem:
         return plain and self.count == 2 and goal[0] > 0.0 and goal[2] == math.inf
 
     def balanced_forces(self, closed: Bools) -> Floats:
-        """Equilibrium forces of the grasps that were found to be closed, in the contacts' axes.
+        """Equilibrium forces of the closed grasps, along the contacts' axes.
 
         Their lengths, or the weights of given wrenches, add up to 1.
 
@@ -262,7 +262,7 @@ class WrenchProblem:
         return np.asarray(forces / lengths.sum(axis=1)[:, None, None])
 
     def solve_pairs(self, results: Results, goal: Goal) -> Bools:
-        """Write the results of pairs; returns which are left to the growing hull (b,)."""
+        """Write the results of pairs; return which are left to the growing hull (b,)."""
         left = np.zeros(self.size, dtype=np.bool_)
 
         def evaluate(chunk: slice, _: Workspace) -> None:
@@ -275,10 +275,10 @@ class WrenchProblem:
         return left
 
     def narrow(self, bracket: Bracket) -> None:
-        """Narrow intervals of critical angles, of problems of `at_any_angle`.
+        """Narrow intervals of critical angles, for problems made by `at_any_angle`.
 
         Args:
-            bracket: An interval of each grasp; written.
+            bracket: An interval for each grasp; overwritten.
         """
         self.grow_hulls(self.unwritten(Results), SIGN, bracket=bracket)
 
@@ -300,12 +300,12 @@ class WrenchProblem:
 
             self.with_polytope(len(wrenches), run)
 
-        # Two hard fingers have no torque about their line: loops for rank 6 alone are of no use.
+        # Two hard fingers have no torque about their line: loops for rank 6 alone do not apply.
         thin = self.kind != ROWS and self.count == 2 and not self.soft
         self.in_chunks(evaluate)
 
     def unwritten(self, kind: type[ArraysT], *, with_forces: bool = False) -> ArraysT:
-        """Results of a kind for every grasp, which the kernels write."""
+        """Arrays for the results of every grasp, which the kernels write."""
         arrays: dict[str, np.ndarray[Any, Any]] = {
             "rank": np.zeros(self.size, dtype=np.int64),
             "status": np.zeros(self.size, dtype=np.uint8),
@@ -321,10 +321,7 @@ class WrenchProblem:
     def with_polytope(
         self, size: int, run: Callable[[int, Polytope], int], *, small: bool = False
     ) -> None:
-        """Call `run(first grasp, polytope)`, again with a larger polytope where it stops early.
-
-        `small`: never with a larger one.
-        """
+        """Call `run(first grasp, polytope)`, and with a larger one if it stops, unless `small`."""
         first = 0
         while first < size:
             polytope = make_polytope(INITIAL_FACETS) if small else _polytope(INITIAL_FACETS)

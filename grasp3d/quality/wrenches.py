@@ -1,4 +1,4 @@
-"""Wrenches of contacts, their span, and the options of hulls of them.
+"""Wrenches of contacts, their span, and the options of their hulls.
 
 A wrench is (f, (p x f) / rho): force and torque about the centre of mass, the torque divided by the
 torque scale rho, so that both are weighted alike and nothing depends on the mesh's unit.
@@ -27,8 +27,8 @@ MAX_FRICTION = 1e6
 """Friction from which unit normal components are lost to rounding among the tangential ones."""
 
 Goal = tuple[float, float, float]
-"""When a hull need not be grown further: relative tolerance of the bounds, absolute one and cutoff
-relative to the largest wrench; see `_kernels.hull.growing_hull.grow`."""
+"""When a hull need not be grown further: relative tolerance of the bounds; absolute tolerance and
+cutoff, relative to the largest wrench; see `_kernels.hull.growing_hull.grow`."""
 
 UNDECIDED_WITHIN = 1e-8
 """Width, relative to the largest wrench, of an interval about 0 that is left undecided."""
@@ -52,8 +52,7 @@ def wrench_axes(
     """Wrenches of unit forces along each contact's normal and tangents, and of its moment.
 
     Every wrench of a contact is a linear combination of its axes. The tangents are those of
-    `friction_cones.tangents`; the fourth axis is the torsional moment that a unit normal force
-    allows.
+    `contacts.tangents`; the fourth axis is the torsional moment that a unit normal force allows.
 
     Args:
         points: Relative to the centre of mass [m], shape (..., 3).
@@ -77,7 +76,7 @@ def wrench_axes(
 
 
 def read_only(values: Floats, shape: tuple[int, ...]) -> Floats:
-    """View of contiguous values that is always read-only: a kernel is compiled for one kind."""
+    """Read-only view of contiguous values, so that a kernel is compiled for one kind only."""
     view = np.ascontiguousarray(values, dtype=np.float64).reshape(shape)
     view.flags.writeable = False
     return view
@@ -124,16 +123,16 @@ def wrenches(
         contacts: The contacts.
         edges: Number of edges of each cone, at least 3.
         torque_scale: rho [m].
-        phase: Angle of the first edge about the normal, from the first of
-            `friction_cones.tangents` [rad].
+        phase: Angle of the first edge about the normal, from the first of `contacts.tangents`
+            [rad].
         bounded: 'force': edges of length 1; 'normal': of normal component 1, as in some
             packages.
 
     Returns:
-        Rows (..., n * m, 6), contact by contact: m = `edges`; where any finger is soft two more,
-        the normal force with its torsional moment in either sense (for hard fingers the first
-        edge, twice). Their hull is a double pyramid, inscribed in the elliptic limit surface of
-        circular cones.
+        Rows (..., n * m, 6), contact by contact: m = `edges`, or two more if any finger is soft:
+        the normal force with its torsional moment in either sense (for hard fingers the first edge,
+        twice). Their hull is a double pyramid, inscribed in the elliptic limit surface of circular
+        cones.
 
     Raises:
         SettingError: A setting outside its range.
@@ -206,7 +205,7 @@ class EpsilonOptions:
     Attributes:
         edges: Edges of polygonal friction cones; None: circular cones.
         actuation: 'total': the sum of all forces is at most 1 (the hull of the contacts' wrenches);
-            'per_finger': each finger's force is (the Minkowski sum).
+            'per_finger': each finger's force is at most 1 (the Minkowski sum).
         torque_scale: Length that torques are divided by [m]; `ObjectMesh.torque_scale`
             makes epsilon independent of the unit.
         rtol: Circular cones: largest difference of the bounds, as a fraction of the upper one.
@@ -239,7 +238,7 @@ class EpsilonOptions:
 
     @property
     def polygonal(self) -> bool:
-        """Whether cones are polygons, so that epsilon has an exact value."""
+        """Whether cones are polygons, for which epsilon has an exact value."""
         return self.edges is not None
 
     @property

@@ -1,8 +1,8 @@
 """Settings of the Python API, the command line and batch runs, as frozen dataclasses.
 
-Docstrings of fields are the command line's help. Angles are radians here; the command line reads
-and prints the fields of type `Radians` in degrees. Fields of type `Length` hold metres, and take
-texts with a unit, such as '80mm'.
+The docstrings of fields are the helps of the command line. Angles are in radians here; the command
+line reads and prints fields of type `Radians` in degrees. Fields of type `Length` hold metres, and
+take texts with a unit, such as '80mm'.
 """
 
 from grasp3d.settings.checks import check_choice as check_choice

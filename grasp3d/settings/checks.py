@@ -1,4 +1,4 @@
-"""Checks of single values of settings."""
+"""Checks of single setting values."""
 
 import math
 from numbers import Integral, Real
@@ -19,7 +19,7 @@ def check_choice(what: str, value: object, choices: object) -> None:
         choices: A `Literal` of the choices.
 
     Raises:
-        SettingError: The value is none of the choices.
+        SettingError: The value is not one of the choices.
     """
     names = get_args(choices)
     if value not in names:
@@ -33,10 +33,10 @@ def whole_number(name: str, value: object, minimum: int) -> int:
     Args:
         name: Name of the setting, for the error message.
         value: The number.
-        minimum: Smallest number that is accepted.
+        minimum: Smallest accepted number.
 
     Raises:
-        SettingError: The value is no whole number, or is smaller.
+        SettingError: The value is not a whole number, or is smaller than the minimum.
     """
     if not isinstance(value, Integral) or isinstance(value, bool) or int(value) < minimum:
         raise SettingError(f"{name} must be a whole number of at least {minimum}; got {value!r}")
@@ -53,19 +53,19 @@ def check_range(
     degrees: bool = False,
     unit: str = "",
 ) -> None:
-    """Refuse a number that is outside a range, or not whole where the limits are.
+    """Refuse a number that is outside a range, or that is not whole where the limits are whole.
 
     Args:
         name: Name of the setting, for the error message.
         value: The number.
         least: Lower end of the range.
         most: Upper end of the range.
-        ends: Ends that belong to it, in the notation of intervals.
-        degrees: The number and the ends are angles [rad]; the message has degrees.
-        unit: Unit, for the message.
+        ends: Ends that belong to the range, in the notation of intervals.
+        degrees: The number and the ends are angles [rad]; the message states degrees.
+        unit: Unit for the message.
 
     Raises:
-        SettingError: It is outside, or no number.
+        SettingError: The value is outside the range, or is not a number.
 
     Example:
         >>> from grasp3d.settings.checks import check_range
@@ -102,7 +102,7 @@ def check_length(name: str, length: float, *, above: bool = False) -> None:
         above: Whether 0 is refused as well.
 
     Raises:
-        SettingError: It is no such length.
+        SettingError: The length is negative or not finite, or is 0 and `above` is set.
     """
     if not 0.0 <= length < math.inf or (above and not length):
         least = "above 0" if above else "of at least 0"

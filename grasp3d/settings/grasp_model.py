@@ -1,6 +1,6 @@
-"""The grasp model: friction, sensor resolution, fingers, and what is uncertain of contacts.
+"""The grasp model: friction, sensor resolution, fingers, and uncertainty of the contacts.
 
-Friction is a coefficient, or the interval in which it lies. A model is also put into words here.
+Friction is a coefficient, or the interval in which it lies. Functions also put a model into words.
 """
 
 import math
@@ -14,20 +14,20 @@ from grasp3d.settings.parsing import ParsedField
 from grasp3d.settings.units import DEGREE, Length, LengthSettings, Radians, small_length
 
 LARGEST_TYPED = 10.0
-"""Largest coefficient in a text, in which one of 50 is rather a percentage than meant."""
+"""Largest coefficient in a text; a larger one, such as 50, is probably a percentage."""
 
 _BETWEEN = ".."
-"""Between the ends of an interval in a text."""
+"""Separator of the ends of an interval in a text."""
 
 
 def friction_interval(value: object) -> tuple[float, float]:
-    """Smallest and largest coefficient of friction.
+    """Return the smallest and the largest coefficient of friction.
 
     Args:
         value: A number, two of them, or a text: '0.5' or '0.4..0.6'.
 
     Raises:
-        SettingError: They are not finite numbers above 0 in increasing order.
+        SettingError: The numbers are not finite, above 0 and in increasing order.
 
     Example:
         >>> from grasp3d.settings.grasp_model import friction_interval
@@ -58,9 +58,9 @@ def friction_interval(value: object) -> tuple[float, float]:
 
 
 class Friction(ParsedField[float | tuple[float, float], float | tuple[float, float] | str]):
-    """A field of settings that holds a coefficient of friction, or an interval of it.
+    """A field of settings that holds a coefficient of friction, or an interval.
 
-    It takes a number, or two of them, the smallest first, or a text: '0.5' or '0.4..0.6'.
+    It takes one number, two numbers, the smaller first, or a text: '0.5' or '0.4..0.6'.
     """
 
     def parse(self, _name: str, value: Any) -> Any:
@@ -77,7 +77,7 @@ Method = Literal["exact", "extremes"]
 Tilts = Literal["exact", "sampled_tilts", "bound"]
 MAX_FINGERS = 32
 MAX_SEARCHED_FINGERS = 5
-"""Most fingers of a grasp that is searched for; given grasps have at most `MAX_FINGERS`."""
+"""Largest number of fingers in a search; given grasps have at most `MAX_FINGERS`."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class GraspModel(LengthSettings):
 
     Attributes:
         friction: Coulomb friction of fingertip and object: its coefficient, above 0, or the
-            interval in which it lies, 0.4..0.6: S is decided by the smallest, U by the largest.
+            interval in which it lies, 0.4..0.6; its smallest value decides S, its largest U.
         sensor_resolution: Resolution alpha of the fingertips' sensors: the angle between the two
             extreme normals that the fingertip cannot distinguish, from 0 to below 180 degrees.
             Further errors of the normals, such as those of joint encoders, count twice:
@@ -101,8 +101,8 @@ class GraspModel(LengthSettings):
             length; 2/3 x friction x r for an evenly pressed disc of radius r. 0: hard fingers. It
             affects epsilon, and under a load grip force, payload and the label with force, but no
             other labels.
-        location_error: Largest distance between the true and the perceived contact point, a length:
-            the true one may be anywhere on the connected surface within it, and has the normal
+        location_error: Largest distance between the true and the perceived contact point, a length.
+            The true point may be anywhere on the connected surface within it, and has the normal
             there. Labels are safe: every S and U is correct.
 
     Example:
@@ -135,14 +135,14 @@ class GraspModel(LengthSettings):
 
     @property
     def friction_interval(self) -> tuple[float, float]:
-        """Smallest and largest friction."""
+        """Smallest and largest coefficient of friction."""
         return friction_interval(self.friction)
 
     @property
     def nominal_friction(self) -> float:
-        """Friction, the middle of its interval where it is one."""
+        """Coefficient of friction; the middle of its interval if there is one."""
         smallest, largest = self.friction_interval
-        # To 15 digits, so that the middle of 0.4..0.6 is 0.5.
+        # Rounded to 15 digits, so that the middle of 0.4..0.6 is 0.5.
         return smallest if smallest == largest else float(f"{0.5 * (smallest + largest):.15g}")
 
     @property
@@ -159,16 +159,16 @@ class GraspModel(LengthSettings):
     def sure_angle(self) -> float:
         """Angle beta - alpha/2 [rad]: a grasp is S where its critical friction angle is smaller.
 
-        Wan & Howe 2018, Sec. III-A: the friction that remains whatever the tilt, here at the
-        smallest friction. Negative where tilts exceed friction.
+        Wan & Howe 2018, Sec. III-A: the friction that remains whatever the tilt, here for the
+        smallest friction. It is negative where the tilt exceeds the friction angle.
         """
         return math.atan(self.friction_interval[0]) - self.tilt
 
     @property
     def possible_angle(self) -> float:
-        """Angle beta + alpha/2 [rad]: the friction angle that the best tilt is equivalent to.
+        """Angle beta + alpha/2 [rad]: the friction angle that is equivalent to the best tilt.
 
-        At the largest friction.
+        It is that of the largest friction.
         """
         return math.atan(self.friction_interval[1]) + self.tilt
 
@@ -176,18 +176,18 @@ class GraspModel(LengthSettings):
     def unstable_from(self) -> float:
         """Critical friction angle from which a grasp is U [rad]: beta + alpha/2.
 
-        inf for three fingers and more where that reaches 90 degrees: such wide cones are not
-        convex, and some tilts may be force-closed whatever the critical angle is.
+        inf for three or more fingers where this reaches 90 degrees: such wide cones are not convex,
+        and some tilts may be force-closed whatever the critical angle is.
         """
         widest = self.possible_angle
         return math.inf if self.fingers > 2 and widest >= math.pi / 2.0 else widest
 
     @property
     def tilts(self) -> Tilts:
-        """How epsilon's minimum over all tilts is computed; see `quality.epsilon_range`.
+        """Method by which the minimum of epsilon over all tilts is found; see `epsilon_range`.
 
-        Method extremes samples it, and the maximum, at the combinations that it tests. Of soft
-        fingers it is a lower bound, in the model of points at which they press.
+        Method extremes samples the minimum, and the maximum, at the combinations that it tests. For
+        soft fingers the minimum is a lower bound, in a model of the points at which they press.
         """
         if self.method == "extremes":
             return "sampled_tilts"
@@ -203,19 +203,19 @@ class GraspModel(LengthSettings):
 
     @property
     def soft(self) -> bool:
-        """Whether the fingers are soft: they have a torsion radius."""
+        """Whether the fingers are soft, that is, have a torsion radius."""
         return self.torsion_radius != 0.0
 
 
 GivenModel: TypeAlias = GraspModel | Mapping[str, Any] | None
-"""A model as functions take it: also a dict of its fields."""
+"""A model as functions take it; a dict of its fields is accepted, too."""
 
 
 def with_fingers(model: GraspModel, count: int) -> GraspModel:
-    """The model for given grasps, whose number of fingers is known.
+    """Return a model for given grasps, whose number of fingers is known.
 
     Raises:
-        SettingError: The model has another number of fingers, which is not the default either.
+        SettingError: The model has another number of fingers, and not the default.
     """
     if model.fingers not in {GraspModel().fingers, count}:
         raise SettingError(
@@ -226,7 +226,7 @@ def with_fingers(model: GraspModel, count: int) -> GraspModel:
 
 
 SAFE_LABELS = "every S and U is correct, an M may be one of them"
-"""What labels with a location error mean."""
+"""Meaning of labels with a location error."""
 
 EPSILON_MIN = "ε_min"
 """Name of the minimum of epsilon."""
@@ -236,11 +236,11 @@ MINIMUM: dict[Tilts, str] = {
     "sampled_tilts": "smallest over sampled tilts",
     "bound": "lower bound over all tilts",
 }
-"""What the minimum of epsilon is, by how it is computed, where epsilon is named before."""
+"""Meaning of the minimum of epsilon, by kind of computation, in texts that have named epsilon."""
 
 
 def epsilon_min_text(model: GraspModel) -> str:
-    """Name and meaning of the minimum of epsilon, for a legend.
+    """Return name and meaning of the minimum of epsilon, for a legend.
 
     Args:
         model: Model of the labels.
@@ -255,7 +255,7 @@ def epsilon_min_text(model: GraspModel) -> str:
 
 
 def friction_text(model: GraspModel) -> str:
-    """Friction as text: '0.5', or '0.4 to 0.6' for an interval.
+    """Return the friction as text: '0.5', or '0.4 to 0.6' for an interval.
 
     Args:
         model: The model.
@@ -270,7 +270,7 @@ def friction_text(model: GraspModel) -> str:
 
 
 def location_texts(model: GraspModel, *, metres: bool = True) -> list[str]:
-    """The error of contact locations as a text, none where there is no such error.
+    """Return a text on the location error; the list is empty if there is no such error.
 
     Args:
         model: The model.
@@ -287,7 +287,7 @@ def location_texts(model: GraspModel, *, metres: bool = True) -> list[str]:
 
 
 def model_line(model: GraspModel, *, metres: bool = True) -> str:
-    """Friction, resolution and location error in one line.
+    """Return friction, resolution and location error in one line.
 
     Args:
         model: The model.

@@ -1,6 +1,6 @@
-"""How a mesh is read and prepared, and the part of its surface where contacts may be.
+"""Options to read and prepare a mesh, and the part of its surface where contacts may be.
 
-That part is a box, or a painted mask.
+This part is a box or a painted mask.
 """
 
 import math
@@ -23,15 +23,15 @@ from grasp3d.settings.units import (
 )
 
 FORMS = "box:X0,Y0,Z0,X1,Y1,Z1, or a PLY painted at its vertices (mask.ply, or mask.ply:PROPERTY)"
-"""How a part is written, for messages."""
+"""Accepted texts for a part, for messages."""
 
 
 @dataclass(frozen=True)
 class Box(LengthSettings):
-    """A box along the axes of the mesh's frame."""
+    """A box aligned with the axes of the mesh's frame."""
 
     corners: Lengths = Lengths(6)
-    """Its lowest corner, and its highest one: six lengths."""
+    """The lowest and the highest corner: six lengths."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -50,11 +50,11 @@ class Box(LengthSettings):
 
 @dataclass(frozen=True)
 class Mask:
-    """A PLY of the object, or of part of it, whose painted vertices are the part."""
+    """A PLY of the object, or of part of it, with the part painted on its vertices."""
 
     path: Path
     painted: str = ""
-    """Scalar property of its vertices, above 0.5 where they are painted; empty: their colour, which
+    """Scalar property of the vertices, above 0.5 where they are painted; empty: their colour, which
     is then not white, grey or black."""
 
     def __str__(self) -> str:
@@ -65,10 +65,10 @@ Part: TypeAlias = Box | Mask
 
 
 class Region(ParsedField[Part | None, Part | str | None]):
-    """A field of settings that holds a part of a surface, or none, which is all of it.
+    """A field of settings that holds a part of a surface, or None for the whole surface.
 
-    It takes a text: `box:` and the lowest and the highest corner, lengths as those of `Length`, or
-    the name of a PLY with painted vertices.
+    It takes a text: `box:` with the lowest and the highest corner, lengths as for `Length`, or the
+    name of a PLY with painted vertices.
     """
 
     def __init__(self) -> None:
@@ -96,7 +96,7 @@ MIN_MEMORY = 0.5
 
 @dataclass(frozen=True)
 class MeshOptions(LengthSettings):
-    """How a mesh file is read and prepared.
+    """Options to read and prepare a mesh file.
 
     A length is in metres, or has a unit: '3mm', '0.3cm', '0.1in'; see `Length`.
 
@@ -108,8 +108,8 @@ class MeshOptions(LengthSettings):
             unit, and grippers, masses and lengths with a unit are refused.
         max_edge: Longest edge of the mesh, a length; longer edges are divided. none: 1/32 of the
             object's size.
-        crease_angle: An edge whose faces meet at more than this angle is a crease (a sharp edge):
-            the faces keep their own normals there.
+        crease_angle: An edge whose faces meet at more than this angle is a crease (a sharp edge),
+            where the faces keep their own normals.
         repair: How much of a damaged surface is repaired. none: vertices at equal positions are
             joined, and faces without area left out; safe: also vertices a rounding error apart are
             joined, faces oriented outward, pinholes closed, overlapping bodies united; full: also
@@ -155,21 +155,21 @@ class MeshOptions(LengthSettings):
 
     @property
     def stated_unit(self) -> Unit | None:
-        """The unit; None: none is stated, or it is to be guessed."""
+        """The stated unit; None: there is none, or it is to be guessed."""
         return None if self.unit == "guess" else self.unit
 
     @classmethod
     def of(
         cls, options: "MeshOptions | Mapping[str, Any] | None", fields_: Mapping[str, Any]
     ) -> "MeshOptions":
-        """Options with some fields changed, as functions take them as keywords.
+        """Return options with some fields changed, which functions take as keywords.
 
         Args:
-            options: The options to change, or a dict of fields; None: the defaults.
-            fields_: New values by name of the field.
+            options: The options to change, or a dict of their fields; None: the defaults.
+            fields_: New values by field name.
 
         Raises:
-            SettingError: No field has such a name, or a value is outside its range.
+            SettingError: There is no such field, or a value is outside its range.
         """
         own = cls.given("options", options) or cls()
         return cls.given("mesh options", {**vars(own), **fields_}) or own

@@ -1,4 +1,4 @@
-"""Fields of settings: texts become values when the settings are made, and values texts in files."""
+"""Fields of settings: they parse texts when settings are created, and format values for files."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -13,14 +13,14 @@ GivenT = TypeVar("GivenT")
 SettingsT = TypeVar("SettingsT")
 
 IN_PYTHON = object()
-"""Marks the type of a field that commands have no option for: Python alone sets it."""
+"""Note on the type of a field for which commands have no option; only Python sets it."""
 
 
 class ParsedField(ABC, Generic[ValueT, GivenT]):
     """A field of settings that takes more types than it holds, such as a text.
 
-    It holds nothing itself: settings keep their values as any dataclass does, and parse what they
-    are given when they are made. Type checkers read both types from it.
+    The field stores no values: settings keep them as any dataclass does, and the field parses what
+    they are given at their creation. Type checkers read both types from the field.
     """
 
     def __init__(self, default: ValueT) -> None:
@@ -35,28 +35,28 @@ class ParsedField(ABC, Generic[ValueT, GivenT]):
 
     @abstractmethod
     def parse(self, name: str, value: Any) -> ValueT:
-        """The value for what was given, which may be such a value already.
+        """Parse a given value, which may be of the stored type already.
 
         Args:
-            name: Name of the setting, for the error.
-            value: What was given.
+            name: Name of the setting, for the error message.
+            value: The given value.
 
         Raises:
-            SettingError: It is none.
+            SettingError: The value is invalid.
         """
 
     def plain(self, value: Any) -> Any:
-        """The value in files: a number, none, or a text of which `parse` makes it again."""
+        """Value in files: a number, None, or a text that `parse` reads."""
         return value if value is None else float(value) if isinstance(value, float) else str(value)
 
 
 class Settings:
-    """Settings, frozen dataclasses; fields of type `ParsedField` parse what they are given."""
+    """Base of settings, which are frozen dataclasses; fields of type `ParsedField` parse values."""
 
     parsed_fields: ClassVar[Mapping[str, ParsedField[Any, Any]]] = {}
-    """Those fields by name."""
+    """The fields of type `ParsedField`, by name."""
     lone: ClassVar[str] = ""
-    """Name of the field that a number or a text alone is; empty: none."""
+    """Name of the field that a lone number or text sets; empty: there is no such field."""
 
     def __init_subclass__(cls) -> None:
         own = {name: one for name, one in cls.__dict__.items() if isinstance(one, ParsedField)}
@@ -64,14 +64,14 @@ class Settings:
 
     @classmethod
     def given(cls, name: str, value: Any) -> Self | None:
-        """Settings as functions take them: such settings, their plain form, or None.
+        """Return settings from settings, their plain form, or None.
 
         Args:
-            name: What they are called, for the error.
+            name: Name of the settings, for the error message.
             value: Settings; a dict of fields; or the value of the `lone` field, if there is one.
 
         Raises:
-            SettingError: It is nothing of that, or a field is unknown or outside its range.
+            SettingError: The value is none of these, or a field is unknown or outside its range.
 
         Example:
             >>> import grasp3d
@@ -103,13 +103,13 @@ class Settings:
 
 
 def plain_values(settings: Any) -> dict[str, Any]:
-    """The values of settings by the name of the field, as files have them.
+    """Return the values of settings as files have them, by field name.
 
     Args:
         settings: A dataclass.
 
     Returns:
-        Intervals, points and tasks as texts; settings within settings as such a dictionary.
+        The values; intervals, points and tasks as texts, and nested settings as such a dictionary.
         `settings_of_texts` reads them.
 
     Example:
@@ -128,14 +128,14 @@ def plain_values(settings: Any) -> dict[str, Any]:
 
 
 def settings_of_texts(kind: type[SettingsT], texts: Mapping[str, str]) -> SettingsT:
-    """Settings from their values in a file, as texts; fields that it lacks have their defaults.
+    """Create settings from texts in a file; fields that it lacks have their defaults.
 
     Args:
         kind: The class of the settings.
         texts: `str` of values as `plain_values` returns them; other names are ignored.
 
     Raises:
-        ValueError: A text is no number where there must be one.
+        ValueError: A text is not a number where a number is needed.
         SettingError: A value is outside its range.
 
     Example:
@@ -154,14 +154,14 @@ def settings_of_texts(kind: type[SettingsT], texts: Mapping[str, str]) -> Settin
 
 
 def plain(value: Any) -> Any:
-    """One value as files have it."""
+    """Return one value as files have it."""
     if isinstance(value, tuple | list):
         return type(value)(plain(one) for one in value)
     return plain_values(value) if is_dataclass(value) else value
 
 
 def _value(text: str, hint: Any) -> Any:
-    """What settings take for a text, by the type of the field."""
+    """Convert a text to the type of a field."""
     kinds = get_args(hint) or (hint,)
     if text == "None" and NoneType in kinds:
         return None

@@ -1,4 +1,4 @@
-"""How wrong the pose of a hand may be: the poses that are tried besides the stated one."""
+"""Pose error of a hand: how wrong its pose may be, and which further poses are tried."""
 
 import math
 from dataclasses import dataclass
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 
 TOWARD = (0.0, 0.5, -(0.75**0.5))
 """Direction of one of the shifts that are tried, in the frame of a hand: along the pads, back and
-to the side; the other one is opposite."""
+to the side. The other shift is opposite."""
 
 ABOUT = (3.0**-0.5,) * 3
-"""Axis of one of the turns."""
+"""Axis of one of the turns that are tried."""
 
 LARGEST_SHIFT = 0.2
-"""Largest shift that can be meant [m]: robots err by millimetres."""
+"""Largest plausible shift [m]; robots err by millimetres."""
 
 LARGEST_ANGLE = math.pi / 2.0
 """Largest turn [rad]."""
@@ -40,13 +40,13 @@ LARGEST_ANGLE = math.pi / 2.0
 
 @dataclass(frozen=True)
 class PoseError(LengthSettings):
-    """How far the true pose of a hand may be from the stated one, as robots reach it.
+    """Largest difference between the true and the stated pose of a hand.
 
-    The origin of its frame (the TCP) lies in a ball around the stated one, and its axes are turned
-    by at most an angle, about any axis. Where a normal distribution is meant, its standard
-    deviation is half of each.
+    The true origin of the hand's frame (the TCP) lies in a ball around the stated one, and the axes
+    are turned by at most an angle, about any axis. For a normal distribution, the standard
+    deviations are half of both.
 
-    As text: a length, an angle in degrees or with a unit, or both: '5mm,3deg'.
+    As a text, it is a length, an angle in degrees or with a unit, or both: '5mm,3deg'.
 
     Attributes:
         position: Radius of the ball, a length.
@@ -71,10 +71,10 @@ class PoseError(LengthSettings):
 
     @classmethod
     def of(cls, value: "PoseError | str | Sequence[Any]") -> "PoseError":
-        """The error that a text states, or a pair of a position and an angle [rad].
+        """Return the error of a text, or of a pair of a position and an angle [rad].
 
         Raises:
-            SettingError: It is no such text, or a value is outside its range.
+            SettingError: The text is invalid, or a value is outside its range.
         """
         if isinstance(value, PoseError):
             return value
@@ -86,7 +86,7 @@ class PoseError(LengthSettings):
         try:
             position = parse_length("position", length)
             turn = parse_angle("angle", angle if both else "0")
-            # A lone number may be meant as either.
+            # A lone number may mean either.
             unclear = not both and position and not isinstance(position, Metres)
         except SettingError:
             unclear = True
@@ -98,21 +98,21 @@ class PoseError(LengthSettings):
         return cls(position, turn)
 
     def __str__(self) -> str:
-        """The text, which `of` reads."""
+        """Return the text, which `of` reads."""
         degrees = f"{math.degrees(self.angle):.15g}"
         same = math.radians(float(degrees)) == self.angle
         angle = f"{degrees} deg" if same else f"{self.angle!r} rad"
         return f"{self.position},{angle}" if self.position else angle
 
     def __bool__(self) -> bool:
-        """Whether any pose but the stated one is possible."""
+        """Return whether any pose other than the stated one is possible."""
         return bool(self.position or self.angle)
 
     def offsets(self) -> "Floats":
-        """Poses that are tried, in the frame of the stated one, which is the first, (k, 4, 4).
+        """Poses to try, in the frame of the stated pose, which is the first one, (k, 4, 4).
 
-        Two opposite ones, which are as wrong as can be: shifted along the pads, and turned. Each
-        takes as long as the stated pose, so there are no more.
+        The others are two opposite extremes, shifted along the pads and turned. There are no more
+        of them, as each takes as long as the stated pose.
         """
         import numpy as np
 
@@ -122,21 +122,21 @@ class PoseError(LengthSettings):
         return poses_of(shifts, turns)
 
     def draw(self, count: int, random: "np.random.Generator") -> "Floats":
-        """Normally distributed errors, as poses in the frame of the stated one, (count, 4, 4).
+        """Draw normally distributed errors, as poses in the stated pose's frame, (count, 4, 4).
 
-        Standard deviations along and about each axis are such that two of them are the error: the
-        root mean squares of shift and turn are sqrt(3) / 2 of it.
+        Two standard deviations along and about each axis are the error. So the root mean squares of
+        shift and turn are sqrt(3) / 2 of it.
 
         Args:
-            count: How many.
-            random: Random numbers.
+            count: Number of errors.
+            random: Generator of random numbers.
         """
         shifts, turns = random.standard_normal((2, count, 3)) / 2.0
         return poses_of(self.position * shifts, self.angle * turns)[1:]
 
 
 class PoseErrorField(ParsedField[PoseError, "PoseError | str | Sequence[Any]"]):
-    """A field of settings that holds a pose error, or takes its text."""
+    """A field of settings that holds a pose error, and also takes its text."""
 
     def parse(self, _name: str, value: Any) -> PoseError:
         """See `ParsedField.parse`."""
@@ -144,7 +144,7 @@ class PoseErrorField(ParsedField[PoseError, "PoseError | str | Sequence[Any]"]):
 
 
 def poses_of(shifts: "Floats", turns: "Floats") -> "Floats":
-    """The identity, and poses of shifts (k, 3) and rotation vectors [rad] (k, 3), (k + 1, 4, 4)."""
+    """Identity, then poses from shifts (k, 3) and rotation vectors [rad] (k, 3), (k + 1, 4, 4)."""
     import numpy as np
     from scipy.spatial.transform import Rotation
 

@@ -1,4 +1,4 @@
-"""How candidate grasps are searched for, and what memory and time that takes."""
+"""Settings of the search for grasps, and the memory and time that it takes."""
 
 import math
 from collections.abc import Mapping
@@ -16,12 +16,12 @@ CandidatePoints = Literal["surface", "vertices"]
 MIN_RAYS, MAX_RAYS = 8, 65_536
 MIN_CANDIDATES, MAX_CANDIDATES = 8, 4096
 ANGLE_ROUNDING = 1e-9
-"""Angle by which a cone may exceed the cone that was searched and still count as covered [rad]."""
+"""Angle by which a cone may exceed the searched cone and still count as covered [rad]."""
 
 
 @dataclass(frozen=True)
 class Sampling(LengthSettings):
-    """How far, and how finely, candidate grasps are searched for.
+    """How far and how finely to search for grasps.
 
     A length is in metres, or has a unit: '80mm', '8cm', '3in'; see `Length`.
 
@@ -33,9 +33,9 @@ class Sampling(LengthSettings):
             angle. Narrower: a limit to the search.
         tolerance: Step size at which a search by rays or random steps stops around a vertex's best
             grasp. It is not an error of sensor or gripper.
-        min_opening: Smallest distance between any two contacts, a length. Contacts of three fingers
-            and more are at least 1/100 of the object's size apart, or 1/10 of max_opening if that
-            is less.
+        min_opening: Smallest distance between any two contacts, a length. Contacts of three or more
+            fingers are at least 1/100 of the object's size apart, or 1/10 of max_opening if that is
+            less.
         max_opening: Largest distance between any two contacts, a length: the gripper's stroke, or
             the reach of the robot's hand.
         grip: Two fingers. squeeze: they are outside, pushing toward each other; expand: inside a
@@ -105,14 +105,14 @@ class Sampling(LengthSettings):
 
 
 GivenSampling: TypeAlias = Sampling | Mapping[str, Any] | None
-"""Settings of a search as functions take them: also a dict of their fields."""
+"""Settings of a search as functions take them; a dict of their fields is accepted, too."""
 
 
 def check_search_settings(model: GraspModel, sampling: Sampling) -> None:
-    """Refuse too few or too many fingers, and three and more that push apart.
+    """Refuse too few or too many fingers, and three or more fingers that push apart.
 
     Raises:
-        SettingError: They are.
+        SettingError: The number of fingers is refused.
     """
     check_range("fingers", model.fingers, 2, MAX_SEARCHED_FINGERS)
     if model.fingers > 2 and sampling.grip != "squeeze":
@@ -122,13 +122,13 @@ def check_search_settings(model: GraspModel, sampling: Sampling) -> None:
 def search_cone(model: GraspModel, sampling: Sampling | None = None) -> float:
     """Largest critical friction angle that is searched for [rad].
 
-    For two fingers it is the half-angle of the cone of directions in which opposing contacts are
-    searched for: one in a direction beta + alpha/2 or more from the normal makes no grasp better
-    than U, so no ray is needed there.
+    For two fingers it is the half-angle of the cone of directions that are searched for opposing
+    contacts. A contact in a direction at beta + alpha/2 or more from the normal makes no grasp
+    better than U, so no ray is needed there.
 
     Args:
         model: Friction and sensor resolution.
-        sampling: Settings of the search; None: without a search angle.
+        sampling: Settings of the search; None: there is no search angle.
     """
     if sampling is not None and sampling.search_angle is not None:
         return sampling.search_angle
@@ -136,10 +136,10 @@ def search_cone(model: GraspModel, sampling: Sampling | None = None) -> float:
 
 
 def check_search_angle(sampling: Sampling, needed: float) -> None:
-    """Refuse a search angle that is less than that of the largest friction and resolution.
+    """Refuse a search angle that is too small for the largest friction and resolution.
 
     Raises:
-        SettingError: It is.
+        SettingError: The search angle is too small.
     """
     angle = sampling.search_angle
     if angle is not None and angle < needed - ANGLE_ROUNDING:
@@ -150,7 +150,7 @@ def check_search_angle(sampling: Sampling, needed: float) -> None:
 
 
 def not_covered(what: str, needed: float, searched: float) -> SearchCoverageError:
-    """The error of an angle that exceeds the one up to which grasps were searched, in radians."""
+    """Return the error for an angle [rad] beyond the one up to which grasps were searched."""
     return SearchCoverageError(
         f"{what} is {math.degrees(needed):.4g} degrees, but grasps were searched only up to "
         f"{math.degrees(searched):.4g}; label the surface again with "
@@ -170,15 +170,15 @@ SECONDS = {2: 1e-4, 3: 1.1e-3, 4: 2.5e-3, 5: 3e-3}
 
 @dataclass(frozen=True)
 class Cost:
-    """Expected cost of labelling a mesh, for exact labels within a factor of about two."""
+    """Expected cost of labelling a mesh with exact labels, within a factor of about two."""
 
     memory: float
     """Largest memory of the process [GB]."""
     seconds: float
     """Time without compilation [s]."""
     more: bool
-    """Whether it takes several times as long as `seconds`: hulls of extreme normals, or epsilon of
-    soft fingers."""
+    """Whether it takes several times as long as `seconds`, for hulls at extreme normals or epsilon
+    of soft fingers."""
 
 
 def labelling_cost(
@@ -188,14 +188,14 @@ def labelling_cost(
 
     Args:
         vertices: Number of vertices after refinement.
-        model: Mainly its number of fingers matters.
-        sampling: Its number of candidates matters, and that of rays unless two fingers squeeze.
-        threads: Number of processors that are used.
+        model: The model, of which mainly the number of fingers matters.
+        sampling: The search, of which `candidates` matters, and `rays` unless two fingers squeeze.
+        threads: Number of processors used.
     """
     fingers = min(model.fingers, max(SECONDS))
     if fingers > 2:
         effort = sampling.candidates / Sampling.candidates
-    else:  # the time of branch and bound, which fingers that squeeze have, is not that of the rays
+    else:  # fingers that squeeze use branch and bound, without rays
         effort = 1.0 if sampling.grip == "squeeze" else sampling.rays / Sampling.rays
     two_fingers, per_finger = PER_VERTEX
     return Cost(
@@ -212,7 +212,7 @@ def check_cost(vertices: int, max_memory: float, mesh: str, remedy: str, fingers
         vertices: Number of vertices after refinement, or an estimate.
         max_memory: Memory limit [GB].
         mesh: Name of the mesh, for the message.
-        remedy: What to do about it besides raising the limit, for the message.
+        remedy: Advice other than to raise the limit, for the message.
         fingers: Number of fingers of a grasp.
 
     Raises:

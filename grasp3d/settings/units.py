@@ -1,7 +1,7 @@
-"""Units: a text with a unit becomes a number in metres, radians or another SI unit, once.
+"""Units: conversion of texts with a unit to numbers in metres, radians or other SI units.
 
-A length is in metres, or in the mesh's own unit where nobody states that unit and nothing needs
-it: there a length that was stated with a unit cannot be compared with the mesh, and is refused.
+A length is in metres, or in the mesh's own unit if that is neither stated nor needed. Such a mesh
+cannot be compared with a length that was stated with a unit, which is then refused.
 """
 
 import math
@@ -24,20 +24,20 @@ FORCES: dict[str, float] = {"N": 1.0, "kN": 1e3, "lbf": POUND * 9.80665}
 TORQUES: dict[str, float] = {"Nm": 1.0, "Ncm": 1e-2, "Nmm": 1e-3}
 STIFFNESSES: dict[str, float] = {"N/m": 1.0, "N/mm": 1e3}
 DENSITIES: dict[str, float] = {"kg/m^3": 1.0, "g/cm^3": 1e3, "lb/in^3": POUND / METRES["in"] ** 3}
-"""Units by name, the SI unit first, as multiples of it."""
+"""Units by name, the SI unit first, with their sizes in the SI unit."""
 
 LARGEST = 1e9
-"""Largest quantity in its SI unit: larger ones are mistakes, and overflow where they are squared.
+"""Largest quantity in its SI unit: larger ones are mistakes, and their squares may overflow.
 """
 
 Radians = Annotated[float, "angle"]
-"""An angle; on the command line it is a text, see `parse_angle`."""
+"""An angle; a text on the command line, see `parse_angle`."""
 
 ANGLE_UNITS = ("deg", "degrees", "°", "rad")
 """Units of angles in texts."""
 
 ANGLE = "an angle (a number of degrees, or a number with a unit: deg, rad)"
-"""What the text of an angle must be, for messages."""
+"""Description of an angle's text, for messages."""
 
 DEGREE = math.pi / 180.0
 
@@ -51,10 +51,10 @@ ValueT = TypeVar("ValueT")
 
 
 class Metres(float):
-    """A length [m] that was stated with a unit: of a mesh without one it says nothing."""
+    """A length [m] stated with a unit; it cannot be compared with a mesh of unknown unit."""
 
     def __str__(self) -> str:
-        """The text that settings take for it."""
+        """Return a text that settings take for the length."""
         return f"{1000.0 * self:.15g} mm"
 
 
@@ -65,8 +65,8 @@ GivenLength = float | str
 class Length(ParsedField[NumberT, NumberT | str], Generic[NumberT]):
     """A field of settings that holds a length in metres.
 
-    It takes a number, or a text with a unit (m, cm, mm or in), such as '80mm' or '0.08 m'. Where
-    the unit of a mesh is not known, a number is in that unit, and a text with another is refused.
+    It takes a number, or a text with a unit (m, cm, mm or in), such as '80mm' or '0.08 m'. If the
+    unit of a mesh is not known, a number is in that unit, and a text with a unit is refused.
     """
 
     def parse(self, name: str, value: Any) -> Any:
@@ -77,9 +77,9 @@ class Length(ParsedField[NumberT, NumberT | str], Generic[NumberT]):
 
 
 class Lengths(ParsedField[tuple[float, ...] | None, Sequence[GivenLength] | str | None]):
-    """A field of settings that holds so many lengths, as those of `Length`, or none.
+    """A field of settings that holds a given number of lengths, as `Length` holds one, or None.
 
-    It takes them, or a text with commas, such as '10mm,0,-2.5mm'.
+    It takes the lengths, or a text with commas, such as '10mm,0,-2.5mm'.
     """
 
     def __init__(self, count: int) -> None:
@@ -96,10 +96,10 @@ class Lengths(ParsedField[tuple[float, ...] | None, Sequence[GivenLength] | str 
 
 
 class Quantity(ParsedField[NumberT, NumberT | str], Generic[NumberT]):
-    """A field of settings that holds a positive number with a physical unit, or none.
+    """A field of settings that holds a positive number with a physical unit, or None.
 
-    It takes a number in the SI unit, or a text with a unit, such as '500 g' or '40N', and holds the
-    number in the SI unit.
+    It takes a number in the SI unit, or a text with a unit, such as '500 g' or '40N', and stores
+    the number in the SI unit.
     """
 
     def __init__(self, default: NumberT, units: Mapping[str, float]) -> None:
@@ -112,16 +112,16 @@ class Quantity(ParsedField[NumberT, NumberT | str], Generic[NumberT]):
 
 
 class LengthSettings(Settings):
-    """Settings, frozen dataclasses, with fields of type `Length` or `Lengths`."""
+    """Base of settings with fields of type `Length` or `Lengths`."""
 
     def lengths(self) -> dict[str, Any]:
-        """The lengths by name; none where there is none."""
+        """The lengths by name; None where a length is not set."""
         names = [name for name, one in self.parsed_fields.items() if isinstance(one, Length)]
         return {name: getattr(self, name) for name in names}
 
 
 def with_lengths_scaled(value: ValueT, factor: float) -> ValueT:
-    """Settings, or lengths of them, with all lengths multiplied by a factor.
+    """Return settings, or their lengths, with all lengths multiplied by a factor.
 
     Example:
         >>> import grasp3d
@@ -146,12 +146,12 @@ def with_lengths_scaled(value: ValueT, factor: float) -> ValueT:
 
 
 def _converted(number: float, factor: float) -> float:
-    """A number in another unit, to 15 digits: 80 mm are 0.08 m, and not a rounding error more."""
+    """Convert a number to another unit, rounded to 15 digits, so that 80 mm are exactly 0.08 m."""
     return float(f"{number * factor:.15g}")
 
 
 def with_units(name: str, value: Any) -> Iterator[tuple[str, Metres]]:
-    """The lengths in settings, or in a value of one, that were stated with a unit, by name."""
+    """Yield, by name, the lengths that were stated with a unit in settings or in one value."""
     if isinstance(value, Metres):
         yield name, value
     elif isinstance(value, tuple):
@@ -163,17 +163,17 @@ def with_units(name: str, value: Any) -> Iterator[tuple[str, Metres]]:
 
 
 def parse_length(name: str, value: Any) -> Any:
-    """A length from a number or a text.
+    """Parse a length from a number or a text.
 
     Args:
-        name: Name of the setting, for the error.
-        value: A number, a text, or none.
+        name: Name of the setting, for the error message.
+        value: A number, a text, or None.
 
     Returns:
-        None as it is; texts with a unit, but for zero, as `Metres`; else a number.
+        None for None, `Metres` for texts with a unit except zero, otherwise a number.
 
     Raises:
-        SettingError: It is neither a number nor a number with a known unit.
+        SettingError: The value is neither a number nor a number with a known unit.
 
     Example:
         >>> from grasp3d.settings.units import parse_length
@@ -189,15 +189,15 @@ def parse_length(name: str, value: Any) -> Any:
 
 
 def parse_lengths(name: str, value: Any, count: int = 3) -> Any:
-    """Several lengths, such as those of a point; see `parse_length`.
+    """Parse several lengths, such as those of a point; see `parse_length`.
 
     Args:
-        name: Name of the setting, for the error.
-        value: The lengths, a text of them with commas, or none.
-        count: How many they must be.
+        name: Name of the setting, for the error message.
+        value: The lengths, a text of them with commas, or None.
+        count: Required number of lengths.
 
     Raises:
-        SettingError: They are not so many finite lengths.
+        SettingError: The value is not this number of finite lengths.
 
     Example:
         >>> from grasp3d.settings.units import parse_lengths
@@ -220,14 +220,14 @@ def parse_lengths(name: str, value: Any, count: int = 3) -> Any:
 
 
 def parse_angle(name: str, text: str) -> float:
-    """An angle [rad] from a text, in which a number without a unit is one of degrees.
+    """Parse an angle [rad] from a text, in which a number without a unit is in degrees.
 
     Args:
         name: Name of the setting, for the error message.
         text: A number, or a number with a unit: deg, degrees, ° or rad.
 
     Raises:
-        SettingError: It is no such text.
+        SettingError: The text is not an angle.
 
     Example:
         >>> from grasp3d.settings.units import parse_angle
@@ -244,15 +244,15 @@ def parse_angle(name: str, text: str) -> float:
 
 
 def parse_quantity(name: str, value: object, units: Mapping[str, float]) -> float:
-    """A quantity in its SI unit.
+    """Convert a quantity to its SI unit.
 
     Args:
-        name: Name of the setting, for the error.
-        value: A number in the SI unit, or a text of a number, with a unit or without.
-        units: Its units by name, the SI unit first, as multiples of it.
+        name: Name of the setting, for the error message.
+        value: A number in the SI unit, or a text of a number, with or without a unit.
+        units: Accepted units by name, the SI unit first, with their sizes in the SI unit.
 
     Raises:
-        SettingError: It is neither, or it is not finite and above 0, or it is above `LARGEST`.
+        SettingError: It is neither, it is not finite and above 0, or it is above `LARGEST`.
 
     Example:
         >>> from grasp3d.settings.units import MASSES, parse_quantity
@@ -273,8 +273,8 @@ def parse_quantity(name: str, value: object, units: Mapping[str, float]) -> floa
 
 
 def _number(value: Any, units: Mapping[Any, float]) -> tuple[float | None, str]:
-    """The number in the SI unit, None for what is no such quantity; and the unit of a text."""
-    if not isinstance(value, str):  # arrays of several numbers have `__float__` too
+    """Return the number in the SI unit, or None if it is not a quantity, and the text's unit."""
+    if not isinstance(value, str):  # arrays of several numbers have `__float__`, too
         single = hasattr(value, "__float__") and getattr(value, "shape", ()) == ()
         return (float(value) if single and not isinstance(value, bool) else None), ""
     text = value.strip()
@@ -290,12 +290,12 @@ def _number(value: Any, units: Mapping[Any, float]) -> tuple[float | None, str]:
 
 
 def describe_length(length: float) -> str:
-    """A length for messages: 4 digits, and its unit if it was stated with one."""
+    """Format a length for messages: 4 digits, and its unit if it was stated with one."""
     return small_length(length, metres=isinstance(length, Metres))
 
 
 def small_length(length: float, *, metres: bool, digits: int = 4) -> str:
-    """A length for reports: in millimetres, from a metre on in metres.
+    """Format a length for reports, in millimetres, or in metres from a metre on.
 
     Args:
         length: The length.

@@ -4,8 +4,8 @@ A surface point is S where its critical friction angle over the worst normals is
 beta - alpha/2, and U where that over the best normals is beta + alpha/2 or more (for three fingers
 and more, while beta + alpha/2 is below 90 degrees). So two cumulative distributions of angles
 determine the fractions for every friction and sensor resolution, and the sensor resolution that a
-fraction S requires. With uncertain contact locations the angles are those over the worst and the
-best locations as well, and the distribution is that at one location error.
+fraction S requires. With uncertain contact locations the angles are also over the worst and the
+best locations, and each distribution is for one location error.
 """
 
 import math
@@ -27,7 +27,7 @@ FRACTION_ROUNDING = 1e-12
 """Fraction of a surface that rounding errors may amount to."""
 
 BISECTIONS = 60
-"""Bisections of an interval of 2 pi, which end at rounding errors."""
+"""Bisections of an interval of 2 pi, enough to reach rounding errors."""
 
 
 def _first_angle(reaches: Callable[[float], bool]) -> float:
@@ -62,7 +62,7 @@ class AngleDistribution(ABC):
     """Largest beta + alpha/2 for which grasps were searched [rad]."""
 
     fingers: int = 2
-    """Contacts of the grasps; three and more are never U from beta + alpha/2 = 90 degrees on."""
+    """Contacts of each grasp; with three or more, none is U from beta + alpha/2 = 90 degrees on."""
 
     @abstractmethod
     def worst_below(self, angles: ArrayLike) -> Floats:
@@ -79,8 +79,8 @@ class AngleDistribution(ABC):
             fraction: Area fraction, from 0 to 1.
 
         Returns:
-            The smallest angle above which every angle exceeds the critical angles of at least that
-            fraction of the surface; inf where there is none.
+            The infimum of the angles that exceed the critical angles of at least that fraction of
+            the surface; inf where there are none.
 
         Raises:
             SettingError: The fraction is outside its range.

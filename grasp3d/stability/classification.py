@@ -1,22 +1,22 @@
 """Classification of grasps as S, M or U, exactly or by enumeration of extreme normals.
 
-What is uncertain besides the tilts folds into two angles, on which labels are thresholds: S if the
-worst is below beta - alpha/2, U if the best is at least beta + alpha/2.
+All uncertainties besides the tilts are covered by two critical angles: a grasp is S if the worst is
+below beta - alpha/2, and U if the best is at least beta + alpha/2.
 
-*Normals on creases.* A contact may have any normal of a set. Two contacts: the largest and the
-smallest angle between the line through them and the set. More: the set lies in a cap about its
-middle, of radius r; a cone that is narrower by r holds for each of its normals, one that is wider
-by r covers all.
+*Normals on creases.* A contact may have any normal of a set. For two contacts, the largest and the
+smallest angle between the set and the line through both count. For more, the set lies in a cap of
+radius r about its middle: a cone narrower by r lies in the cone of each of its normals, and a cone
+wider by r contains them all.
 
 *Locations.* A contact is anywhere within its location error d of the perceived point, where the
-normal turns by up to omega from the set of normals; see `mesh.turns`. Two contacts: the line
-between them turns by up to eta = asin((d1 + d2) / opening), in every direction: the worst angle is
-at most the larger of both, each with its omega, plus eta; the best at least the same with both
-subtracted. More: cones are narrower by omega, and for the rest see `displacement` of
-`quality.critical_angle`; the best angle is 0.
+normal turns by up to omega from the set of normals; see `mesh.turns`. For two contacts, the line
+between them turns by up to eta = asin((d1 + d2) / opening) in any direction. The worst angle is at
+most the larger of the two contacts' angles, each plus its omega, plus eta; the best is at least the
+same with omega and eta subtracted. For more, cones are narrower by omega, `angle_brackets` of
+`quality.critical_angle` takes the location error as a displacement, and the best angle is 0.
 
-Grasps may have any numbers of contacts, whose normals are known to within different angles: a hand
-touches with as many links as it happens to, and these may have different sensors.
+Grasps may have any number of contacts, with normals known to within different angles: the number of
+links that touch differs from grasp to grasp, and links may have different sensors.
 """
 
 import math
@@ -77,27 +77,27 @@ def uncertain_angles(
     first: tuple[Floats, Floats] | None = None,
     tolerance: float = 1e-4,
 ) -> WorstAndBest:
-    """Critical friction angles over the worst and over the best of what is uncertain.
+    """The worst and the best critical friction angles over all that is uncertain.
 
     Args:
         points: Perceived contact points, shape (b, n, 3).
         sets: Normals that each contact may have.
-        wider: Where cones differ, what each has more than the friction angle in the worst and in
+        wider: Where cones differ: by how much each exceeds the friction angle, in the worst and in
             the best case [rad], shape (b, n) each.
         location: Location error of each contact, in the unit of the points, shape (b, n).
-        turns: How far the surface turns within it [rad], shape (b, n); None: normals stay.
-        first: Three contacts and more: the angles in question [rad], shape (b,) each. Whether the
-            worst is below the first of them, and the best at least the second, is then exact,
-            whatever the tolerance is.
-        tolerance: Three contacts and more: width of brackets [rad], of the best only without
-            `first`; of the worst the upper end is returned, of the best the lower one. inf: no more
-            than `first` asks for.
+        turns: How far the surface turns within that error [rad], shape (b, n); None: not at all.
+        first: Three contacts and more: thresholds of the worst and of the best angle [rad], shape
+            (b,) each. Whether the worst is below the first, and the best at least the second, is
+            then exact, whatever the tolerance is.
+        tolerance: Three contacts and more: width of the brackets [rad], for the best angle only
+            without `first`. The upper end is returned for the worst, the lower end for the best.
+            inf: only what `first` needs is computed.
 
     Returns:
-        Shape (b,) each; inf for one contact, and the worst where two may be at one point. For two
-        contacts up to pi, for more from 0 to pi/2: pi/2 where the grasp is force-closed at no
-        friction. Of three smooth contacts and more, about which nothing else is uncertain, both are
-        the critical friction angle, except where closure is undecided.
+        (worst, best), shape (b,) each. Both are inf for one contact; the worst is inf where two
+        contacts may coincide. They are up to pi for two contacts and from 0 to pi/2 for more: pi/2
+        where no friction makes the grasp force-closed. For three or more smooth contacts without
+        other uncertainty, both are the critical friction angle, except where closure is undecided.
     """
     size, count = points.shape[:2]
     if count == 1:
@@ -130,7 +130,7 @@ def _of_pairs(
 ) -> WorstAndBest:
     """Closed form of two contacts: squeezing or expanding."""
     largest, smallest = np.empty((2, len(points), 2))
-    # Copies: read-only arrays would be compiled for once more.
+    # Copied, as kernels would be compiled again for read-only arrays.
     arrays = (np.array(one) for one in (points, sets.start[:-1], sets.counts, sets.normals))
     pair_angles(*arrays, largest, smallest)
     worst = np.minimum((largest - inner).max(1), (math.pi - smallest - inner).max(1))
@@ -181,7 +181,7 @@ class Uncertain(NamedTuple):
 
     @property
     def thresholds(self) -> Thresholds:
-        """Those of the critical angles, of the contacts with least and most friction, (b,) each."""
+        """Thresholds of the critical angles, from the narrowest and widest cones, (b,) each."""
         inner, outer = self._cones
         widest = outer.max(axis=1)
         return Thresholds(inner.min(axis=1), unstable_from(widest, 0.0, self.contacts.count))
@@ -192,7 +192,7 @@ class Uncertain(NamedTuple):
         return self.low.friction_angle - self.tilt, self.high.friction_angle + self.tilt
 
     def angles(self, tolerance: float) -> WorstAndBest:
-        """The worst and the best critical angle; exact beside the thresholds [rad], (b,) each."""
+        """The worst and the best critical angle [rad], (b,) each; exact at the thresholds."""
         inner, outer = self._cones
         ends = inner.min(axis=1), outer.max(axis=1)
         return uncertain_angles(
@@ -218,7 +218,7 @@ class Uncertain(NamedTuple):
         return self.thresholds.sure_angle - worst
 
     def enumerated(self, options: EpsilonOptions | None) -> tuple[Extremes, Extremes]:
-        """The combinations of extreme normals, with the smallest and the largest friction."""
+        """Results over all combinations of extreme normals, at smallest and largest friction."""
         count, creases = self.extreme_normals, self.creases
         each = [
             extremes(contacts, self.tilt, count=count, creases=creases, options=options)
@@ -263,8 +263,8 @@ class Stability:
     def margin(self) -> Floats:
         """Margin [rad]: beta - alpha/2 - beta*, less all other uncertainties, shape (...).
 
-        With method exact a grasp is S iff it is above 0. Of the finger with the least; beta at the
-        smallest friction. -inf for one contact, and for two that may be at one point.
+        With method exact a grasp is S iff it is above 0. beta - alpha/2 is the least of all
+        fingers, at the smallest friction; -inf for one contact, and for two that may coincide.
         """
         return shaped(self._grasps.margin(), self.batch)
 
@@ -278,9 +278,9 @@ class Stability:
     def epsilon_min(self) -> Floats:
         """Smallest epsilon over the tilts, shape (...).
 
-        Method exact: over all tilts, see `quality.epsilon_range`; 0, which then is only a bound,
-        where tilts exceed friction at some contact. Method extremes: over the combinations of
-        extreme normals.
+        Method exact: over all tilts, see `quality.epsilon_range`; 0, which is only a bound, where
+        tilts exceed friction at some contact. Method extremes: over the combinations of extreme
+        normals.
         """
         return shaped(self._epsilons[0], self.batch)
 
@@ -313,9 +313,9 @@ def classify(
 
     The method 'exact' considers every normal within the resolution: a grasp is S if it is
     force-closed with cones of half-angle beta - alpha/2, and U if it is not with cones of
-    beta + alpha/2; for two fingers this is a closed form, for more two closure tests. There is no S
+    beta + alpha/2; for two fingers this is a closed form, for more two closure tests. No grasp is S
     where tilts exceed friction at some contact. From beta + alpha/2 = 90 degrees on, grasps of
-    three fingers and more are never U: such cones are not convex, and nothing is proved.
+    three or more fingers are never U: such cones are not convex, so nothing is proved.
 
     The method 'extremes' is that of Wan & Howe 2018, Sec. III: all combinations of the perceived
     and of extreme normals, `extreme_normals` on a rim alpha/2 away (on several, at most 2 beta
@@ -417,7 +417,7 @@ def _friction_range(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ContactSets:
-    """Contacts of k grasps, of any numbers, by ascending grasp."""
+    """Contacts of k grasps with any number of contacts each, in the order of the grasps."""
 
     size: int
     """Number of grasps k."""
@@ -430,8 +430,8 @@ class ContactSets:
     location_error: float = 0.0
     """Largest distance between true and perceived points [m]."""
     turns: Floats | None = None
-    """How far the surface turns within it at each contact [rad], shape (c,); None: locations are
-    exact."""
+    """How far the surface turns within the location error of each contact [rad], shape (c,); None:
+    locations are exact."""
 
     __repr__ = short_repr
 
@@ -446,10 +446,10 @@ class ContactSets:
         return np.asarray((self.counts >= 2) & (self.counts <= MAX_FINGERS))
 
     def groups(self) -> Iterator[tuple[Ints, Ints]]:
-        """Grasps that are evaluated, by their number of contacts.
+        """Yield the evaluated grasps, grouped by their number of contacts.
 
         Yields:
-            Their numbers, shape (b,), and their contacts, shape (b, n).
+            The numbers of the grasps, shape (b,), and of their contacts, shape (b, n).
         """
         start = np.cumsum(self.counts) - self.counts
         for count in np.unique(self.counts[self.evaluated]):
@@ -457,12 +457,12 @@ class ContactSets:
             yield grasps, start[grasps, None] + np.arange(count)
 
     def contacts(self, index: Ints, friction: float = 0.5, torsion_radius: float = 0.0) -> Contacts:
-        """Contacts of grasps of equal numbers.
+        """Make contacts of grasps that have equally many.
 
         Args:
-            index: Their contacts, shape (b, n).
+            index: Numbers of their contacts, shape (b, n).
             friction: Coulomb coefficient.
-            torsion_radius: [m].
+            torsion_radius: Torsion radius [m].
         """
         return Contacts(self.points[index], self.normals[index], friction, torsion_radius)
 
@@ -487,7 +487,7 @@ class ContactSets:
         """Largest angles between true and perceived normals at the true locations [rad], (c,).
 
         Args:
-            tilt: The same at the perceived ones, shape (c,).
+            tilt: The same angles at the perceived locations, shape (c,).
         """
         return tilt if self.turns is None else tilt + self.turns
 
@@ -521,7 +521,7 @@ class SetLabels(NamedTuple):
 
     label: Bytes
     """`Label` codes, shape (k,). U where there are fewer than two contacts, M where there are more
-    than `MAX_FINGERS`, of which nothing is computed."""
+    than `MAX_FINGERS`, for which nothing is computed."""
     margin: Floats
     """Angle by which the grasp is S [rad], shape (k,): S where it is above 0; nan: fewer than two
     contacts or too many."""
@@ -537,8 +537,8 @@ def label_sets(sets: ContactSets, tilt: Floats, friction_angles: tuple[float, fl
         friction_angles: At the smallest and at the largest friction [rad].
 
     Example:
-        Three fingers around a disc, of which one knows its normal within 40 degrees, the others
-        within 1 degree:
+        Three fingers around a disc; all normals are known within 1 degree, or one of them only
+        within 40 degrees:
 
         >>> import numpy as np
         >>> from grasp3d.stability.classification import ContactSets, label_sets

@@ -7,7 +7,7 @@ iff beta* < beta - a and U iff beta* >= beta + a, for any mu and alpha, where Wa
 (Sec. III) sample extreme normals. No grasp of three fingers or more is labelled U where beta + a
 reaches 90 degrees.
 
-The margin is what is left below the threshold of S.
+The margin of a grasp is the distance of beta* below the threshold of S.
 """
 
 import math
@@ -78,17 +78,17 @@ class Thresholds(NamedTuple):
     """Thresholds of grasps whose contacts differ, shape (b,) each."""
 
     sure_angle: Floats
-    """Angle below which the critical angle over the worst normals must be for S [rad]."""
+    """A grasp is S if its critical angle over the worst normals is below this angle [rad]."""
     unstable_from: Floats
-    """Angle from which on that over the best normals makes a grasp U [rad]."""
+    """A grasp is U if its critical angle over the best normals is at least this angle [rad]."""
 
 
 def label_angles(worst: Floats, best: Floats, model: GraspModel | Thresholds) -> Bytes:
     """Label grasps by their critical friction angles.
 
     Args:
-        worst: Critical angle over the worst normals [rad], any shape; inf for no grasp. Its upper
-            bound where contact locations are uncertain, see `stability.uncertain_angles`.
+        worst: Critical angle over the worst normals [rad], any shape; inf for no grasp. An upper
+            bound where contact locations are uncertain; see `classification.uncertain_angles`.
         best: Critical angle over the best normals [rad]; equal to `worst` except at creases, and
             where locations are uncertain.
         model: Friction, sensor resolution and number of fingers; or the thresholds.
@@ -105,7 +105,7 @@ def label_angles(worst: Floats, best: Floats, model: GraspModel | Thresholds) ->
 def max_resolution(worst: Floats, model: GraspModel) -> Floats:
     """Coarsest sensor resolution below which the grasp is S [rad]: alpha* = 2 (beta - beta*).
 
-    With the smallest friction, where it is an interval.
+    If friction is an interval, its smallest value counts.
 
     Args:
         worst: Critical angle over the worst normals [rad], any shape; as in `label_angles`.

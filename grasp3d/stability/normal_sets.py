@@ -1,4 +1,4 @@
-"""Sets of normals: a contact on a crease or corner may have any between those of the faces.
+"""Sets of normals: on a crease or corner, a contact may have any normal between the faces'.
 
 The paper's method takes wrench hulls at every combination of extreme normals (Wan & Howe 2018, Sec.
 III): the normals that a fingertip of resolution alpha cannot distinguish from the perceived one are
@@ -53,7 +53,7 @@ class NormalSets(NamedTuple):
 
     @classmethod
     def of_contacts(cls, contacts: Contacts, creases: Creases) -> "NormalSets":
-        """The normals of a flat batch of contacts, of which some are on creases."""
+        """The sets of a flat batch of contacts, some of which are on creases."""
         if not creases:
             start, none = np.arange(contacts.friction.size + 1), np.zeros(contacts.friction.shape)
             normals = contacts.normals.reshape(-1, 3)
@@ -134,8 +134,8 @@ MAX_HULLS = 65_536
 """Hulls in memory at once."""
 
 FIRST_BLOCK = 8
-"""Combinations that are tested first of every grasp; later blocks are larger, and leave out grasps
-that are decided."""
+"""Combinations that are tested first for every grasp; later blocks are larger, and omit decided
+grasps."""
 
 MIN_EXTREMES = 3
 """Fewest normals on a rim."""
@@ -148,12 +148,12 @@ MAX_COMBINATIONS = 2_000_000
 
 
 class Extremes(NamedTuple):
-    """What the combinations of tested normals say of grasps (b,)."""
+    """Results of grasps over all combinations of tested normals, shape (b,) each."""
 
     stable: Bools
     """Whether the grasp is force-closed at every combination."""
     unstable: Bools
-    """Whether it is force-closed at none, and decided at all of them."""
+    """Whether it is force-closed at no combination, and all of them are decided."""
     minimum: Floats
     """Smallest epsilon, certified from below; inf where only closure was asked for."""
     maximum: Floats
@@ -170,9 +170,9 @@ def extremes(
 ) -> Extremes:
     """Evaluate grasps at every combination of the perceived and the extreme normals.
 
-    At a contact these are the given normal and `count` on a rim about it, on several rims where the
-    tilt exceeds two friction angles. At a crease the normals of the faces replace the given one,
-    each with its own rims, and the bisecting normal of each neighbouring pair is added.
+    At each contact, the given normal and `count` normals on a rim about it are tested, on several
+    rims where the tilt exceeds two friction angles. At a crease the normals of the faces replace
+    the given one, each with its own rims, and the bisector of each neighbouring pair is added.
 
     Args:
         contacts: A flat batch of b grasps of n contacts.
@@ -214,7 +214,7 @@ def extremes(
 
 
 def _blocks(total: int) -> Iterator[Ints]:
-    """The numbers of all combinations, in blocks that are each spread over all."""
+    """Yield the numbers of all combinations, in blocks that are each spread over all."""
     numbers, start, size = np.random.default_rng(0).permutation(total), 0, FIRST_BLOCK
     while start < total:
         yield numbers[start : start + size]
@@ -242,10 +242,10 @@ def normals_to_test(
 
 
 def rings_needed(tilt: ArrayLike, friction_angle: ArrayLike) -> int:
-    """Number of rims of normals about the perceived one that are at most 2 beta apart.
+    """Number of rims about the perceived normal that are at most 2 beta apart.
 
-    One is enough up to alpha = 4 beta; from there on some normals between rim and centre have
-    friction cones with directions that are in no friction cone of a tested normal.
+    One is enough up to alpha = 4 beta. Beyond that, some normals between rim and centre have
+    friction cones with directions that lie in no friction cone of a tested normal.
 
     Args:
         tilt: Half the resolution of each contact [rad], any shape.
@@ -259,7 +259,7 @@ def rings_needed(tilt: ArrayLike, friction_angle: ArrayLike) -> int:
 
 
 def check_combinations(sizes: Sequence[int]) -> None:
-    """Raise SettingError if there are too many combinations of tested normals.
+    """Check that there are not too many combinations of tested normals.
 
     Args:
         sizes: Number of tested normals of each contact.

@@ -1,10 +1,10 @@
-"""The best antipodal grasp through every vertex.
+"""Search for the best antipodal grasp through every vertex.
 
-Fingers that squeeze: branch and bound over the whole surface. Fingers that expand: rays from a
-vertex find the surface points opposite to it, since what lies between is in the way. The critical
-friction angle of each pair of contacts is exact, so rays may miss a grasp, but every grasp that
-they find is real. What they began is then refined: by ever narrower rings of rays about the closing
-directions, and by rays to the opposing contacts of neighbouring vertices.
+For fingers that squeeze, branch and bound covers the whole surface. For fingers that expand, rays
+from a vertex find the opposite surface points, as anything between would be in the way. The
+critical friction angle of each pair of contacts is exact, so rays may miss a grasp, but every grasp
+that they find is real. The grasps found are refined by ever narrower rings of rays about the
+closing directions, and by rays to the opposing contacts of neighbouring vertices.
 """
 
 import math
@@ -55,11 +55,11 @@ from grasp3d.surface.reachable import NOT_REACHED, ReachSearch
 from grasp3d.system.context import report_progress, thread_count, within
 
 BESIDE = 1e-5
-"""Distance from a vertex, in object sizes, within which a face is one of those around it."""
+"""Distance from a vertex, in object sizes, within which a face counts as around it."""
 
 
 class SurfaceRays(FaceRays):
-    """Traces rays away from vertices and evaluates the grasps at the surface that they meet.
+    """Traces rays away from vertices and evaluates the grasps where they meet the surface.
 
     Args:
         surface: The surface.
@@ -100,7 +100,7 @@ class SurfaceRays(FaceRays):
     def _met(self, origins: Singles, directions: Singles, rays: Rays) -> tuple[Any, Any]:
         """Face that each ray meets first, -1: none, and its distance.
 
-        An excluded face is in the way, unless it is at the vertex.
+        An excluded face blocks the ray, unless it is at the vertex.
         """
         faces, far = self.hits(origins, directions)
         excluded, count = self._excluded[faces], len(faces)
@@ -132,21 +132,21 @@ CHUNK = 100_000
 """Rays that a thread traces at once: bounds the memory and fits into the processor's cache."""
 
 IN_ORDER = 128
-"""Vertices for which a thread finds the exact best contacts one after the other; the first one
-starts without a neighbour's contact. Independent of the threads, as the results depend on it."""
+"""Number of vertices for which a thread finds the exact best contacts in sequence; the first one
+starts without a neighbour's contact. Fixed for any number of threads, as results depend on it."""
 
 CHUNKS = 4
 """Chunks of rays per thread, which balance the load."""
 
 SEED_BATCHES = (0.0, 0.125, 0.375, 1.0)
-"""Fractions of the initial directions at which batches begin: the more grasps are known, the fewer
-of the following directions need a ray."""
+"""Fractions of the initial directions at which batches begin: known grasps rule out directions of
+later batches."""
 
 STARTS = 3
 """Clearly different grasps per vertex that are cached and refined."""
 
 EXPLORING_ROUNDS = 3
-"""Rounds in which all cached grasps are refined, before the best one alone is."""
+"""Rounds in which all cached grasps are refined, before only the best one is."""
 
 FIRST_RING = 0.5
 """Radius of the first ring about the best grasp, relative to the spacing of the rays."""
@@ -155,13 +155,13 @@ SWEEPS = 3
 """Rounds in which the neighbours' opposing contacts are evaluated and improved grasps refined."""
 
 MAX_ROUNDS = 30
-"""Most rounds of refinement in one sweep; rings shrink to the tolerance in fewer."""
+"""Largest number of refinement rounds in a sweep; rings shrink to the tolerance in fewer."""
 
 MIN_GAIN = 0.1
 """Decrease of a critical angle, relative to the tolerance, from which its ring keeps its size."""
 
 PREFERRED = (FOUND, NOT_REACHED, OPENING, NO_PARTNER)
-"""Reasons in the order in which they say more about a vertex."""
+"""Reasons, beginning with the one that says most about a vertex."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,24 +169,24 @@ class FoundGrasps:
     """The best grasp found at each vertex."""
 
     worst: Floats
-    """Critical friction angle over the contacts' worst normals [rad], inf: none found; over the
-    worst locations too, as far as the search knows them. (V,)"""
+    """Critical friction angle over the contacts' worst normals, and over the worst locations if the
+    search considers these [rad], inf: none found. (V,)"""
     best: Floats
-    """That of the same grasp over the contacts' best normals at their perceived places. (V,)"""
+    """The same over the contacts' best normals at their perceived locations. (V,)"""
     partner_points: SurfacePoints
     """The other contacts, face -1 where there is none. (V, n - 1)"""
     grip: np.ndarray[Any, np.dtype[np.int8]]
-    """+1 squeeze, -1 expand, 0 none, and of three fingers and more. (V,)"""
+    """+1 squeeze, -1 expand, 0 no grasp, or three fingers and more. (V,)"""
     reason: Bytes
-    """0 found, 1 no opposing contact, or no force-closed grasp within the limits of distances, 2
-    all contacts outside the limits of openings, 5 no contact reached by the gripper. (V,)"""
+    """0: found; 1: no opposing contact, or no force-closed grasp within the limits of distances; 2:
+    all contacts outside the limits of openings; 5: no contact reached by the gripper. (V,)"""
     evaluated: int
     """Number of faces on which a contact was computed exactly, or of candidate grasps of three
     fingers and more."""
     rays: int = 0
     """Number of rays traced."""
     reach: Reach | None = None
-    """Of jaws: how they reach each grasp, or why not the best where reason is 5. (V,)"""
+    """How jaws reach each grasp or, if the reason is 5, why they do not reach the best one. (V,)"""
 
 
 def best_pairs(
@@ -209,7 +209,7 @@ def best_pairs(
         scene: The hand, whose stroke limits the openings; jaws must reach the grasps. None: ideal
             points.
         location_error: Largest distance between true and perceived contacts [m]; the best grasp has
-            the smallest critical angle over these too.
+            the smallest critical angle over these locations too.
     """
     surface = located_surface(mesh, location_error, cone)
     kinds: dict[str, tuple[type[_Search], ...]] = {
@@ -225,7 +225,7 @@ def best_pairs(
 
 
 def _better(one: FoundGrasps, other: FoundGrasps) -> FoundGrasps:
-    """At each vertex the better one of two grasps; of two reasons the one that says more."""
+    """Choose the better of two grasps at each vertex, or else the reason that says more."""
     place = np.zeros(max(PREFERRED) + 1)
     place[list(PREFERRED)] = range(len(PREFERRED))
     first, second = place[one.reason], place[other.reason]
@@ -252,7 +252,7 @@ class _Search(ABC):
     grip: ClassVar[Grip]
 
     def __post_init__(self) -> None:
-        self.vertices = self.mesh.contact_vertices.copy()  # kernels are compiled for such arrays
+        self.vertices = self.mesh.contact_vertices.copy()  # kernels take writable arrays
         own = replace(self.sampling, grip=self.grip)
         if self.scene is not None:
             own = self.scene.within_stroke(self.mesh, own)
@@ -263,14 +263,14 @@ class _Search(ABC):
 
     @cached_property
     def domain(self) -> PairDomain:
-        """Where opposing contacts are searched for."""
+        """Domain in which opposing contacts are searched for."""
         tree = contact_tree(self.mesh, self.surface)
         centres = self.mesh.normal_centres
         return PairDomain(self.surface, self.sets, centres, tree, self.limits)
 
     @cached_property
     def places(self) -> Ints:
-        """Where each vertex comes first in the order of the tree, shape (V,)."""
+        """First position of each vertex in the order of the tree, shape (V,)."""
         return places_in_tree(len(self.mesh.vertices), self.surface, self.domain.tree)
 
     def run(self) -> FoundGrasps:
@@ -309,7 +309,7 @@ class _Search(ABC):
         size: int,
         progress: tuple[float, float] | None,
     ) -> int:
-        """Sum of what work on chunks of vertices returns, in threads; it can be cancelled."""
+        """Run work on chunks of vertices in threads, and add up its results; can be cancelled."""
         chunks, total = [vertices[i : i + size] for i in range(0, len(vertices), size)], 0
         for number, result in enumerate(self.executor.map(work, chunks), start=1):
             total += result
@@ -332,7 +332,7 @@ class _Squeezing(_Search):
         vertices = vertices[self.grasps.worst[vertices] >= self.cone]
         uncertain = vertices[:0]
         if self.located:
-            # None is surely stable: those are sought that are best at their perceived places.
+            # None is surely stable: find those that are best at their perceived locations.
             uncertain, domain = vertices, domain._replace(surface=self.mesh.contact_surface)
             self._descend(vertices, self.cone, domain, self.grasps, (0.6, 0.6))
             vertices = vertices[self.grasps.worst[vertices] >= self.cone]
@@ -417,7 +417,7 @@ class _Expanding(_Search):
         return np.asarray(self.grasps.worst < worst - MIN_GAIN * self.sampling.tolerance)
 
     def _seed(self, progress: tuple[float, float]) -> None:
-        """Trace directions spread over the cone; those near the normal first, as they exclude some.
+        """Trace directions spread over the cone, first those near the normal, which exclude others.
 
         Args:
             progress: Fractions of the work done before and after.
@@ -450,7 +450,7 @@ class _Expanding(_Search):
         progress: tuple[float, float] | None = None,
         **settings: Any,
     ) -> None:
-        """Make and trace the rays of vertices: those of a kernel with these settings."""
+        """Make the rays of vertices with a kernel and its settings, and trace them."""
         settings = {"grasps": self.grasps, **settings}
 
         def evaluate(chunk: Ints) -> int:

@@ -2,10 +2,10 @@
 
 C. Yuksel, 'Sample Elimination for Generating Poisson Disk Sample Sets', Computer Graphics Forum
 34(2), 2015. More samples than wanted are drawn, and the most crowded one is eliminated repeatedly.
-Eliminating further, to half of them, to a quarter and so on, orders the samples such that every
-beginning of the sequence is evenly spread.
+Eliminating further, to half of them, to a quarter and so on, gives an order in which every initial
+part of the sequence is evenly spread.
 
-Searches also need the neighbours of vertices, and reference directions at them.
+The module also has the neighbours of vertices and reference directions there, for searches.
 """
 
 import heapq
@@ -27,7 +27,7 @@ from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 
 
 def contact_tree(mesh: ObjectMesh, surface: Surface) -> FaceTree:
-    """A new tree over the faces in which contacts may be; searches find opposing contacts there."""
+    """Make a tree over the faces in which contacts may be, to search for opposing contacts."""
     faces, turns = mesh.contact_faces, surface.turns
     if turns.error > 0.0:
         turns = turns._replace(least=locked(turns.least[faces]))
@@ -39,7 +39,7 @@ def contact_tree(mesh: ObjectMesh, surface: Surface) -> FaceTree:
 
 
 def places_in_tree(count: int, surface: Surface, tree: FaceTree) -> Ints:
-    """Where each of `count` vertices comes first in the order of a tree, shape (V,).
+    """First position of each of `count` vertices in the order of a tree, shape (V,).
 
     In this order neighbours mostly follow one another.
     """
@@ -52,7 +52,7 @@ def places_in_tree(count: int, surface: Surface, tree: FaceTree) -> Ints:
 def neighbours(mesh: ObjectMesh) -> tuple[Ints, Ints]:
     """(first, index): the adjacent vertices of each vertex, grouped by vertex, for the kernels.
 
-    Only of those where contacts may be.
+    Vertices where no contact may be are left out.
     """
     one, two = mesh.faces[:, [0, 1, 2]].ravel(), mesh.faces[:, [1, 2, 0]].ravel()
     allowed = mesh.allowed[one] & mesh.allowed[two]
@@ -68,7 +68,7 @@ def neighbours(mesh: ObjectMesh) -> tuple[Ints, Ints]:
 
 
 MIN_LENGTH = 1e-3
-"""Length of a reference vector's part orthogonal to the normal, from which it is used."""
+"""Length of a reference vector's part orthogonal to the normal above which it is used."""
 
 SYMMETRIC = 1e-9
 """Third moment, in object sizes cubed, below which the object is symmetric along an axis."""
@@ -77,10 +77,10 @@ SYMMETRIC = 1e-9
 def tangents(mesh: ObjectMesh) -> Floats:
     """A unit vector orthogonal to each vertex's normal that turns with the object, shape (V, 3).
 
-    Computed from the mesh's geometry, so that rotating, moving or scaling the object or reordering
-    its vertices changes no search direction: from the vector from the centre to the vertex; where
-    that is parallel to the normal, from the third moments of the surface, its principal axes, and
-    finally, for objects as regular as a ball, from an edge.
+    Rotating, moving or scaling the object or reordering its vertices changes no search direction,
+    because references come from the mesh: the vector from the centre to the vertex; if that is
+    parallel to the normal, the third moments of the surface, its principal axes, and finally, for
+    objects as regular as a ball, an edge.
     """
     centres = mesh.normal_centres
     points = mesh.normalized
@@ -117,7 +117,7 @@ def contact_domain(
     start, index = neighbours(mesh)
     links = np.ones(len(index), dtype=np.int64)
     around = csr_array((links, index, start), shape=(len(start) - 1,) * 2)
-    if not on_vertices:  # grasps spread past vertices on creases, whose own suit no others
+    if not on_vertices:  # pass vertices on creases, whose grasps suit no other vertices
         around = csr_array(around + around @ around)
         around.sort_indices()
     one, two = paired_edges(mesh.faces)
@@ -151,8 +151,8 @@ def candidate_points(
         count: Number of points for all vertices.
         seed: Seed of the sample.
         scale: Scale of the normalised frame.
-        opposing: Points that belong to one vertex each (m,), and these vertices (m,); None:
-            candidate points are vertices.
+        opposing: Points (m,), each for one vertex only, and these vertices (m,); None: candidate
+            points are vertices.
     """
     own = np.full(len(mesh.vertices), NO_CONTACT, dtype=np.int64)
     if opposing is None:
@@ -197,7 +197,7 @@ only dense regions are truncated. They are found anew whenever half of the sampl
 def spread_points(mesh: ObjectMesh, count: int, *, seed: int = 0) -> SurfacePoints:
     """Sample points evenly spread over the area of a surface.
 
-    They lie strictly inside faces. Every beginning of the sequence is evenly spread too. Points
+    They lie strictly inside faces. Every initial part of the sequence is evenly spread too. Points
     whose normals differ by more than 90 degrees, as on the two sides of a plate, are independent.
 
     Args:
@@ -237,7 +237,7 @@ def spread_vertices(mesh: ObjectMesh, count: int, *, seed: int = 0) -> Ints:
 
     Returns:
         Distinct canonical vertices on the surface, shape (k,), k the smaller of `count` and their
-        number. Every beginning of the sequence is evenly spread too.
+        number. Every initial part of the sequence is evenly spread too.
 
     Raises:
         SettingError: A count below 1, or a negative seed.
@@ -255,7 +255,7 @@ def spread_vertices(mesh: ObjectMesh, count: int, *, seed: int = 0) -> Ints:
 
 
 def _choose(points: Floats, normals: Floats, area: float, count: int) -> Ints:
-    """Choose samples (m, 3), in an order of which every beginning is evenly spread."""
+    """Choose samples (m, 3), in an order of which every initial part is evenly spread."""
     alive, _ = _eliminate(points, normals, np.arange(len(points)), area, count)
     later = []
     while len(alive) > 1:
@@ -284,9 +284,9 @@ def _eliminate(
 
 
 def _crowding(points: Floats, normals: Floats, clipped_distance: float, widest: float) -> csr_array:
-    """Weights of all pairs of samples, whole numbers (m, m): 0 from `widest` on.
+    """Weights of all pairs of samples (m, m), 0 for distances from `widest` on.
 
-    Rounding errors would decide between samples that are equally crowded.
+    They are whole numbers, because rounding errors would decide between equally crowded samples.
     """
     near = min(MAX_NEIGHBOURS, len(points))
     hits = cKDTree(points).query(points, np.arange(2, near + 1), distance_upper_bound=widest)

@@ -1,8 +1,8 @@
 """Contacts of grasps (on a surface, in a file, of closed jaws), their normals and angles.
 
-On a crease or at a corner a contact may have any normal between those of the faces, so that a grasp
-has two critical friction angles. S is decided by the one over the worst normals, U by the one over
-the best normals.
+On a crease or at a corner a contact may have any normal between those of the faces, so a grasp has
+two critical friction angles. The one over the worst normals decides S, the one over the best
+normals decides U.
 """
 
 import math
@@ -41,7 +41,7 @@ WIDEST = RIGHT_ANGLE - 1e-9
 """Largest tilt that is evaluated [rad]: no force is the same for all normals of half a ball."""
 
 OFF_SURFACE = 1e-3
-"""Distance of contacts in a file from the surface, in object sizes, up to which they are on it."""
+"""Distance from the surface up to which contacts in a file count as on it, in object sizes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +92,10 @@ class SurfaceContacts:
         return locked(np.flatnonzero((self.normals != 0.0).any(axis=2).all(axis=1)))
 
     def tilts(self, model: GraspModel) -> ArrayLike:
-        """Largest angle between the nominal normal of each contact and any that may be true (b, n).
+        """Largest angle between each contact's nominal and possible true normals [rad], (b, n).
 
-        On creases the true normal is within the sensor's resolution of any normal of the set, and
-        with a location error of any normal nearby.
+        The true normal is within the sensor's resolution of any normal of the set on creases, and
+        of any normal nearby with a location error.
 
         Args:
             model: The resolution and the location error.
@@ -142,10 +142,10 @@ class SurfaceContacts:
 
 @dataclass(frozen=True, eq=False)
 class JawContacts(SurfaceContacts):
-    """Contacts where jaws have closed on an object: patches, on no one face, each with a normal."""
+    """Contacts where jaws have closed on an object: patches of many faces, each with one normal."""
 
     jaws: ClosedJaws
-    """Where the jaws touch; numbers are of those that close."""
+    """Where the jaws touch, a row for each grasp."""
 
     __repr__ = short_repr
 
@@ -167,7 +167,7 @@ class JawContacts(SurfaceContacts):
         return self.jaws.points
 
     def turns(self, location_error: float) -> Floats:
-        """The same about the middles of the patches, which need not be on the surface."""
+        """How far the surface turns about the middles of the patches, which may be off it."""
         points, normals = self.points.reshape(-1, 3), self.normals.reshape(-1, 3)
         turns = turns_beside(self.mesh, points, normals, location_error)
         return turns.reshape(self.size, self.count)
@@ -203,7 +203,7 @@ def grasps_at(mesh: ObjectMesh, partner_points: SurfacePoints, vertices: Ints) -
 
 
 def vertex_surface_points(mesh: ObjectMesh, vertices: ArrayLike) -> SurfacePoints:
-    """Vertices as surface points.
+    """Convert vertices to surface points.
 
     Args:
         mesh: The surface.
@@ -262,18 +262,18 @@ def critical_angles(
 ) -> WorstAndBest:
     """Critical friction angles of grasps over the worst and over the best normals of the contacts.
 
-    Two contacts have a closed form. Of more, none on a crease, both are the critical friction
-    angle. A contact on a crease has the cap about its set of normals: the worst is never too small
-    and the best never too large. Where the set spans every direction the grasp is neither surely
-    stable nor surely unstable. Contacts that are all at one point are no grasp, but at an edge they
-    may push against each other: their best angle is a lower bound.
+    Two contacts have a closed form. For more contacts, none on a crease, both angles are the
+    critical friction angle. A contact on a crease may have any normal of the cap about its set, so
+    the worst angle is never too small and the best never too large. Where a set spans every
+    direction the grasp is neither surely stable nor surely unstable. Contacts that are all at one
+    point are no grasp, but may push against each other at an edge: the best is a lower bound.
 
     Args:
         contacts: Grasps on a surface.
         location_error: Largest distance between true and perceived contact points [m]: lines
             between them turn, and normals as the surface does nearby; see
             `stability.uncertain_angles`.
-        tolerance: Three contacts and more: as in `critical_friction_angle` [rad].
+        tolerance: For three contacts and more, as in `critical_friction_angle` [rad].
 
     Returns:
         (worst, best) [rad], shape (b,) each. For two contacts up to pi; for more, pi/2 where the

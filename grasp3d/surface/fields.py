@@ -1,7 +1,7 @@
 """Fields: values of each vertex or of each grasp, declared once for all files and tables.
 
-Those of grasps are here, also those that vertices have too. What each means is stated in
-docs/_ext/field_meanings.toml; the tables of the documentation follow from both.
+This module declares those of grasps, also those that vertices share. Their meanings are in
+docs/_ext/field_meanings.toml; the tables of the documentation are made from both.
 """
 
 import math
@@ -28,7 +28,7 @@ XYZ = ("x", "y", "z")
 LETTERS = tuple(label.name for label in sorted(Label))
 
 NONE = "–"
-"""What stands for a value that is not finite: there is no grasp, or nothing is known."""
+"""Text for a value that is not finite: there is no grasp, or nothing is known."""
 
 
 class Allowed(NamedTuple):
@@ -53,45 +53,45 @@ HELD = Allowed(0.0, infinite=math.inf, unknown=True)
 
 @dataclass(frozen=True)
 class Field:
-    """What files and tables hold of each vertex, or of each grasp, under one name."""
+    """A value of each vertex or each grasp that files and tables hold under one name."""
 
     name: str
-    """Name of the array, and of the attribute in Python unless `of` is another one."""
+    """Name of the array, and of the attribute in Python unless `of` takes another one."""
     unit: str = ""
     shape: tuple[int | str, ...] = ()
-    """Of the values of one vertex or grasp; 'n': number of fingers, 'n-1': of the other fingers."""
+    """Shape for one vertex or grasp; 'n': number of fingers, 'n-1': number of other fingers."""
     allowed: Allowed = FINITE
     _: KW_ONLY
     of: Callable[[Any], Any] | None = None
-    """Takes its values from labels or grasps, None where they have none; None: the attribute."""
+    """Takes the values, or None, from labels or grasps; None: the attribute `name` has them."""
     kind: str = "f8"
     """NumPy type of the values, as NPZ, VTP and Parquet hold them."""
     when: When = "always"
-    """What it takes for the field to be there: nothing; a gripper; a load; an error of poses."""
+    """When the field exists: always, or only with a gripper, a load, or an error of poses."""
     columns: tuple[str, ...] = ()
-    """Names of its parts where a file or table has numbers alone; empty: with the axes as ends."""
+    """Names of its columns of plain numbers; empty: the name, with the axes as suffixes."""
     each: str = ""
-    """Name of the values of one finger, with {} for its number; empty: it is not by finger."""
+    """Name of the values of one finger, with {} for its number; empty: not by finger."""
     ply: str = ""
-    """Type at the vertices of a PLY, of 32 bits if it follows from others; empty: not there."""
+    """Type at the vertices of a PLY, of 32 bits if it follows from others; empty: not in a PLY."""
     array: bool = True
     """Whether NPZ, VTP, `to_trimesh` and `to_polydata` have it."""
     table: bool = True
     """Whether Parquet and `to_table` have it."""
     texts: tuple[str, ...] = ()
-    """Texts of the codes 0, 1, ..., which tables have in their place; empty: it has no codes."""
+    """Texts that tables have in place of the codes 0, 1, ...; empty: it has no codes."""
     outward: bool = False
     """Whether these are normals, which point into the object in Python, and outward in files."""
     heading: str = ""
-    """Of its column in tables that people read; empty: it is not there."""
+    """Heading of its column in tables for people; empty: it has no column there."""
     listed: str = ""
-    """Name among the numbers of one grasp; empty: its heading, if it has one."""
+    """Name in the list of one grasp's numbers; empty: its heading, if it has one."""
     meaning: str = ""
-    """What it is, for the legend of such a table; empty: the heading says it."""
+    """Meaning in the legend of such a table; empty: the heading is clear."""
 
     @property
     def worst(self) -> float:
-        """What stands for the value of no grasp: an infinite force or angle, else 0."""
+        """Value that stands for no grasp: infinite for a force or an angle, else 0."""
         return math.inf if self.allowed.infinite == math.inf and self.unit != KILOGRAMS else 0.0
 
     def values_of(self, holder: object) -> Array | None:
@@ -116,10 +116,10 @@ class Field:
         return f"{self.heading}\n{unit}" if unit else self.heading
 
     def text(self, value: Any, *, metres: bool) -> str:
-        """A value as people read it, without its unit, but angles in degrees; `NONE` if not finite.
+        """Format a value for people: without unit, angles in degrees, `NONE` if it is not finite.
 
         Args:
-            value: That of one row, as files hold it.
+            value: Value of one row, as files hold it.
             metres: As in `title`.
         """
         if self.texts:
@@ -140,7 +140,7 @@ class Field:
         return tuple(sizes[size] if isinstance(size, str) else size for size in self.shape)
 
     def column_names(self, fingers: int) -> list[str]:
-        """Names of its columns of numbers, those of one finger after those of another."""
+        """Names of its columns of numbers, finger by finger."""
         parts = self.columns
         if not parts:
             head = self.each or self.name
@@ -149,7 +149,7 @@ class Field:
         return [part.format(finger) for finger in numbers for part in parts]
 
     def point_names(self, fingers: int) -> list[str]:
-        """Names of its arrays of at most vectors, as VTK has them."""
+        """Names of its arrays in VTK, which has vectors at most."""
         each = [self.each.format(finger) for finger in range(2, fingers + 1)]
         return each if self.each else [self.name]
 
@@ -164,7 +164,7 @@ class Field:
         return dict(zip(self.point_names(self._fingers(values)), parts, strict=True))
 
     def from_columns(self, columns: Mapping[str, Array], fingers: int) -> Array:
-        """Put columns of numbers together again; raises KeyError."""
+        """Join columns of numbers to values again. Raises KeyError."""
         values = np.stack([columns[name] for name in self.column_names(fingers)], axis=1)
         return values.reshape(len(values), *self.shape_for(fingers))
 
@@ -186,11 +186,11 @@ def present(fields: Iterable[Field], holder: object) -> Iterator[tuple[Field, Ar
 
 
 FLOAT, DOUBLE = "f4", "f8"
-"""Types of numbers in a PLY: those that follow from others, and those that are read again."""
+"""Types of numbers in a PLY: of those that follow from others, and of those that are read back."""
 
 
 def of_part(part: str, name: str) -> Callable[[Any], Array | None]:
-    """The values of an attribute that labels or grasps may lack; None where they do."""
+    """Make a function that takes values from a part of labels or grasps; None if it is missing."""
 
     def values(holder: Any) -> Array | None:
         owner = getattr(holder, part)
@@ -268,7 +268,7 @@ LOAD_NUMBERS = (
     ),
 )
 FORCES = (*LOAD_NUMBERS, replace(LABEL, name="label_with_force", of=_of_load("label"), when="load"))
-"""What a load adds to grasps."""
+"""Fields that a load adds to grasps."""
 
 SCORE = Field(
     "score", "", (), Allowed(0.0, 1.0), heading="score", meaning="U below 1/3, S above 2/3"
@@ -276,7 +276,7 @@ SCORE = Field(
 """The one number by which grasps are sorted."""
 
 STATED_LABEL = replace(LABEL, of=attrgetter("letter"))
-"""The label of everything that is stated."""
+"""The label that takes everything stated into account."""
 
 GRASPS = (
     Field("grasp", of=lambda one: range(1, one.size + 1), kind="i8"),
@@ -289,10 +289,10 @@ GRASPS = (
     replace(OPENING, name="separation", heading=""),
     *LOAD_NUMBERS,
 )
-"""Grasps in tables."""
+"""Fields of grasps in tables."""
 
 OF_ONE = (*GRASPS, APPROACH_MARGIN, DEPTH)
-"""What is listed of one of them."""
+"""Fields that are listed for one grasp."""
 
 CONTACTS = (
     Field("point", LENGTH, ("n", 3), columns=XYZ, of=attrgetter("contacts.points")),
@@ -301,27 +301,27 @@ CONTACTS = (
     Field("distance", LENGTH, ("n",)),
     Field("on_crease", "", ("n",), kind="?", of=attrgetter("contacts.on_crease")),
 )  # fmt: skip
-"""The contacts of grasps in tables."""
+"""Fields of the contacts of grasps in tables."""
 
 
 def _closing_share(holder: Any) -> Array | None:
-    """Of the poses tried, where a pose error is stated."""
+    """Fraction of the tried poses at which jaws close; None: no pose error is stated."""
     return np.asarray(holder.robustness.closing_share) if holder.robustness.tried > 1 else None
 
 
 CLOSING_SHARE = Field(
     "closing_share", "", (), Allowed(0.0, 1.0), of=_closing_share, when="pose error"
 )
-"""How often jaws close at poses that are a little wrong."""
+"""Fraction of slightly wrong poses at which jaws close."""
 
 
 def _jaw(name: str, number: int) -> Callable[[Any], Array]:
-    """What is at one of the jaws."""
+    """Make a function that takes values at one of the jaws."""
     return lambda poses: np.asarray(getattr(poses.jaws, name)[:, number])
 
 
 def under_load(name: str) -> Callable[[Any], Array | None]:
-    """A number that poses have whether there is a load or not."""
+    """Make a function that takes a number of poses; None if there is no load."""
     return lambda poses: None if poses.load is None else np.asarray(getattr(poses, name))
 
 
@@ -330,7 +330,7 @@ CLOSING = Field("closing", of=attrgetter("state"), kind="u1", texts=names_of(Clo
 
 
 def given_poses(fingers: int = 2) -> tuple[Field, ...]:
-    """Given poses that were evaluated, of a hand with so many fingers."""
+    """Fields of evaluated poses of a hand with some number of fingers."""
     numbers = range(fingers)
     return (
         CLOSING,
@@ -382,4 +382,4 @@ HAND_GRASPS = (
     Field("reachable", kind="?"),
     REASON,
 )  # fmt: skip
-"""Given poses of a hand with joints, with what its links touch."""
+"""Fields of evaluated poses of a hand with joints, with what its links touch."""

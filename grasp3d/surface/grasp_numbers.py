@@ -1,6 +1,6 @@
 """Numbers of grasps on a surface: epsilon, grip forces, quality measures.
 
-With method extremes they come from an enumeration of extreme normals (Wan & Howe 2018).
+With method extremes, extreme normals are enumerated for labels and epsilon (Wan & Howe 2018).
 """
 
 import math
@@ -30,13 +30,13 @@ from grasp3d.surface.load_case import LoadCase, LoadResult, at_rows, load_result
 from grasp3d.system.context import report_progress
 
 BEFORE_ENUMERATION = 0.3
-"""Fraction of the work with method extremes that the search for grasps is expected to take."""
+"""Fraction of the work that the search for grasps is expected to take with method extremes."""
 
 CHUNK = 4096
 """Grasps enumerated at once."""
 
 MAX_FACE_NORMALS = 12
-"""Face normals tested at one contact; of more, so many are chosen evenly."""
+"""Largest number of face normals tested at one contact; of more, this many are chosen evenly."""
 
 
 def check_combinations_of(model: GraspModel) -> None:
@@ -74,7 +74,7 @@ def hull_epsilons(
 ) -> tuple[Floats, Floats]:
     """Smallest and largest epsilon over the combinations of extreme normals, shape (b,) each.
 
-    The smallest at the smallest friction, the largest at the largest.
+    The smallest holds at the smallest friction, the largest at the largest friction.
 
     Args:
         grasps: The grasps.
@@ -139,7 +139,7 @@ EPSILON_RTOL = 1e-2
 """Fraction of epsilon's upper bound that may lie between its bounds."""
 
 BOUND_RTOL = 3e-2
-"""The same for the largest epsilon, itself only a bound; saves most time for symmetric grasps."""
+"""The same for the largest epsilon, which is only a bound: saves most time for symmetric grasps."""
 
 
 def surface_epsilons(grasps: SurfaceContacts, model: GraspModel) -> EpsilonRange:

@@ -1,7 +1,7 @@
-"""Tables with a grasp in each row, or none: labels, epsilon and forces, computed when read.
+"""Tables with one grasp or none in each row: labels, epsilon and forces, computed when read.
 
-Rows that have the same grasp, as vertices at one position, share its numbers: what takes long is
-computed once for each distinct grasp.
+Rows with the same grasp, such as vertices at one position, share its numbers: whatever takes long
+is computed once for each distinct grasp.
 """
 
 import math
@@ -49,9 +49,9 @@ Columns = dict[str, npt.NDArray[Any]]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GraspRows(LabelledGrasps):
-    """A grasp on an object in each of b rows, or none: contacts, label, epsilon, forces.
+    """One grasp on an object or none in each of b rows: contacts, label, epsilon, forces.
 
-    What takes long is computed when it is first read. The grasps are given, or were found by a
+    Whatever takes long is computed when it is first read. The grasps are given, or were found by a
     search; S means surely stable, U surely unstable.
     """
 
@@ -66,10 +66,10 @@ class GraspRows(LabelledGrasps):
     close.
     """
     critical_angle_best: Floats
-    """The same over the best ones, shape (b,); different only for contacts on creases, and where
-    locations are uncertain."""
+    """The same over the best normals and locations, shape (b,); different only for contacts on
+    creases, and if locations are uncertain."""
     grip: npt.NDArray[np.int8] | None = None
-    """Two fingers: +1 for an external grasp, -1 for an internal one, shape (b,); 0: no grasp, and
+    """Two fingers: +1 for an external grasp, -1 for an internal one, shape (b,); 0: no grasp, or
     three fingers and more; None: unknown."""
     scene: Scene | None = None
     """The gripper of the grasps, and what it must not touch; None: ideal points."""
@@ -91,12 +91,12 @@ class GraspRows(LabelledGrasps):
 
     @property
     def first(self) -> Ints:
-        """The first row that has the same grasp, shape (b,); -1: there is none."""
+        """The first row that has the same grasp, shape (b,); -1: no grasp."""
         return np.arange(self.size)
 
     @cached_property
     def distinct(self) -> Ints:
-        """The rows that have a grasp, of those with the same one the first, shape (d,)."""
+        """The first row of each distinct grasp, shape (d,)."""
         return locked(np.flatnonzero(self.first == np.arange(self.size)))
 
     @cached_property
@@ -105,7 +105,7 @@ class GraspRows(LabelledGrasps):
         return self.contacts.take(self.distinct)
 
     def spread(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Values of the distinct grasps (d, ...) at every row; nan, or 0, where there is none."""
+        """Copy values of the distinct grasps (d, ...) to all rows; nan, or 0, without a grasp."""
         return locked(at_rows(values, self.distinct, self.size + 1)[self.first])
 
     @cached_property
@@ -167,7 +167,7 @@ class GraspRows(LabelledGrasps):
         return {name: self.spread(column) for name, column in values.items()}
 
     def take(self, rows: Ints) -> Self:
-        """The chosen grasps, in that order, with what has been computed of them.
+        """The chosen grasps, in that order, with all that has been computed for them.
 
         Args:
             rows: Their rows, shape (c,).
@@ -178,10 +178,11 @@ class GraspRows(LabelledGrasps):
         """The same grasps with another model or load, without checks or a new search.
 
         Args:
-            changed: Fields by name; a model has the same location error, which is in the angles.
+            changed: Fields by name; a new model must keep the location error, which is in the
+                angles.
 
         Raises:
-            SettingError: Another scene, but how the gripper reaches them is known for this one.
+            SettingError: The scene changes, but the gripper's reach is known for this one only.
         """
         if self.reach is not None and changed.get("scene", self.scene) is not self.scene:
             raise SettingError(
@@ -222,7 +223,7 @@ class GraspTable(GraspRows):
     """
 
     moved: Floats | None = None
-    """`distance`, shape (b, n); None: the contacts were found on the surface."""
+    """Values of `distance`, shape (b, n); None: the contacts were found on the surface."""
 
     def __len__(self) -> int:
         return self.size
@@ -231,8 +232,8 @@ class GraspTable(GraspRows):
     def rank(self) -> Ints:
         """Dimension of the span of the wrenches, in which epsilon is computed, shape (b,).
 
-        6; 5 for hard fingers on one line, such as any two; 0 where normals cancel out. Epsilons of
-        different rank are not comparable.
+        It is 6, or 5 for hard fingers on one line, such as any two, or 0 where normals cancel out.
+        Epsilons of different rank are not comparable.
         """
         ranks = np.zeros(self.size, dtype=np.int64)
         rows = self.contacts.with_normals
@@ -286,13 +287,13 @@ class GraspTable(GraspRows):
         return locked(_distances(self.contacts.points).min(axis=1, initial=math.inf))
 
     def whole(self) -> "GraspTable":
-        """The grasps as given by their contacts: with the angles of these."""
+        """The same grasps, with critical angles computed anew from their contacts."""
         error = self.model.location_error
         worst, best = critical_angles(self.contacts, location_error=error)
         return replace(self, critical_angle=worst, critical_angle_best=best)
 
     def columns(self, metrics: Mapping[str, Floats] | None = None) -> Columns:
-        """What files have of each grasp as a whole by name, shape (b,) each.
+        """Columns of files for each grasp as a whole, by name, shape (b,) each.
 
         Args:
             metrics: Quality measures of the grasps, which become columns too.
@@ -300,14 +301,14 @@ class GraspTable(GraspRows):
         return {**columns_of(GRASPS, self), **(metrics or {})}
 
     def contact_values(self) -> list[tuple[Field, npt.NDArray[Any]]]:
-        """What files have of each contact, shape (b, n, ...), without negative zeros."""
+        """Fields of files for each contact, with values (b, n, ...) without negative zeros."""
         return [
             (field, values + 0.0 if field.outward else values)
             for field, values in present(CONTACTS, self)
         ]
 
     def table_columns(self, metrics: Mapping[str, Floats] | None = None) -> Columns:
-        """The columns of tables, those of the contacts with their number, shape (b,) each.
+        """Columns of tables, in which contacts have numbers, shape (b,) each.
 
         Args:
             metrics: As in `columns`.
@@ -331,13 +332,13 @@ class GraspTable(GraspRows):
 
 
 COMPUTED = frozenset({"label", "epsilon_range", "load_result", "robustness", "approach_margin"})
-"""What takes long, and is kept where rows are taken."""
+"""Attributes that take long to compute, and are kept when rows are taken."""
 
 Rows = TypeVar("Rows", bound=GraspRows)
 
 
 def chosen(kind: type[Rows], grasps: GraspRows, rows: Ints) -> Rows:
-    """The chosen rows of a table as one of another kind, with what has been computed of them."""
+    """Make a table of another kind from chosen rows, with all that has been computed for them."""
     names = {field.name for field in fields(kind)}
     values = {name: rows_of(values, rows) for name, values in vars(grasps).copy().items()
               if name in names | COMPUTED}  # fmt: skip
@@ -347,7 +348,7 @@ def chosen(kind: type[Rows], grasps: GraspRows, rows: Ints) -> Rows:
 
 
 def rows_of(values: Any, rows: Ints) -> Any:
-    """The chosen rows of what has a row for each grasp; else the same."""
+    """Take the chosen rows of a value that has a row for each grasp; return others as they are."""
     if isinstance(values, np.ndarray):
         return locked(values[rows])
     return values.take(rows) if hasattr(values, "take") else values

@@ -1,6 +1,6 @@
-"""What follows from the angles, epsilon and forces of grasps, whatever has a row for each.
+"""Labels, margins and scores that follow from the angles, epsilon and forces of grasps.
 
-That includes the score, the one number by which lists and files are sorted.
+The score is the one number by which lists and files are sorted.
 """
 
 import math
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 
 def written_scores(label: Bytes, quality: Floats) -> Floats:
-    """(l + (1 + s) / 2) / 3, from 0 to 1: U up to 1/3, M up to 2/3, S above; shape (b,).
+    """Scores (l + (1 + s) / 2) / 3, from 0 to 1: U up to 1/3, M up to 2/3, S above; shape (b,).
 
     Args:
-        label: `Label` codes l of everything that is stated: U 0, M 1, S 2.
+        label: `Label` codes l that take everything stated into account: U 0, M 1, S 2.
         quality: How far each grasp is from failing, s, from -1 to 1.
     """
     return locked((label + 0.5 * (1.0 + np.clip(quality, -1.0, 1.0))) / 3.0)
@@ -41,8 +41,8 @@ def quality_of_contacts(margin: Floats, held: Floats) -> Floats:
     Margin over pi where it is negative, else m / (1 + m).
 
     Args:
-        margin: Friction angle to spare [rad].
-        held: m: what they hold over what must be held, or epsilon where that is not known.
+        margin: Margin of the grasps [rad].
+        held: Ratio m of what they hold to what must be held, or epsilon where it is not known.
     """
     with np.errstate(divide="ignore"):
         share = 1.0 - 1.0 / (1.0 + np.nan_to_num(held, nan=0.0, posinf=math.inf))
@@ -52,7 +52,7 @@ def quality_of_contacts(margin: Floats, held: Floats) -> Floats:
 class LabelledGrasps:
     """Grasps, one for each row of the arrays, with what follows from their angles and epsilon."""
 
-    if TYPE_CHECKING:  # fields and attributes of the classes that have this base
+    if TYPE_CHECKING:  # fields and attributes of the subclasses
 
         @property
         def mesh(self) -> ObjectMesh: ...  # noqa: D102
@@ -73,13 +73,13 @@ class LabelledGrasps:
         def load_result(self) -> LoadResult | None: ...  # noqa: D102
 
     def mask(self, letters: str) -> Bools:
-        """Where the label is one of some letters, shape as `label`.
+        """Mask of the grasps whose label is one of some letters, shape as `label`.
 
         Args:
             letters: One or several of S, M and U: 'S', 'SM'.
 
         Raises:
-            SettingError: There is another one.
+            SettingError: There is another letter, or none.
         """
         unknown = sorted(set(letters) - set(Label.__members__))
         if unknown or not letters:
@@ -90,15 +90,15 @@ class LabelledGrasps:
     def warnings(self) -> tuple[str, ...]:
         """What may make the results wrong, one sentence each.
 
-        Warnings of the mesh, a size that is implausible for the mass or the gripper, and lengths
-        that are probably in another unit than the mesh. The command line refuses lengths that
-        cannot be meant, unless it is given `--force`, and with `--strict` all warnings.
+        These are warnings of the mesh, of a size that is implausible for the mass or the gripper,
+        and of lengths that are probably in another unit than the mesh. The command line refuses
+        such lengths unless `--force` is given, and all warnings with `--strict`.
         """
         own = self.model, getattr(self, "sampling", None)
         return input_warnings(self.mesh, self.scene, self.load, *own)
 
     def computed(self, name: str) -> Any:
-        """What has been computed already: `label`, `epsilon_range`, ...; None: it has not been.
+        """Value of an attribute (`label`, `epsilon_range`, ...) if it is computed already, or None.
 
         Args:
             name: An attribute that is computed when it is first read.
@@ -106,7 +106,7 @@ class LabelledGrasps:
         return vars(self).get(name)
 
     def compute_labels(self) -> None:
-        """Compute `label` now, which takes time with method extremes only.
+        """Compute `label` now; this takes time with method extremes only.
 
         Raises:
             SettingError: A grasp has too many combinations of extreme normals.
@@ -117,18 +117,17 @@ class LabelledGrasps:
 
     @property
     def letter(self) -> Bytes:
-        """`Label` codes of everything that is stated.
+        """`Label` codes that take everything stated into account; without a load, `label`.
 
-        With a load whose mass and force are known, whether it is held; weight in any direction only
-        as surely as the contacts are force-closed, as points. Where one of these is not
-        known, a grasp that no force surely makes hold it is M at most, and U where none does at
-        any normals; without a load it is `label`.
+        With a load whose mass and force are known, they say whether it is held; if its weight may
+        act in any direction, they are at most `label`. If mass or force is not known, a grasp that
+        no force surely makes hold the load is M at most, and U if no force does at any normals.
         """
         load_result = self.load_result
         if load_result is None:
             return self.label
         if load_result.label is not None:
-            # Forces in all directions are resisted by contacts that are force-closed as points.
+            # Only contacts that are force-closed as points resist forces in all directions.
             most = self.label if load_result.case.task.in_all_directions else load_result.label
             return locked(np.minimum(load_result.label, most))
         most = np.where(np.isfinite(load_result.grip_force_largest), Label.S, Label.M)
@@ -145,9 +144,9 @@ class LabelledGrasps:
 
     @cached_property
     def score(self) -> Floats:
-        """The one number of each grasp, from 0 to 1: its letter, and within that its quality.
+        """Score of each grasp, from 0 to 1: ordered by letter, and within a letter by quality.
 
-        Lists are in its order, and every file has it; see `written_scores`.
+        Lists are sorted by it, and every file states it; see `written_scores`.
         """
         return written_scores(self.letter, self.quality)
 
@@ -155,8 +154,8 @@ class LabelledGrasps:
     def margin(self) -> Floats:
         """Margin of the grasps [rad]: beta - alpha/2 - beta*, less all other uncertainties.
 
-        S iff above 0 (with method exact); the angle by which friction may be smaller, or normals
-        less certain, and the grasp is still surely stable. -inf where there is no grasp.
+        A grasp is S iff it is above 0 (with method exact). By this angle friction may be smaller,
+        or normals less certain, before it is no longer S. -inf where there is no grasp.
         """
         return locked(self.model.sure_angle - self.critical_angle)
 
@@ -164,7 +163,7 @@ class LabelledGrasps:
     def max_resolution(self) -> Floats:
         """Coarsest sensor resolution below which the grasp is S [rad]; 0: none is fine enough.
 
-        With the other uncertainties of the model as they are.
+        The other uncertainties of the model stay as they are.
         """
         return locked(max_resolution(self.critical_angle, self.model))
 
@@ -172,10 +171,10 @@ class LabelledGrasps:
     def epsilon(self) -> Floats:
         """Epsilon of the grasps (Ferrari & Canny 1992).
 
-        At the contacts' nominal normals, the middle of the set on creases; about the mesh's centre
-        of mass, torques divided by `mesh.torque_scale`, in the span of the wrenches. Certified from
-        below, within 1 %. 0 where the grasp is not force-closed, nan where there is no grasp or the
-        normals at a contact cancel out.
+        Computed at the contacts' nominal normals (on creases the middle of the set), about the
+        mesh's centre of mass, with torques divided by `mesh.torque_scale`, in the span of the
+        wrenches. A certified lower bound within 1 %. 0 where the grasp is not force-closed, nan
+        where there is no grasp or the normals at a contact cancel out.
         """
         return self.epsilon_range.nominal
 
@@ -192,8 +191,8 @@ class LabelledGrasps:
     def epsilon_max(self) -> Floats:
         """Upper bound on epsilon over all tilts.
 
-        With method extremes it is the largest over the combinations of extreme normals, and is
-        attained.
+        With method extremes it is the largest value over the combinations of extreme normals, which
+        is attained.
         """
         return self.epsilon_range.maximum
 
@@ -216,9 +215,9 @@ class LabelledGrasps:
     def show(self, **options: Any) -> Any:
         """Show the object: in a notebook as a page below the cell, elsewhere in a window.
 
-        Of grasps the viewer's buttons for the next and the previous object lead to the others; the
-        colours are the labels that the first finger would have elsewhere, with the others as they
-        are.
+        For grasps, the viewer's buttons for the next and the previous object go through them. The
+        colours are the labels that the first finger would have elsewhere, with the other fingers
+        unmoved.
 
         Args:
             options: As in `grasp3d.viewer.show.show`: settings, height, proxy.

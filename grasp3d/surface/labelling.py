@@ -44,12 +44,12 @@ from grasp3d.surface.vertex_fields import Reason, SearchReport
 from grasp3d.system.context import refuse_warnings, report_progress, within
 
 BEFORE_ANGLES = 0.9
-"""Fraction of the work that the search is expected to take where angles are computed after it."""
+"""Fraction of the work that the search is expected to take if angles are computed after it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Labelling:
-    """An object to be labelled, and settings that fit it and one another.
+    """An object to be labelled, with settings that are consistent with it and one another.
 
     Raises:
         SettingError: As in `label_surface`.
@@ -96,7 +96,7 @@ class Labelling:
         *,
         force: bool = False,
     ) -> "Labelling":
-        """Read a mesh, and check the settings for it, as a user gives them.
+        """Read a mesh, and check the user's settings for it.
 
         Args:
             source: The mesh, as in `load_mesh`.
@@ -105,10 +105,10 @@ class Labelling:
             reach: The gripper that must reach each grasp, and what the object stands on.
             load: As in `label_surface`.
             options: How the mesh is read and prepared.
-            force: Accept lengths that cannot be meant for an object of this size.
+            force: Accept lengths that are implausible for an object of this size.
 
         Raises:
-            SettingError: As in `label_surface`, or a length cannot be meant.
+            SettingError: As in `label_surface`, or a length is implausible.
             MeshError: The mesh cannot be read, or is too large.
         """
         hand = reach.hand is not None
@@ -127,10 +127,10 @@ class Labelling:
         return labels
 
     def _searched(self) -> SurfaceLabels:
-        """The best grasps; labels are computed later."""
+        """Find the best grasps; labels are computed later."""
         mesh, model, sampling, scene = self.mesh, self.model, self.sampling, self.scene
         cone, error, pairs = search_cone(model, sampling), model.location_error, model.fingers == 2
-        exact = pairs and error == 0.0  # else the search knows the angles about
+        exact = pairs and error == 0.0  # else the search approximates angles
         with within(0.0, 1.0 if exact else BEFORE_ANGLES):
             if pairs:
                 found = best_pairs(mesh, sampling, cone, scene=scene, location_error=error)
@@ -185,9 +185,9 @@ def label_surface(
 ) -> SurfaceLabels:
     """Find the best grasp through every vertex and label how reliable it is.
 
-    It has `model.fingers` fingers, one at the vertex and the others at the best surface points that
-    the search finds. With `model.method` 'extremes' the grasps are the same, but their labels come
-    from the wrench hulls at extreme normals alone, as in Wan & Howe 2018.
+    A grasp has `model.fingers` fingers, one at the vertex and the others at the best surface points
+    that the search finds. With `model.method` 'extremes' the grasps are the same, but their labels
+    come from the wrench hulls at extreme normals alone, as in Wan & Howe 2018.
 
     Args:
         mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes (a path, a mesh of trimesh,
@@ -195,20 +195,20 @@ def label_surface(
         model: Friction, sensor resolution [rad] and number of fingers, 2 to 5, or a dict of fields,
             {'friction': 0.4}; None: the defaults.
         sampling: How grasps are searched for, or a dict of fields; None: the defaults.
-        hand: The gripper that must reach each grasp, also its name or file: the best grasp is that
-            of the reachable ones, and openings are limited to its stroke; None: ideal point
+        hand: The gripper that must reach each grasp, or its name or file: the best grasp is then
+            the best reachable one, and openings are limited to the stroke. None: ideal point
             contacts.
-        table: What the object stands on, which the gripper must not enter, also as-is (below the
-            object as it is, z up) or stable (below it in its most probable resting pose); None:
-            nothing.
-        approach: Approach directions of the gripper; None: any.
-        pose_error: How wrong the gripper's poses may be, as a text '5mm,3deg': `best_grasps` then
-            tries wrong poses of the best ones. None: they are exact.
-        scene: The gripper, the table, the approach and the pose error together, in place of those.
-        load: What each grasp must hold, and with which force, or its mass, '0.5kg':
-            `labels.load_result` then has the grip force and payload of each. A gripper brings its
-            greatest force and the torsion radius of its pads. It changes neither grasps nor labels.
+        table: What the object stands on, which the gripper must not enter: a table, 'as-is' (below
+            the object as it is, z up) or 'stable' (below it in its most probable resting pose).
             None: nothing.
+        approach: Approach directions of the gripper; None: any.
+        pose_error: How wrong the gripper's poses may be, also as a text '5mm,3deg': `best_grasps`
+            then tries wrong poses for the best grasps. None: poses are exact.
+        scene: The gripper, table, approach and pose error together, in place of the four arguments.
+        load: What each grasp must hold, and with which force; or just a mass, '0.5kg'.
+            `labels.load_result` then has the grip force and payload of each grasp. A gripper brings
+            its greatest force and the torsion radius of its pads. A load changes neither grasps nor
+            labels. None: nothing.
 
     Returns:
         The labels. Their arrays have a row for each of the V vertices of `labels.mesh`, of which
@@ -273,7 +273,7 @@ def label_surface(
 def _mesh_of(
     source: MeshSource, options: MeshOptions | None, *settings: object, hand: bool
 ) -> ObjectMesh:
-    """Prepare a mesh; its unit is asked for before any work where hand or settings need it."""
+    """Prepare a mesh; a missing unit that hand or settings need is an error before any work."""
     if isinstance(source, ObjectMesh):
         return load_mesh(source, options)
     has_density = any(isinstance(one, Load) and one.density is not None for one in settings)
@@ -292,7 +292,7 @@ def scan_surface(mesh: MeshSource, model: GivenModel = None, *, fixed: ArrayLike
         mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes (a path, a mesh of trimesh,
             PyVista or Open3D, or a pair of arrays), which is then prepared with default options.
         model: Friction and sensor resolution [rad]; the number of fingers, unless it is the default
-            2, must be one more than are fixed.
+            2, must be one more than that of fixed fingers.
         fixed: Positions of the fixed fingers in the mesh's frame, shape (3,) or (k, 3),
             moved to the nearest surface points.
 
@@ -301,8 +301,8 @@ def scan_surface(mesh: MeshSource, model: GivenModel = None, *, fixed: ArrayLike
 
     Raises:
         MeshError: It is no mesh.
-        SettingError: `fixed` are not finite points, or there are too many of them or of extreme
-            normals.
+        SettingError: `fixed` is not one or more finite points, or there are too many points or
+            extreme normals.
 
     Example:
         One finger in the middle of a box's top; the vertices opposite to it are surely stable:

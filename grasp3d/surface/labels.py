@@ -1,6 +1,6 @@
 """Result of labelling a surface: the best grasp at every vertex, its label and epsilon.
 
-It holds the settings with which the labels were computed, as labelled files do.
+It contains the settings with which the labels were computed, as labelled files do.
 """
 
 import json
@@ -39,10 +39,10 @@ if TYPE_CHECKING:
 
 
 SETTING = "setting_"
-"""Start of the names of settings beside arrays, some of which have the name of a setting."""
+"""Prefix of settings that are stored beside arrays, some of which have the name of a setting."""
 
 GIVEN_ANGLE = "given_angle"
-"""Key in the setting `search` of the `search_angle` that was given; None: that of the model."""
+"""Key in the setting `search` of the given `search_angle`; its value is None for the model's."""
 
 Values = dict[str, str | float | int | None]
 
@@ -54,9 +54,9 @@ def chosen_settings(
     mode: Mode,
     scene: Scene | None = None,
 ) -> Values:
-    """Those of the settings that the user chooses, known before the mesh is labelled.
+    """Settings that the user chooses, known before the mesh is labelled.
 
-    Those of a load are `load_settings`.
+    Settings of a load are in `load_settings`.
     """
     return {
         "source": _ascii(mesh.report.source),
@@ -117,7 +117,7 @@ class SurfaceLabels(GraspRows):
         reason: ArrayLike,
         **others: Any,
     ) -> Self:
-        """Labels of the grasps of a surface's vertices, those of one position being the same.
+        """Make labels from the grasps of a surface's vertices; vertices at one position share one.
 
         Args:
             mesh: The surface.
@@ -163,7 +163,7 @@ class SurfaceLabels(GraspRows):
         return np.where(self.reason == Reason.FOUND, self.mesh.canonical, -1)
 
     def take(self, rows: Ints) -> GraspTable:  # type: ignore[override]
-        """The grasps of chosen vertices as a table, with what has been computed of them.
+        """The grasps of chosen vertices as a table, with all that has been computed for them.
 
         Args:
             rows: Vertices that have a grasp, shape (c,).
@@ -177,7 +177,7 @@ class SurfaceLabels(GraspRows):
 
     @cached_property
     def partner_normals(self) -> Floats:
-        """Inward unit normals there, the middle of the set on creases, shape (V, n - 1, 3)."""
+        """Inward unit normals of `partners`, on creases the middle of the set, (V, n - 1, 3)."""
         return self.spread(self.distinct_contacts.normals[:, 1:])
 
     @cached_property
@@ -296,7 +296,7 @@ class SurfaceLabels(GraspRows):
     ) -> Floats | None:
         """Quantiles of a column over the surface, shape (k,); None: the labels do not have it.
 
-        Where no grasp was found an angle or a force is inf, anything else 0.
+        Where no grasp was found, an angle or a force counts as inf, and any other value as 0.
 
         Args:
             name: `critical_angle`, `epsilon`, `payload` or another column of one number.
@@ -339,7 +339,7 @@ class SurfaceLabels(GraspRows):
         }
 
     def complete_settings(self) -> Values:
-        """The same with what a prepared mesh has besides, and the extent of the search."""
+        """`settings`, with those that restore the mesh, and the extent of the search."""
         mesh, sampling = self.mesh, self.sampling
         surface: dict[str, Any] = {
             "center": mesh.center.tolist(),
@@ -411,7 +411,7 @@ class SurfaceLabels(GraspRows):
         return data
 
     def _point_arrays(self) -> Arrays:
-        """The arrays over the vertices beside their positions, those of each finger apart."""
+        """Arrays over the vertices except their positions, with one for each finger."""
         fields = (field for field in VERTICES[1:] if field.array)
         return {
             name: part

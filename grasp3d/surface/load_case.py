@@ -1,4 +1,4 @@
-"""A load on one object (mass, task, force at hand, torsion), and what grasps hold of it.
+"""A load on one object (mass, task, force at hand, torsion), and its results for grasps.
 
 The results are grip forces and payloads.
 """
@@ -36,7 +36,7 @@ from grasp3d.stability.label import Label
 from grasp3d.system.names import short_number
 
 DENSITY = "density is in kg/m^3"
-"""What needs the unit of a mesh, for the error."""
+"""Why the unit of a mesh is needed, for the error."""
 
 
 def mass_of(mesh: ObjectMesh, load: Load) -> float | None:
@@ -69,12 +69,12 @@ def _without_volume(mesh: ObjectMesh) -> str:
 def input_warnings(
     mesh: ObjectMesh, scene: Scene | None, load: Load | None, *settings: LengthSettings | None
 ) -> tuple[str, ...]:
-    """What is doubtful about an object and what it is given with, one sentence each.
+    """Warnings about an object and the settings given with it, one sentence each.
 
     Args:
         mesh: The object.
         scene: The gripper; None: none.
-        load: Its mass; None: not known.
+        load: The load with the object's mass; None: not known.
         settings: Settings with lengths, besides those of the mesh.
     """
     hand, mass = (
@@ -90,11 +90,11 @@ def input_warnings(
 
 @dataclass(frozen=True)
 class LoadCase:
-    """A load on one object, as its grasps are evaluated for it.
+    """A load on one object, for which grasps are evaluated.
 
     Example:
-        What a gripper brings: its force, and the torsion radius of its pads, here 2/3 x friction x
-        radius of a disc of the pads' area:
+        A gripper brings its force and the torsion radius of its pads, here 2/3 x friction x radius
+        of a disc of the pads' area:
 
         >>> import trimesh
         >>> import grasp3d
@@ -115,25 +115,25 @@ class LoadCase:
     available: float | None
     """Force at hand of each finger [N]; None: not given."""
     torsion_radius: float
-    """Torsion radius of the contacts at nominal friction [m]: that given, or that of the gripper's
-    pads; 0: hard fingers."""
+    """Torsion radius of the contacts at nominal friction [m]: the given one, or that of the
+    gripper's pads; 0: hard fingers."""
     pad_torsion: float | None = None
-    """Torsion radius of the gripper's pads per friction, to which it is proportional [m]; None:
-    there are no pads, or a torsion radius is given, which is that at any friction."""
+    """Torsion radius of the gripper's pads per unit of friction [m]; None: there are no pads, or a
+    torsion radius is given, which holds at any friction."""
     by_motors: bool = False
-    """Whether the motors of a hand with joints hold it, and no force of the fingers is at hand."""
+    """Whether the motors of a hand with joints hold it, instead of a finger force at hand."""
 
     @classmethod
     def of(
         cls, load: Load, mesh: ObjectMesh, model: GraspModel, hand: Hand | None = None
     ) -> "LoadCase":
-        """The load on an object.
+        """Apply a load to an object.
 
         Args:
             load: Mass or density, task, and force at hand.
             mesh: The object.
             model: The fingers; without a torsion radius they have that of the gripper's pads.
-            hand: Its greatest force is at hand unless the load states another one.
+            hand: The hand; its greatest force is at hand unless the load states another one.
 
         Raises:
             SettingError: The centre of mass is not known, or the mass or the unit of the mesh is
@@ -193,11 +193,11 @@ class LoadCase:
         return self.mass is not None or not self.by_mass
 
     def at_friction(self, contacts: Contacts, friction: ArrayLike | None = None) -> Contacts:
-        """Contacts with another friction, and with the torsion radius that they then have.
+        """Return contacts with another friction, and with the torsion radius that follows from it.
 
         Args:
             contacts: The contacts; their own torsion radii do not matter.
-            friction: One value, or shape (..., n); None: theirs.
+            friction: One value, or shape (..., n); None: that of the contacts.
 
         Example:
             Pads that rub less also resist less torque about their normal:
@@ -243,7 +243,7 @@ FORCE_RTOL = 1e-2
 """Fraction of a grip force that may lie between its bounds; the larger one is given."""
 
 MOST = 0.5
-"""Fraction of the grasps from which on they are most."""
+"""Fraction of the grasps that must be exceeded for 'most grasps'."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,7 +280,7 @@ class LoadResult:
     grip_force_least: Floats
     """The same at the best normals that the sensor cannot distinguish from these, shape (b,)."""
     grip_force_largest: Floats
-    """The same at the worst of these normals, shape (b,)."""
+    """The same at the worst such normals, shape (b,)."""
     payload: Floats
     """Mass that the force at hand holds at the worst normals [kg], shape (b,); nan: no force at
     hand, no grasp, or a task that does not depend on the mass."""
@@ -323,7 +323,7 @@ class LoadResult:
 
     @property
     def remedy(self) -> str:
-        """What would help where most grasps hold nothing because fingers are hard; else empty."""
+        """Remedy if most grasps hold nothing because fingers are hard; else empty."""
         if self.resistance is None:
             return ""
         grasps = ~np.isnan(self.grip_force)
@@ -333,7 +333,7 @@ class LoadResult:
         return HARD_FINGERS
 
     def each(self, change: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]) -> "LoadResult":
-        """The same with every array changed."""
+        """The same with a function applied to every array."""
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         changed: dict[str, Any] = {
             name: locked(change(values)) for name, values in arrays.items() if values is not None
@@ -347,7 +347,7 @@ class LoadResult:
     def with_forces(
         self, where: Bools, nominal: float, least: float, largest: float
     ) -> "LoadResult":
-        """The same with other forces [N], which hold nothing, at a mask of shape (b,)."""
+        """The same with other forces [N], and no payload, where a mask (b,) is true."""
         values = nominal, least, largest, 0.0 if self.has_payload else math.nan, 0
         changed: dict[str, Any] = {
             name: locked(np.where(where, value, getattr(self, name)))
@@ -364,7 +364,7 @@ _ARRAYS = ("grip_force", "grip_force_least", "grip_force_largest", "payload", "r
 
 
 def at_rows(values: npt.NDArray[Any], rows: Ints, size: int) -> npt.NDArray[Any]:
-    """Values (d, ...) at rows (d,) of an array with `size` rows, whose others are nan, or 0."""
+    """Put values (d, ...) at rows (d,) of an array with `size` rows; other rows are nan, or 0."""
     missing = math.nan if values.dtype.kind == "f" else 0
     every = np.full((size, *values.shape[1:]), missing, dtype=values.dtype)
     every[rows] = values

@@ -1,14 +1,14 @@
-"""The best grasp of three fingers and more through every vertex.
+"""Search for the best grasp of three fingers and more through every vertex.
 
 Contact 1 is the vertex. The others are placed at pairs of points of a blue-noise sample, and at the
-vertex's best opposing contact of two fingers. The best candidates are refined, of three fingers by
-steps toward a balance without friction, then by random steps, and tried at neighbouring vertices
-until none improves. Each further finger is added to the best grasp of one finger less. Every
-candidate is evaluated by a closure test at the best critical angle so far, so the search may miss a
-grasp, but every grasp that it returns is real.
+vertex's best opposing contact of two fingers. The best candidates are refined: with three fingers
+by steps toward a balance without friction, then by random steps. They are tried at neighbouring
+vertices until none improves. Each further finger is added to the best grasp of one finger less.
+Every candidate is evaluated by a closure test at the best critical angle so far, so the search may
+miss a grasp, but every grasp that it returns is real.
 
-At a crease the search counts the normals of a cap that contains the true ones. That holds for all
-of these, but a grasp that it passes over may be as good.
+At a crease the search uses all normals of a cap that contains the true ones. Grasps that it returns
+hold for all of them, but a grasp that it passes over may be as good.
 """
 
 import math
@@ -46,20 +46,20 @@ SEPARATION = 0.01
 """Default smallest distance between contacts, in object sizes."""
 
 MAX_SEPARATION = 0.1
-"""Largest default of that distance, relative to the largest distance between contacts."""
+"""Largest default of `SEPARATION`, relative to the largest distance between contacts."""
 
 MIN_SEPARATION = 1e-3
-"""Smallest distance between contacts in any case, below which they count as coincident; relative to
-the object's size, or to the largest distance between contacts where that is smaller."""
+"""Distance between contacts below which they always count as coincident, relative to the object's
+size, or to the largest distance between contacts if that is smaller."""
 
 ALL_VERTICES_FACTOR = 4
-"""Number of vertices per candidate point up to which all are used, where contacts are vertices."""
+"""Number of vertices per candidate point up to which all are used, if contacts are vertices."""
 
 SURPLUS, MAX_SURPLUS = 16, 4096
-"""Points sampled per candidate point, and their most: single fingers are exchanged to these."""
+"""Points sampled per candidate point, and their largest number; single fingers move to them."""
 
 MAX_POINTS = 32_768
-"""Most points sampled where contacts must be close together, so that every vertex reaches some."""
+"""Largest number of points sampled, if contacts must be close, so that each vertex reaches some."""
 
 STEPS = 80
 """Steps of the refinement from each start."""
@@ -68,18 +68,18 @@ NEIGHBOUR_STEPS = 40
 """Steps of the refinement of a neighbour's grasp."""
 
 SWEEPS = 8
-"""Most rounds in which grasps that the last one has improved are tried at neighbouring vertices."""
+"""Largest number of rounds that try grasps, improved in the last one, at neighbouring vertices."""
 
 GRID = 2.0**28
-"""Positions and normals are whole multiples of 1 / GRID while grasps are sought, in object sizes;
-the grasps that are found are evaluated where they are."""
+"""During the search, positions (in object sizes) and normals are whole multiples of 1 / GRID; the
+grasps found are evaluated at their exact positions."""
 
 MIN_GAIN = 0.1
 """Smallest decrease of a critical angle that counts, relative to the tolerance."""
 
 SHORTEST_STEP = 0.05
 """Step length at which a refinement ends, relative to the tolerance: on a ball of the object's size
-it turns the normal by this fraction of the tolerance."""
+such a step turns the normal by this fraction of the tolerance."""
 
 
 def search(
@@ -94,8 +94,8 @@ def search(
         fingers: Fingers of a grasp, 3 or more.
         sampling: Candidate points, limits of distances, seed and tolerance.
         cone: Largest critical friction angle that counts, at most 90 degrees [rad].
-        location_error: Largest distance between true and perceived contacts [m]: how far normals
-            turn counts in the search, how far lines turn does not.
+        location_error: Largest distance between true and perceived contacts [m]: the search takes
+            into account how far normals turn, but not how far lines turn.
 
     Raises:
         SettingError: The mesh has fewer vertices than fingers, or is smaller than the separation.
@@ -114,11 +114,11 @@ def search(
 
 
 def _without_unit(mesh: ObjectMesh, sampling: Sampling) -> tuple[ObjectMesh, Sampling]:
-    """The object and the limits of distances in the normalised frame, without their last digits.
+    """Convert an object and its limits of distances to the normalised frame, without last digits.
 
-    The rounding errors in these depend on the unit of lengths, and on a regular object, where many
-    grasps are equally good, they would choose among them. Mass and volume, which no search needs,
-    stay as they are.
+    Rounding errors in the last digits depend on the unit of lengths. On a regular object, where
+    many grasps are equally good, they would choose among these. Mass and volume, which no search
+    needs, stay as they are.
     """
     corners = mesh.corner_normals
     smaller = replace(
@@ -142,7 +142,7 @@ class _Search:
     """State of one search, in the normalised frame, scaled to a largest distance of about 1."""
 
     mesh: ObjectMesh
-    """In the normalised frame, as the limits of distances of the sampling."""
+    """The surface, in the normalised frame like the limits of distances in `sampling`."""
     sampling: Sampling
     fingers: int
     cone: float
@@ -155,7 +155,7 @@ class _Search:
         separation = min(SEPARATION, MAX_SEPARATION * sampling.max_opening)
         self.min_separation = max(separation, sampling.min_opening)
         self.on_vertices = sampling.candidate_points == "vertices"
-        self.vertices = mesh.contact_vertices.copy()  # kernels are compiled for such arrays
+        self.vertices = mesh.contact_vertices.copy()  # kernels take writable arrays
         if self.on_vertices and len(self.vertices) < self.fingers:
             raise SettingError(
                 f"{self.fingers} fingers need as many vertices; there are {len(self.vertices)}"

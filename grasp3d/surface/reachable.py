@@ -1,8 +1,8 @@
-"""The best antipodal grasp through every vertex that a gripper reaches.
+"""Search for the best antipodal grasp through every vertex among those that a gripper reaches.
 
-The best grasps for ideal points are tested first. Where one is not reached, others come in the
-order of their critical angles: clearly different ones that the same rays found, opposing contacts
-from a search of the whole surface, and those that neighbouring vertices ended with.
+The best grasps for ideal points are tested first. Where one is not reached, a search of the whole
+surface tests opposing contacts in the order of their critical angles. The contacts that
+neighbouring vertices ended with are tested as well.
 """
 
 import math
@@ -31,33 +31,33 @@ NOT_REACHED = 5
 """Reason code: there are grasps, but none of those tested is reached."""
 
 GRASP = ("worst", "best", "reason", "closing", "partner", "partner_normal", "faces", "weights")
-"""Fields of `BestPairs` of a vertex's grasp."""
+"""Fields of `BestPairs` that describe a vertex's grasp."""
 
 CHUNK = 128
 """Vertices that a thread tests at once."""
 
 MOST_FAILED = 4
-"""Opposing contacts of a vertex that are tested and not reached, before its search ends; good ones
-of its neighbours are tested besides."""
+"""Number of unreached opposing contacts of a vertex after which its search ends; good contacts of
+its neighbours are tested in addition."""
 
 SWEEPS = 2
 """Rounds in which the opposing contacts of neighbouring vertices are tested."""
 
 ALIKE_GAINS, WAVES, MORE_FAILED = 1e-6, 6, 24
-"""Gains that differ by less count as equal [rad]; how often the search goes on, first at some
-vertices and then beside those where it found a better grasp; and as `MOST_FAILED`."""
+"""Difference below which gains count as equal [rad]; number of waves of the further search, first
+at some vertices, then beside those where it found a better grasp; its own `MOST_FAILED`."""
 
 STEP = math.radians(1.0)
-"""Difference of angles that is worth another search, and from which it tests contacts near one that
-is not reached [rad]."""
+"""Difference of angles that is worth a further search, and from which this search tests contacts
+near an unreached one [rad]."""
 
 SPACING, LARGEST_SPACING = 0.5, 1.0 / 16.0
-"""Distance from which opposing contacts differ: in widths of a finger, but at most in object
-sizes."""
+"""Distance from which opposing contacts count as different, in widths of a finger; its largest
+value, in object sizes."""
 
 
 class Pairs(NamedTuple):
-    """Grasps to test: a vertex and a point on a face each."""
+    """Grasps to test, each of a vertex and a point on a face."""
 
     vertices: Ints
     """(n,)"""
@@ -74,7 +74,7 @@ class ReachSearch:
     mesh: ObjectMesh
     domain: PairDomain
     places: Ints
-    """Where each vertex comes in the order of the domain's tree, shape (V,)."""
+    """Position of each vertex in the order of the domain's tree, shape (V,)."""
     scene: Scene
     cone: float
     """Largest critical angle that is searched for [rad]."""
@@ -86,7 +86,7 @@ class ReachSearch:
         self.beside = NormalizedScene.of(self.mesh, scene.jaws, scene.table, scene.approach)
 
     def run(self, ideal: BestPairs) -> tuple[BestPairs, Reach]:
-        """The best grasps that are reached; vertices with other grasps only are NOT_REACHED.
+        """Find the best grasps that are reached; vertices with other grasps only are NOT_REACHED.
 
         Args:
             ideal: The best grasps for ideal points.
@@ -107,7 +107,7 @@ class ReachSearch:
         return reached, Reach.of(self.mesh, results)
 
     def _write_reach(self, pairs: Pairs, results: ReachResults) -> None:
-        """Write how grasps are reached, or why not."""
+        """Write how grasps are reached, or why they are not."""
 
         def work(rows: slice, beside: Any) -> None:
             reach_partners(*(one[rows] for one in pairs), self.domain, beside, results)
@@ -115,7 +115,7 @@ class ReachSearch:
         self._in_chunks(work, len(pairs.vertices))
 
     def _keep(self, pairs: Pairs, reached: BestPairs) -> None:
-        """Keep those of some grasps that are reached and better than the known ones."""
+        """Keep the given grasps that are reached and better than the known ones."""
         order = np.argsort(pairs.vertices, kind="stable")
         vertices, faces, weights = (array[order] for array in pairs)
 
@@ -144,7 +144,7 @@ class ReachSearch:
             list(self.executor.map(run, starts.tolist(), ends.tolist()))
 
     def _improve(self, ideal: BestPairs, missing: Ints, reached: BestPairs) -> None:
-        """Search for grasps of the vertices whose best one is not reached, and try neighbours'."""
+        """Search for grasps of vertices whose best one is not reached; try those of neighbours."""
         around = neighbours(self.mesh)
         self._keep_partners(missing, reached, MOST_FAILED)
         last = np.full(len(ideal.reason), np.inf)
@@ -157,11 +157,11 @@ class ReachSearch:
     def _search_on(
         self, ideal: BestPairs, missing: Ints, reached: BestPairs, neighbours: tuple[Ints, Ints]
     ) -> None:
-        """Search near contacts that are not reached, where there may be much better grasps.
+        """Search near unreached contacts, at vertices where there may be much better grasps.
 
-        Neighbours mostly end alike: first where more is to gain than beside, of equal ones at some,
-        and then beside each vertex where a better grasp is found. It is kept beside what is known:
-        no grasp becomes worse.
+        Neighbours mostly end alike. So the search starts at vertices with more to gain than their
+        neighbours, with random choices among equal ones, and goes on beside each vertex where it
+        finds a better grasp. No grasp becomes worse.
         """
         count, bounds = len(reached.worst), np.minimum(reached.worst, self.cone)
         gains, around = np.zeros((2, count))
@@ -192,19 +192,19 @@ class ReachSearch:
 
         Args:
             vertices: Vertices (n,).
-            reached: Grasps that are reached; written.
-            most_failed: Contacts of a vertex that are tested and not reached, before it ends.
-            bounds: Critical angles that are to be improved [rad] (n,), None: all that are
-                searched for.
-            step: Difference of angles from which contacts near one that is not reached are tested.
+            reached: Grasps that are reached; modified.
+            most_failed: Number of unreached contacts of a vertex after which its search ends.
+            bounds: Critical angles to improve on [rad] (n,); None: the largest that is searched
+                for.
+            step: Difference of angles from which contacts near an unreached one are tested [rad].
 
         Returns:
-            Whether a contact is found (n,).
+            Whether each vertex has a reached contact below its bound (n,).
         """
         faces = np.full(len(vertices), -1, dtype=np.int64)
         weights = np.zeros((len(vertices), 3))
         limit = np.full(len(vertices), self.cone) if bounds is None else bounds
-        order = np.argsort(self.places[vertices], kind="stable")  # neighbours need the same memory
+        order = np.argsort(self.places[vertices], kind="stable")  # neighbours read the same memory
         spacing = min(SPACING * self.beside.shape.finger_width, LARGEST_SPACING)
 
         def work(rows: slice, beside: Any) -> None:
@@ -219,7 +219,7 @@ class ReachSearch:
 
 
 def _nothing_found(grasps: BestPairs) -> BestPairs:
-    """Grasps of as many vertices, none found yet; the reasons are those known."""
+    """Grasps of as many vertices, none reached yet; other known reasons stay."""
     nothing = no_pairs(len(grasps.worst))
     unreached = np.where(grasps.reason == FOUND, NOT_REACHED, grasps.reason)
     return nothing._replace(reason=unreached.astype(np.uint8))
@@ -233,7 +233,7 @@ def _grasps_of(grasps: BestPairs, vertices: Ints) -> Pairs:
 def _of_neighbours(
     reached: BestPairs, vertices: Ints, changed: Bools, first: Ints, index: Ints
 ) -> Pairs:
-    """The opposing contacts that changed neighbours of vertices ended with, not tried before."""
+    """Opposing contacts of those neighbours of vertices whose grasp has changed."""
     counts = np.diff(first)[vertices]
     owners = np.repeat(vertices, counts)
     ends = np.cumsum(counts)

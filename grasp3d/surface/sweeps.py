@@ -19,7 +19,7 @@ from grasp3d.stability.angle_distributions import AngleDistribution
 from grasp3d.stability.label import Label, Mode
 
 Weights = Literal["area", "vertex"]
-"""area: each vertex is weighted by the area around it; vertex: all on the surface equally. Those
+"""area: each vertex is weighted by the area around it; vertex: all on the surface equally. Vertices
 where no contact may be have no weight."""
 
 
@@ -116,7 +116,7 @@ class Sweep:
             SearchCoverageError: The search did not cover all grasps that this needs.
         """
         angles, largest = self.distribution, float(self.friction[-1])
-        angles.required_resolution(fraction, friction=largest)  # raises what is not covered
+        angles.required_resolution(fraction, friction=largest)  # raises if not covered
         spare = _friction_angles(self.friction) - angles.worst_quantile(fraction)
         return locked(np.maximum(0.0, 2.0 * spare))
 
@@ -200,8 +200,8 @@ def write_sweeps(
         path: File to make or replace; .csv or .parquet.
         sweeps: The sweeps.
         fractions: Required area fractions of S, each above 0 and at most 1.
-        failures: Error messages by the name of surfaces that could not be swept: one row each,
-            empty except for the error.
+        failures: Error messages by name of the surfaces that could not be swept: one row each,
+            empty except for the name and the error.
         settings: Written as JSON to Parquet's metadata, under `grasp3d`.
 
     Raises:
@@ -282,14 +282,14 @@ def _in_order(values: ArrayLike, what: str) -> Floats:
 def _swept(
     angles: AngleDistribution, friction: Floats, resolution: Floats, *, name: str, mode: Mode
 ) -> Sweep:
-    """The sweep of critical angles over values that are in order."""
+    """Sweep critical angles over values in increasing order."""
     beta, tilt = _friction_angles(friction)[:, None], resolution[None, :] / 2.0
     stable, ambiguous, unstable = map(locked, angles.fractions_at(beta, tilt))
     return Sweep(name, mode, friction, resolution, stable, ambiguous, unstable, angles)
 
 
 def _friction_angles(friction: Floats) -> Floats:
-    """Half-angles of the friction cones [rad]; to the last digit as those of a `GraspModel`."""
+    """Half-angles of the friction cones [rad], to the last digit those of a `GraspModel`."""
     return np.array([math.atan(coefficient) for coefficient in friction])
 
 
@@ -303,7 +303,7 @@ def mean_sweep(sweeps: Sequence[Sweep], *, name: str = "") -> Sweep:
         name: Name of the mean.
 
     Raises:
-        SettingError: There is none, or they differ.
+        SettingError: There is no sweep, or they differ in these.
     """
     if not sweeps:
         raise SettingError("the mean needs at least one sweep")

@@ -95,12 +95,12 @@ def unpacked_bits(numbers: Array, count: int) -> Bools:
 
 
 def _pose(column: int) -> Callable[[GraspRows], Array | None]:
-    """An axis of the gripper's poses, or their origin."""
+    """Make a function that takes an axis of the gripper's poses, or their origin."""
     return lambda labels: None if labels.reach is None else labels.reach.poses[:, :3, column]
 
 
 def _free_angles(labels: GraspRows) -> Array | None:
-    """Free approach angles as bits; None: none are tested."""
+    """Free approach angles as bits; None: none were tested."""
     free = None if labels.reach is None else labels.reach.free
     return None if free is None or not free.shape[1] else packed_bits(free)
 
@@ -137,7 +137,7 @@ RESTORING = (
     Field("resistance", of=of_part("load_result", "resistance"), kind="u1", when="load",
           texts=names_of(Resistance)),
 )  # fmt: skip
-"""What makes labels that are read again complete."""
+"""Fields that complete the labels when they are read back."""
 
 VERTICES = (
     Field(
@@ -166,4 +166,4 @@ CORNER_NORMALS = Field(
     "corner_normals", "", ("C", 3), NORMAL, of=attrgetter("corner_normals.normals"), outward=True
 )
 SURFACE = (FACES, CORNERS, CORNER_NORMALS)
-"""The arrays of a surface that are not of its vertices."""
+"""The arrays of a surface that do not belong to its vertices."""

@@ -1,6 +1,6 @@
-"""The context of a call: threads, progress, whether warnings are errors.
+"""Context of a call: number of threads, progress callback, and whether warnings are errors.
 
-It is a context variable: what a function calls has the same context, another thread a new one.
+It is a context variable: called functions share the context, and another thread starts a new one.
 """
 
 import os
@@ -15,12 +15,12 @@ from typing import Any
 from grasp3d.errors import SettingError, WarningError
 
 Progress = Callable[[float], None]
-"""Called with the fraction of the work that is done, from 0 to 1; what it raises ends the work."""
+"""Called with the fraction of work done, from 0 to 1; an exception that it raises ends the work."""
 
 
 @dataclass(frozen=True)
 class _Context:
-    """What all functions of a call share."""
+    """State that all functions of a call share."""
 
     threads: int | None = None
     progress: Progress | None = None
@@ -33,7 +33,7 @@ _context = ContextVar("grasp3d", default=_NOTHING_STATED)
 
 @contextmanager
 def _changed(**changes: object) -> Iterator[None]:
-    """Change the context of what is called inside."""
+    """Change the context inside a `with` block."""
     token = _context.set(replace(_context.get(), **changes))  # type: ignore[arg-type]
     try:
         yield
@@ -45,24 +45,24 @@ def _changed(**changes: object) -> Iterator[None]:
 def running(
     *, threads: int | None = None, progress: Progress | None = None, strict: bool | None = None
 ) -> Iterator[None]:
-    """State how many threads the computations inside use, and follow their progress.
+    """Set the threads, the progress callback and the strictness of the computations inside.
 
-    A `running` inside another one changes what it states and keeps the rest. Without any there are
-    as many threads as processors, no progress is reported, and warnings are not errors.
+    A nested `running` changes only what it states. By default there are as many threads as
+    processors, no progress is reported, and warnings are not errors.
 
         with grasp3d.running(threads=4, progress=print):
             labels = grasp3d.label_surface("mug.stl")
 
     Args:
-        threads: Threads to use, 1 or more; no result depends on it. A value that is computed when
-            it is first read uses the threads stated there. None: unchanged.
-        progress: Called by each computation with the fraction that is done, from 0 to 1; what it
-            raises ends the computation. None: as outside.
+        threads: Threads to use, 1 or more; results do not depend on it. A value that is computed
+            when first read uses the threads stated where it is read. None: unchanged.
+        progress: Called by each computation with the fraction done, from 0 to 1; an exception that
+            it raises ends the computation. None: unchanged.
         strict: Whether a computation whose result would have warnings raises `WarningError`
-            instead, with their text. None: as outside.
+            instead, with their text. None: unchanged.
 
     Raises:
-        SettingError: `threads` is no whole number from 1 on.
+        SettingError: `threads` is not a whole number of at least 1.
     """
     is_count = isinstance(threads, Integral) and not isinstance(threads, bool) and threads >= 1
     if threads is not None and not is_count:
@@ -78,13 +78,13 @@ def is_strict() -> bool:
 
 
 def refuse_warnings(texts: Iterable[str]) -> None:
-    """Raise warnings where they are errors.
+    """Raise warnings as one error if the context is strict.
 
     Args:
         texts: The warnings, one sentence each.
 
     Raises:
-        WarningError: There are some, and the context is strict.
+        WarningError: There are warnings, and the context is strict.
     """
     if is_strict() and (text := "; ".join(texts)):
         raise WarningError(text)
@@ -111,13 +111,13 @@ def in_threads(
     chunk: int,
     scratch: Callable[[], Any] = object,
 ) -> None:
-    """Run work on slices of rows in threads.
+    """Run a function on slices of rows in several threads.
 
     Args:
-        work: Called with rows and the scratch arrays of its thread.
+        work: Called with a slice of rows and the scratch arrays of its thread.
         count: Number of rows.
-        chunk: Rows that are worked on at a time.
-        scratch: Makes scratch arrays.
+        chunk: Number of rows of a slice.
+        scratch: Makes the scratch arrays of a thread.
     """
     starts = range(0, count, chunk)
     threads = max(1, min(thread_count(), len(starts)))
@@ -135,26 +135,26 @@ def in_threads(
 
 
 def current_progress() -> Progress:
-    """The function that takes the progress of the running computation, or of the running part."""
+    """Progress callback of the running computation, or of its current part."""
     return _context.get().progress or _ignore
 
 
 def _ignore(fraction: float) -> None:
-    """Where no progress is reported."""
+    """Progress callback that reports nothing."""
 
 
 def report_progress(fraction: float) -> None:
-    """Report the progress of the running computation, or of the running part.
+    """Report the progress of the running computation, or of its current part.
 
     Args:
-        fraction: Fraction that is done, from 0 to 1.
+        fraction: Fraction done, from 0 to 1.
     """
     current_progress()(fraction)
 
 
 @contextmanager
 def within(start: float, end: float) -> Iterator[None]:
-    """Run one part of a computation: what is called inside reports the progress of the part.
+    """Run one part of a computation, inside which progress is reported as a fraction of the part.
 
     Args:
         start: Fraction of the whole at which the part starts.
@@ -167,6 +167,6 @@ def within(start: float, end: float) -> Iterator[None]:
 
 @contextmanager
 def unreported() -> Iterator[None]:
-    """Run a part whose progress is not reported."""
+    """Run a part of a computation without reporting its progress."""
     with _changed(progress=None):
         yield

@@ -1,7 +1,7 @@
-"""Files that people give: whether they are files at all, and the numbers and texts in them.
+"""Reading and checking of input files: whether they can be read, and their numbers and texts.
 
-All readers of JSON, YAML, XML, tables and arrays read and check with these. Whoever calls them adds
-the name of the file to the message. Files state the version of the package that wrote them.
+All readers of JSON, YAML, XML, tables and arrays use these functions. Their callers add the name
+of the file to the message. Files state the version of the package that wrote them.
 """
 
 import json
@@ -17,16 +17,16 @@ from typing import Any, get_args, get_origin, get_type_hints
 @cache
 def package_version() -> str:
     """Return the version of the installed package; cached, since a look-up takes milliseconds."""
-    from importlib.metadata import version  # which takes a tenth of a second to import
+    from importlib.metadata import version  # takes a tenth of a second to import
 
     return version("grasp3d")
 
 
 def newer_version(version: object) -> str:
-    """Why a file of that version of the package is refused; empty: it is not.
+    """Return why a file from a newer version of the package is refused; empty: it is accepted.
 
     Args:
-        version: As the file states it. Versions that differ in the third number alone are read.
+        version: Version that the file states. It may be newer in the third number.
 
     Example:
         >>> from grasp3d.system.documents import newer_version
@@ -44,23 +44,23 @@ def newer_version(version: object) -> str:
 
 
 LONGEST_NUMBER = 300
-"""Most digits of a whole number; the largest floating-point number has 309."""
+"""Largest number of digits of a whole number; the largest floating-point number has 309."""
 
 _ESCAPED_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 
 
 def is_file(path: str | Path) -> bool:
-    """Whether there is a regular file; there is none where no file can be called so."""
+    """Whether a path names a regular file; false also for names that no file can have."""
     return os.path.isfile(path)  # noqa: PTH113, pathlib's raises for names that are too long
 
 
 def is_folder(path: str | Path) -> bool:
-    """Whether there is such a folder."""
+    """Whether a path names an existing folder."""
     return os.path.isdir(path)  # noqa: PTH112, as above
 
 
 def problem_of_file(path: Path) -> str | None:
-    """Why a path names no regular file: a phrase for its name; None: it names one."""
+    """Return why a path is no readable regular file, as a predicate; None: it is one."""
     try:
         status = path.stat()
     except FileNotFoundError:
@@ -75,7 +75,7 @@ def problem_of_file(path: Path) -> str | None:
 
 
 def file_bytes(path: Path, most: float = math.inf) -> bytes:
-    """Content of a regular file of so many bytes. Raises ValueError with the reason, OSError."""
+    """Content of a regular file of at most `most` bytes. Raises ValueError, OSError."""
     if problem := problem_of_file(path):
         raise ValueError(problem)
     if path.stat().st_size > most:
@@ -89,15 +89,15 @@ def load_json(path: Path, *, finite: bool = False) -> Any:
 
 
 def parse_json(text: str | bytes, *, finite: bool = False) -> Any:
-    """Values of a JSON text, which later code can compute with, write and print.
+    """Parse a JSON text into values that are safe to compute with, write and print.
 
     Args:
-        text: The text, or UTF-8.
-        finite: Whether to refuse NaN and Infinity, which are no JSON but often in it.
+        text: The text, or its bytes in UTF-8.
+        finite: Whether to refuse NaN and Infinity, which are not JSON but common in JSON files.
 
     Raises:
-        ValueError: It is no JSON; or has whole numbers that are too large, texts that are no
-            Unicode, or lists and objects within too many others. With the reason.
+        ValueError: The text is not JSON, or has whole numbers that are too large, texts that are
+            not Unicode, or nesting that is too deep; the message gives the reason.
     """
     try:
         text = text if isinstance(text, str) else text.decode("utf-8-sig")
@@ -112,7 +112,7 @@ def parse_json(text: str | bytes, *, finite: bool = False) -> Any:
 
 
 def check_text(text: str) -> None:
-    """Refuse text with halves of characters, which no file can have. Raises ValueError."""
+    """Refuse text with lone surrogates, which no file can contain. Raises ValueError."""
     try:
         text.encode()
     except UnicodeEncodeError as error:
@@ -120,7 +120,7 @@ def check_text(text: str) -> None:
 
 
 def number_of(value: object) -> float:
-    """The number that a value is or spells; nan: it is none, or too large."""
+    """Convert a number or its text to a float; nan: it is no number, or too large."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return math.nan
     try:
@@ -130,7 +130,7 @@ def number_of(value: object) -> float:
 
 
 def numbers_of(text: str, count: int) -> list[float]:
-    """As many finite numbers in a text, separated by spaces. Raises ValueError with the reason."""
+    """Parse `count` finite numbers separated by spaces. Raises ValueError with the reason."""
     numbers = [number_of(word) for word in text.split()]
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
         expected = "a finite number" if count == 1 else f"{count} finite numbers"
@@ -139,7 +139,7 @@ def numbers_of(text: str, count: int) -> list[float]:
 
 
 def typed(value: Any, hint: Any) -> Any:
-    """A value, as of JSON, in the type of a hint, lists as tuples. Raises TypeError: it is none."""
+    """Convert a JSON value to a hinted type, and lists to tuples. Raises TypeError if it cannot."""
     kinds = get_args(hint)
     if get_origin(hint) is tuple:
         if type(value) not in {list, tuple} or (... not in kinds and len(value) != len(kinds)):
@@ -150,7 +150,7 @@ def typed(value: Any, hint: Any) -> Any:
     if type(value) is dict and hasattr(hint, "_fields"):  # a named tuple
         types = get_type_hints(hint)
         return hint(**{name: typed(one, types.get(name)) for name, one in value.items()})
-    if kinds and get_origin(hint) is not dict:  # a value that may be none
+    if kinds and get_origin(hint) is not dict:  # a value that may be None
         return None if value is None else typed(value, kinds[0])
     if hint is float and isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)

@@ -12,7 +12,7 @@ TEMPORARY_PREFIX = ".grasp3d-"
 """Start of the names of temporary files, which hold incomplete output."""
 
 _PART = ".part"
-"""End of their names before the suffix."""
+"""End of the names of temporary files, before the suffix."""
 
 
 @contextmanager
@@ -21,12 +21,12 @@ def atomic_write(
 ) -> Iterator[Path]:
     """Yield a temporary path to write to; it replaces `path` if no error occurred.
 
-    Where `path` is such a temporary path itself, it is yielded: a file is written once.
+    If `path` is itself such a temporary path, it is yielded and written directly.
 
     Args:
         path: File to create or replace.
         keep: Whether the temporary file replaces `path` at the end; otherwise it is deleted.
-        temporary_folder: Folder of the temporary file, on the same file system; none: that of
+        temporary_folder: Folder of the temporary file, on the same file system; None: that of
             `path`.
 
     Raises:
@@ -47,7 +47,7 @@ def atomic_write(
 
 
 def _temporary(path: Path, folder: Path | None) -> Path:
-    """Create a temporary file beside a path or in a folder; or return a path that is temporary."""
+    """Create a temporary file beside a path or in a folder; return a temporary path as it is."""
     if path.name.startswith(TEMPORARY_PREFIX) and path.stem.endswith(_PART):
         return path
     name = f"{TEMPORARY_PREFIX}{token_hex(8)}{_PART}{path.suffix}"
@@ -62,10 +62,10 @@ def _temporary(path: Path, folder: Path | None) -> Path:
 
 
 def check_writable(path: Path) -> None:
-    """Check before a long computation that its output file, to create or replace, can be written.
+    """Check before a long computation that its output file can be created or replaced.
 
     Raises:
-        OutputError: It cannot.
+        OutputError: It cannot be written.
     """
     with atomic_write(path, keep=False):
         pass

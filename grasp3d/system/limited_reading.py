@@ -1,7 +1,7 @@
-"""Reading of files, and repair of meshes, in child processes whose memory and time are limited.
+"""Reading of files and repair of meshes in child processes with limited memory and time.
 
-The command line, the jobs of a batch and the viewer read so: damaged files crash libraries, or take
-all time and memory. In Python files are read without limits, in the process itself.
+The command line, batch jobs and the viewer use it, because damaged files can crash libraries or use
+up time and memory. Called from Python, files are read without limits in the same process.
 """
 
 import faulthandler
@@ -24,35 +24,35 @@ from grasp3d.errors import FileUnreadError, GraspError
 from grasp3d.system.names import printable
 
 SECONDS = 30.0
-"""Time to read a file [s]."""
+"""Time limit for reading a file [s]."""
 
 MEMORY = 2e9
-"""Memory to read a file [bytes]."""
+"""Memory limit for reading a file [bytes]."""
 
 GRACE = 2.0
-"""Time after which a child process that its own alarm has not ended is killed [s]."""
+"""Time beyond its limit after which a child process is killed if its own alarm failed [s]."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a child process, and what is said where it exceeds them."""
+    """Limits of a child process, and words of the error when it exceeds them."""
 
     seconds: float
-    """Its time [s]."""
+    """Time limit [s]."""
     memory: float
-    """Memory that it may take beside what it has when it begins [bytes]."""
+    """Memory that it may take in addition to what it starts with [bytes]."""
     doing: str
     """What it does, as the subject of a sentence that begins with the file."""
     remedy: str
-    """What to do about it."""
+    """What the user can do about it."""
 
 
 _is_limited = ContextVar("is_limited", default=False)
 _files: ContextVar[tuple[Path, ...]] = ContextVar("files", default=())
 _starting = threading.Lock()
-# A fork needs no second to import modules; elsewhere libraries of the system do not work in forks.
+# A fork saves a second of imports; on other systems, system libraries do not work in forks.
 _processes: Any = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
 
 
@@ -68,21 +68,21 @@ def limited_reading() -> Iterator[None]:
 
 
 def files_read() -> tuple[Path, ...]:
-    """The files that `read_file` was called with inside the context of `limited_reading`."""
+    """Files that `read_file` was called with inside the context of `limited_reading`."""
     return _files.get()
 
 
 def read_file(read: Callable[..., T], path: Path, *arguments: Any) -> T:
-    """Return what a function reads of a file, in a child process where reading is limited.
+    """Read a file with a function, in a child process if reading is limited.
 
     Args:
-        read: A function of a module, called with the path and the arguments.
+        read: Function at the top level of a module, called with the path and the arguments.
         path: The file.
-        arguments: Further ones.
+        arguments: Further arguments of the function.
 
     Raises:
         FileUnreadError: The child process crashed, or exceeded a limit.
-        Exception: What the function raises.
+        Exception: Any exception of the function.
     """
     if _is_limited.get():
         _files.set((*_files.get(), path))
@@ -91,16 +91,16 @@ def read_file(read: Callable[..., T], path: Path, *arguments: Any) -> T:
 
 
 def in_limits(limits: Limits, work: Callable[..., T], *arguments: Any) -> T:
-    """Return what a function makes of a file's content, in a child process if reading is limited.
+    """Call a function on a file's content, in a child process if reading is limited.
 
     Args:
         limits: Limits of the child process.
-        work: A function of a module.
-        arguments: What it is called with.
+        work: Function at the top level of a module.
+        arguments: Arguments of the function.
 
     Raises:
         FileUnreadError: The child process crashed, or exceeded a limit.
-        Exception: What the function raises.
+        Exception: Any exception of the function.
     """
     if not _is_limited.get():
         return work(*arguments)
@@ -113,7 +113,7 @@ def in_limits(limits: Limits, work: Callable[..., T], *arguments: Any) -> T:
         sender.close()
     data = None
     try:
-        with suppress(EOFError):  # it ended before
+        with suppress(EOFError):  # the child process ended without an answer
             data = answers.recv_bytes() if answers.poll(limits.seconds + GRACE) else None
     finally:
         process.kill()
@@ -130,7 +130,7 @@ def in_limits(limits: Limits, work: Callable[..., T], *arguments: Any) -> T:
 
 
 def _why(limits: Limits, data: bytes | None, code: int) -> str:
-    """Why there is no answer, the end of a sentence."""
+    """Return why there is no answer, as the end of a sentence."""
     if data is not None:
         return f"takes more than {limits.memory / 1e9:g} GB of memory"
     if -code in {signal.SIGKILL, signal.SIGALRM}:
@@ -141,9 +141,9 @@ def _why(limits: Limits, data: bytes | None, code: int) -> str:
 def _serve(
     sender: Any, limits: Limits, work: Callable[..., object], arguments: tuple[Any, ...]
 ) -> None:
-    """Send whether a function raises, and what; nothing where it takes too much memory."""
-    gc.disable()  # what the parent has made is not the child's to delete
-    _is_limited.set(False)  # what is read meanwhile is limited with it
+    """Run a function and send its result or exception; send nothing if it takes too much memory."""
+    gc.disable()  # the child must not delete objects of the parent
+    _is_limited.set(False)  # files that the function reads share its limits
     _set_limits(limits)
     try:
         answer = pickle.dumps((False, work(*arguments)), pickle.HIGHEST_PROTOCOL)
@@ -152,13 +152,13 @@ def _serve(
     except Exception as error:  # noqa: BLE001, the parent raises it
         answer = pickle.dumps((True, _pickled(error)))
     sender.send_bytes(answer)
-    os._exit(0)  # nothing of the parent's is to be ended
+    os._exit(0)  # without the parent's exit handlers
 
 
 def _pickled(error: Exception) -> bytes:
-    """Pickle an exception, also one that cannot be; its traceback is a note unless a user erred."""
+    """Pickle an exception, or a plain substitute; add its traceback unless it is a GraspError."""
     trace = "".join(traceback.format_exception(error))
-    error.__cause__ = error.__context__ = None  # which may not pickle
+    error.__cause__ = error.__context__ = None  # they may not pickle
     try:
         if not isinstance(error, GraspError):
             error.add_note(trace)
@@ -172,7 +172,7 @@ def _pickled(error: Exception) -> bytes:
 
 
 def _set_limits(limits: Limits) -> None:
-    """Limit this process, print nothing, and end at an interrupt without a word."""
+    """Limit this process, discard its output, and let an interrupt end it silently."""
     faulthandler.disable()
     null = os.open(os.devnull, os.O_RDWR)
     for descriptor in range(3):

@@ -1,4 +1,4 @@
-"""Text for people: names of files in safe and in printable form, counts with their nouns."""
+"""Text for people: safe and printable names of files, counts with their nouns, short messages."""
 
 import hashlib
 import re
@@ -20,7 +20,7 @@ LONGEST_REASON = 200
 
 _FORBIDDEN = frozenset('<>:"/\\|?*')
 _JOINING = frozenset("\u00ad\u200c\u200d")
-"""Soft hyphen and the joiners, which Persian words and emoji are spelled with."""
+"""Soft hyphen, and the joiners, which Persian words and emoji need."""
 _RESERVED = re.compile(
     r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9¹²³]) *(\.|$)", re.IGNORECASE
 )
@@ -50,13 +50,13 @@ def safe_stem(name: str) -> str:
 
 
 def unknown(what: str, name: str, known: Collection[str], listed: Iterable[str] = ()) -> str:
-    """Return the message that nothing is called so.
+    """Return the message that a name is unknown, with a similar one as a guess.
 
     Args:
-        what: What it would be: a key.
+        what: What the name would stand for, such as a key.
         name: The name.
-        known: What there is, of which one may be meant.
-        listed: Its names, where they are to be listed in another way.
+        known: Known names.
+        listed: The known names as the message lists them; empty: as they are.
     """
     near = get_close_matches(name, known, 1)
     guess = f" (did you mean {near[0]}?)" if near else ""
@@ -114,18 +114,18 @@ def describe_unexpected(error: BaseException) -> str:
 
 
 def reason_of(error: BaseException) -> str:
-    """What an error of another library says, in one short line; its class if it says nothing."""
+    """Message of another library's error in one short line; its class if the message is empty."""
     return printable(" ".join(str(error).split())[:LONGEST_REASON]) or type(error).__name__
 
 
 SINGULARS = {
     "bodies": "body", "meshes": "mesh", "sealed cavities": "sealed cavity", "vertices": "vertex",
 }  # fmt: skip
-"""Singulars of plurals, if they are not the plural without its s."""
+"""Singulars by their plural, where they are not the plural without its s."""
 
 
 def counted(count: int, things: str) -> str:
-    """Count with its noun, which is given in the plural: `2 faces`, `1 face`."""
+    """Return a count with its noun, which is given in the plural: `2 faces`, `1 face`."""
     return f"{count:,} {noun(count, things)}"
 
 
@@ -135,5 +135,5 @@ def noun(count: int, things: str) -> str:
 
 
 def short_number(value: float) -> str:
-    """Three digits of a number, and all of a large one before the point: `0.369`, `25`, `1,230`."""
+    """Format a number to three digits, or to all before the point: `0.369`, `25`, `1,230`."""
     return f"{value:,.0f}" if 999.5 <= abs(value) < 1e9 else f"{value + 0.0:.3g}"  # 0, not -0

@@ -1,4 +1,4 @@
-"""Places of files, paths and addresses (s3://...): what fails there, and whole writes."""
+"""Paths and addresses (s3://...) of files: parsing, error messages, and atomic writes."""
 
 import errno
 import tempfile
@@ -16,28 +16,28 @@ _NO_CREDENTIALS = ("NoCredentialsError", "PartialCredentialsError", "ProfileNotF
 
 
 def place(text: str, kind: type[GraspError] = MeshError) -> UPath:
-    """The path or address of a text; of a file:// address the path.
+    """Parse a path or an address; a file:// address becomes a path.
 
     Raises:
-        GraspError: Of that kind; no file system is called so, or its package is not installed.
+        GraspError: Of class `kind`: the file system is unknown, or its package is not installed.
     """
     with converted(text, kind, "opened"):
         found = UPath(text)
         if found.protocol in {"file", "local"}:
             return UPath(found.path)
-        found.fs.invalidate_cache()  # files that came since are listed as well
+        found.fs.invalidate_cache()  # so that new files are listed as well
         return found
 
 
 def local_path(text: str) -> Path | None:
-    """Local path of a path or address; None: it is not on this machine."""
+    """Local path of a path or an address; None: it is not on this machine."""
     where = place(text)
     return where if isinstance(where, Path) else None
 
 
 @contextmanager
 def converted(where: object, kind: type[GraspError], action: str) -> Iterator[None]:
-    """Convert the errors of any file system to one of this package.
+    """Convert errors of any file system to an error of this package.
 
     Args:
         where: Path or address, for the message.

@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SUFFIXES = (".csv", ".parquet")
-"""Endings of the files that tables are written to."""
+"""Suffixes of files that tables are written to."""
 
 LONGEST_LINE = 2**20
-"""Bytes of a CSV file in which its first line must end."""
+"""Number of bytes at the start of a CSV file that must contain its first line."""
 
 _NUMBER = re.compile(r"[-+\d.,;\se]+", re.IGNORECASE)
 
@@ -50,7 +50,7 @@ RecordT = TypeVar("RecordT")
 def table_of_rows(
     rows: Sequence[Any], columns: Mapping[str, Any], *, settings: Mapping[str, Any]
 ) -> pa.Table:
-    """Make a table of rows.
+    """Make a table from rows.
 
     Args:
         rows: Values by column name, or records; a missing value or None leaves the cell empty.
@@ -83,11 +83,11 @@ def table_of_columns(
     *,
     settings: Mapping[str, Any],
 ) -> pa.Table:
-    """Make a table of columns; nan leaves the cell empty, unless there are categories.
+    """Make a table from columns; nan leaves the cell empty, unless there are categories.
 
     Args:
         columns: Values of each column, shape (rows,), in the order of the table.
-        categories: For columns of codes 0, 1, ...: the text of each code, which is stored.
+        categories: For columns of codes 0, 1, ...: the text of each code, stored in its place.
         settings: As in `table_of_rows`.
     """
     texts = {} if categories is None else categories
@@ -101,18 +101,18 @@ def table_of_columns(
 
 
 def write_arrow(path: Path, table: pa.Table) -> None:
-    """Write a table to compressed Parquet, its columns of texts with codes as such.
+    """Write a table to compressed Parquet; only columns of coded texts keep their codes.
 
     Raises:
         OutputError: The file cannot be written.
     """
     texts = [field.name for field in table.schema if pa.types.is_dictionary(field.type)]
-    with atomic_write(path) as temporary:  # numbers seldom repeat
+    with atomic_write(path) as temporary:  # no codes for numbers: they seldom repeat
         pq.write_table(table, temporary, compression="zstd", use_dictionary=texts)
 
 
 def data_frame(table: pa.Table) -> "pd.DataFrame":
-    """Convert a table to a data frame of pandas; columns of texts with codes become categories.
+    """Convert a table to a pandas data frame; columns of coded texts become categories.
 
     Raises:
         OutputError: pandas is not installed.
@@ -127,7 +127,7 @@ def read_settings(path: Path) -> dict[str, Any] | None:
     """Read the settings of a Parquet file.
 
     Returns:
-        The settings as they were written, or None where it is no Parquet file or holds none.
+        The settings as they were written; None if the file is not Parquet or has no settings.
     """
     try:
         metadata = pq.read_schema(path).metadata or {}
@@ -163,7 +163,7 @@ def read_columns(path: Path) -> dict[str, npt.NDArray[Any]]:
 
 
 def column_names(path: Path) -> list[str]:
-    """Names of the columns of a CSV or Parquet table, which is not read. As `read_columns`."""
+    """Read only the column names of a CSV or Parquet table. Raises as `read_columns`."""
     if problem := problem_of_file(path):
         raise ValueError(problem)
     try:
@@ -175,7 +175,7 @@ def column_names(path: Path) -> list[str]:
 
 
 def _checked_names(stated: Sequence[str]) -> list[str]:
-    """Names of columns, which differ. Raises ValueError."""
+    """Check that column names are names and differ, and strip them. Raises ValueError."""
     names = [name.strip() for name in stated]
     if all(_NUMBER.fullmatch(name) for name in names):
         raise ValueError(f"its first line must be names of columns; found {' '.join(names)[:80]}")
@@ -186,8 +186,8 @@ def _checked_names(stated: Sequence[str]) -> list[str]:
 
 
 def _values_of(column: pa.ChunkedArray) -> npt.NDArray[Any]:
-    """Values of a column; texts that are stored as codes become the texts, lists their type."""
-    if pa.types.is_nested(column.type):  # whoever needs the column says what it is
+    """Values of a column; coded texts become texts, and lists the name of their type."""
+    if pa.types.is_nested(column.type):  # code that needs the column reports this type
         return np.full(len(column), str(column.type), dtype=object)
     if not pa.types.is_dictionary(column.type):
         return np.asarray(column.to_numpy(zero_copy_only=False))
@@ -197,7 +197,7 @@ def _values_of(column: pa.ChunkedArray) -> npt.NDArray[Any]:
 
 
 def _read_parquet(path: Path) -> pa.Table:
-    """A Parquet file, its texts as codes: however many rows have one, it is stored once."""
+    """Read a Parquet file with texts as codes, so that each text is in memory once."""
     texts = [one.name for one in pq.read_schema(path) if pa.types.is_string(one.type)]
     with pq.ParquetFile(path, read_dictionary=texts) as file:
         return file.read()
@@ -218,7 +218,7 @@ def _head_of_csv(path: Path) -> tuple[list[str], str]:
 
 
 def _read_csv(path: Path) -> pa.Table:
-    """A CSV file, with the delimiter and the decimal separator that it has."""
+    """Read a CSV file, and detect its delimiter and its decimal separator."""
     names, delimiter = _head_of_csv(path)
     _checked_names(names)
     options = pc.ParseOptions(delimiter=delimiter)
@@ -253,7 +253,7 @@ def write_table(path: Path, table: pa.Table) -> None:
 def table_of_records(
     records: Sequence[RecordT], kind: type[RecordT], settings: Mapping[str, Any]
 ) -> pa.Table:
-    """Make a table of records, whose schema depends on the dataclass only.
+    """Make a table from records; its schema depends on the dataclass only.
 
     Args:
         records: Instances of `kind`; text must be valid Unicode.
@@ -270,14 +270,14 @@ def _schema(kinds: Mapping[str, Any], settings: Mapping[str, Any]) -> pa.Schema:
 
 
 def records_of_table(table: pa.Table, kind: type[RecordT]) -> list[RecordT]:
-    """Make records of a table; missing columns get the fields' defaults, others are ignored.
+    """Make records from a table; missing columns get the fields' defaults, others are ignored.
 
     Args:
-        table: As of `table_of_records`.
+        table: A table as `table_of_records` returns it.
         kind: The dataclass of the records.
 
     Raises:
-        ValueError: A column has other values; the message gives the reason.
+        ValueError: A column has values of another type; the message gives the reason.
     """
     hints = get_type_hints(kind)
     try:
@@ -308,7 +308,7 @@ def _type(hint: Any) -> pa.DataType:
 
 
 def _plain(value: Any) -> Any:
-    """Records as dictionaries, tuples as lists, and undecodable bytes of file names as escapes."""
+    """Convert records to dictionaries, tuples to lists, undecodable bytes in names to escapes."""
     if isinstance(value, str):
         return as_unicode(value)
     if is_dataclass(value):
@@ -319,7 +319,7 @@ def _plain(value: Any) -> Any:
 
 
 def _reader(hint: Any) -> Callable[[Any], Any] | None:
-    """Return what makes a value of a field from a plain one; None: they are the same."""
+    """Return the function that makes a field's value from a plain one; None: they are the same."""
     kind = _without_none(hint)
     if get_origin(kind) is tuple:
         of_item, missing = _reader(get_args(kind)[0]), () if kind is hint else None

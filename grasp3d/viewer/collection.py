@@ -1,6 +1,6 @@
-"""What a viewer can open (a mesh, a labelled file, the results of a batch) and compute of it.
+"""Objects that a viewer can open (a mesh, a labelled file, results of a batch), and their data.
 
-Searches, scans and files run in the background. The user's choices are an immutable value.
+Searches, scans and file access run in the background. The user's choices are an immutable value.
 """
 
 import math
@@ -46,7 +46,7 @@ from grasp3d.system.names import as_unicode, printable
 Axis = Literal["x", "y", "z"]
 Click = Literal["inspect", "fix"]
 OF_MODEL: dict[str, type] = {"friction": float, "sensor_resolution": float, "fingers": int}
-"""Fields of the model that a user changes one by one, and their types."""
+"""Fields of the model that a user can change one by one, and their types."""
 FixedPoints = tuple[tuple[float, float, float], ...]
 """Contact points of fixed fingers, in the mesh's frame."""
 
@@ -69,7 +69,7 @@ class Section:
             raise SettingError(f"section position must be from 0 to 1; got {self.position}")
 
     def plane(self, bounds: Floats) -> tuple[Floats, Floats]:
-        """A point of the plane, and its normal toward the visible part, shape (3,) each.
+        """Return a point of the plane, and its normal toward the visible part, shape (3,) each.
 
         Args:
             bounds: Lowest and highest corner of the object, shape (2, 3).
@@ -91,9 +91,9 @@ class ViewState:
     click: Click = "inspect"
     """Action of a click on the surface: inspect a vertex, or fix a finger there."""
     vertex: int | None = None
-    """The inspected vertex."""
+    """The vertex that is inspected."""
     grasp: int | None = None
-    """Number of the best pose of a gripper that is shown, from 0."""
+    """Number of the best grasp that is shown, from 0."""
     show_gripper: bool = True
     """Whether the gripper is drawn at the inspected grasp, if there is one."""
     show_table: bool = True
@@ -110,12 +110,12 @@ class ViewState:
 
 
 def changed_state(state: ViewState, changes: Mapping[str, Any]) -> ViewState:
-    """A state with some choices changed.
+    """Return a state with some choices changed.
 
     Args:
         state: The state before.
-        changes: Fields of `ViewState`, and those of its model in `OF_MODEL`. If there are now fewer
-            fingers, the last fixed fingers are released.
+        changes: Fields of `ViewState`, and those of its model in `OF_MODEL`. If the number of
+            fingers falls, the last fixed fingers are released.
 
     Raises:
         SettingError: A value is outside its range, or there is no such field.
@@ -141,13 +141,13 @@ def changed_state(state: ViewState, changes: Mapping[str, Any]) -> ViewState:
 WIDEST = math.pi / 2.0
 
 COMPUTED = 0.95
-"""Fraction of the work of saving after which all columns are computed."""
+"""Fraction of the work of saving after which all columns are known."""
 
 
 def search_grasps(subject: Subject, model: GraspModel, sampling: Sampling) -> Subject:
-    """Search the best grasps of another number of fingers, for the same gripper, table and load.
+    """Search the best grasps for another number of fingers, with the same hand, table and load.
 
-    More than two fingers squeeze.
+    More than two fingers always squeeze.
     """
     labels, grip = subject.labels, sampling.grip if model.fingers == 2 else "squeeze"
     found = label_surface(
@@ -160,9 +160,9 @@ def search_grasps(subject: Subject, model: GraspModel, sampling: Sampling) -> Su
 def search_wider(subject: Subject, model: GraspModel, sampling: Sampling) -> Subject:
     """Search the widest cone for the vertices that have no grasp within the searched cone.
 
-    Where a search samples directions or contacts, those in a wider cone are further apart and may
-    miss a grasp that the narrower search has found. As those grasps are kept, labels and area
-    fractions at the resolutions that were already searched do not change.
+    If a search samples directions or contacts, the samples in a wider cone are further apart and
+    may miss a grasp that the narrower search found. As such grasps are kept, labels and area
+    fractions at the resolutions searched before do not change.
 
     Args:
         subject: The surface.
@@ -179,12 +179,12 @@ def search_wider(subject: Subject, model: GraspModel, sampling: Sampling) -> Sub
 
 
 def _with_notes(found: Subject, before: Subject) -> Subject:
-    """A new result, with the notes on the object that were there before."""
+    """Return a new result with the earlier notes on the object."""
     return replace(found, notes=tuple(dict.fromkeys((*before.notes, *found.notes))))
 
 
 def with_known_grasps(wide: SurfaceLabels, narrow: SurfaceLabels) -> SurfaceLabels:
-    """Labels of a wider search, with the grasps of a narrower search within its cone.
+    """Return the labels of a wider search, with a narrower search's grasps within its cone.
 
     Args:
         wide: Labels of the wider search.
@@ -211,7 +211,7 @@ def scan_with_fixed(subject: Subject, model: GraspModel, fixed: FixedPoints) -> 
 
 
 def scan_of_grasp(grasps: GraspTable, row: int) -> Subject:
-    """The surface with all fingers of a grasp fixed but the first."""
+    """Label the surface with all fingers of a grasp but the first fixed."""
     given = grasps.take(np.array([row]))
     labels = scan_surface(grasps.mesh, grasps.model, fixed=given.contacts.points[0, 1:])
     return replace(subject_of(labels.using(scene=grasps.scene)), given=given)
@@ -225,8 +225,8 @@ def check_savable(subject: Subject, path: Path) -> None:
         path: File to create or replace.
 
     Raises:
-        SettingError: It has no labels, or the search does not cover its friction and resolution.
-        OutputError: No writer has that suffix.
+        SettingError: There are no labels, or the search does not cover friction and resolution.
+        OutputError: No writer has this suffix.
     """
     writer_for(path)
     if subject.poses is not None:
@@ -259,7 +259,7 @@ def write_labels(subject: Subject, path: Path) -> None:
 
 
 READ = 0.2
-"""Fraction of the work of opening a mesh after which it is read and prepared."""
+"""Fraction of the work of opening a mesh after which it has been read and prepared."""
 
 Search: TypeAlias = tuple[ReachSettings, GraspModel, Sampling]
 """Settings of a search."""
@@ -271,7 +271,7 @@ class Item:
 
     name: str
     open: Callable[[], Subject]
-    """Reads the object."""
+    """Function that reads the object."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,7 +282,7 @@ class Collection:
     model: GraspModel
     sampling: Sampling
     notes: tuple[str, ...] = ()
-    """Sentences for the user, for example that meshes were left out."""
+    """Sentences for the user, for example on meshes that were left out."""
 
     def __post_init__(self) -> None:
         if not self.items:
@@ -290,17 +290,17 @@ class Collection:
 
 
 class LastOpened:
-    """Keeps the object that was opened last; one thread at a time opens one."""
+    """Cache of the object that was opened last; only one thread at a time opens an object."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._kept: tuple[Callable[[], Subject], Subject] | None = None
 
     def kept(self, reader: Callable[[], Subject]) -> Callable[[], Subject]:
-        """A function that opens an object, unless it is the one that is kept.
+        """Return a function that opens an object, unless it is the cached one.
 
         Args:
-            reader: Opens the object.
+            reader: Function that opens the object.
         """
 
         def read() -> Subject:
@@ -313,7 +313,7 @@ class LastOpened:
 
 
 def collection_of(labels: SurfaceLabels) -> Collection:
-    """Collection of one surface that is already labelled."""
+    """Return a collection of one surface that is already labelled."""
     subject = subject_of(labels)
     sampling = labels.sampling or Sampling()
     return _single(subject.name, lambda: subject, labels.model, sampling)
@@ -322,7 +322,7 @@ def collection_of(labels: SurfaceLabels) -> Collection:
 def collection_of_mesh(
     mesh: ObjectMesh, model: GraspModel | None = None, sampling: Sampling | None = None
 ) -> Collection:
-    """Collection of one mesh, which is labelled when it is opened.
+    """Return a collection of one mesh, which is labelled when it is opened.
 
     Args:
         mesh: The prepared mesh.
@@ -339,11 +339,11 @@ def collection_of_mesh(
 
 
 def collection_of_grasps(grasps: GraspTable | EvaluatedPoses) -> Collection:
-    """Collection of grasps on one surface, an item for each.
+    """Return a collection of grasps on one surface, an item for each.
 
-    The surface has the labels that the first finger would have at every vertex, with the others
-    fixed; the grasp itself is shown until a vertex is inspected. At poses it has none, and the hand
-    has colours.
+    The labels of the surface are those of the first finger at every vertex, with the other fingers
+    fixed. The grasp itself is shown until a vertex is inspected. For poses of a hand the surface
+    has no labels, and the hand is coloured instead.
 
     Raises:
         SettingError: There are no grasps.
@@ -376,25 +376,25 @@ def open_collection(
     reach: ReachSettings | None = None,
     load: Load | None = None,
 ) -> Collection:
-    """Collection of the objects at a path.
+    """Return a collection of the objects at a path.
 
     A mesh is labelled when it is opened. A labelled file and the results of a batch are shown with
-    their stored labels and settings; friction, resolution and fingers that differ from the defaults
-    are the first choices instead.
+    their stored labels and settings. Friction, resolution and fingers of `model` that differ from
+    the defaults are the initial choices instead.
 
     Args:
         target: A mesh, a labelled file, or the folder of a batch's results.
         model: Grasp model; None: as in the file, else the default.
         sampling: Search settings of a mesh; None: the default.
-        options: How a mesh is read; of labelled files only the memory limit is used, and the unit
+        options: How a mesh is read. For labelled files only the memory limit is used, and the unit
             if the file states none.
-        force: Accept lengths that cannot be meant for an object of this size.
+        force: Accept lengths that are implausible for an object of this size.
         reach: For a mesh: the gripper that must reach each grasp, and the table; None: none.
         load: For a mesh: what each grasp must hold; None: nothing.
 
     Raises:
-        GraspError: The path holds no object to view; a length has a unit, but that of the object is
-            not known; or settings are given that stored labels do not depend on.
+        GraspError: The path holds no object to view; a length has a unit, but the object's unit is
+            not known; or there are settings that do not affect stored labels.
     """
     where, options = printable(str(target)), options or MeshOptions()
     model, sampling = model or GraspModel(), sampling or Sampling()
@@ -438,7 +438,7 @@ def _single(
 
 
 def _stored_settings(labels: SurfaceLabels, model: GraspModel) -> tuple[GraspModel, Sampling]:
-    """Settings of labels, with the choices of a model that differ from the defaults.
+    """Return the settings of labels, with a model's choices that differ from the defaults.
 
     The search angle is dropped, so that it does not limit later searches.
     """
@@ -452,7 +452,7 @@ def _stored_settings(labels: SurfaceLabels, model: GraspModel) -> tuple[GraspMod
 
 
 def _batch_collection(folder: Path, model: GraspModel, unit: Unit | None) -> Collection:
-    """All labelled meshes of a batch, in the order of their names."""
+    """Return all labelled meshes of a batch, in the order of their names."""
     library = open_library(folder)
     rows = library.rows(["mesh", "outcome", "warnings"])
     labelled = [row for row in rows if row.outcome is Outcome.LABELLED]

@@ -1,4 +1,4 @@
-"""The user's controls, each declared once: the page's panel, the window's sliders, all keys."""
+"""The user's controls, declared once for the page's panel, the window's sliders and all keys."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -21,15 +21,15 @@ ARROWS = {"Left": "←", "Right": "→", "Up": "↑", "Down": "↓"}
 
 @dataclass(frozen=True)
 class Keys:
-    """Keys that belong together, and what they do."""
+    """Keys with related actions, and a description."""
 
     text: str
     actions: Mapping[str, Callable[[Session], None] | None]
-    """The action of each; None: the window or the page handles the key itself."""
+    """Action of each key; None: the window or the page handles the key itself."""
 
     @property
     def names(self) -> str:
-        """What is printed on them; the first and the last one of many."""
+        """Labels of the keys; for more than two, those of the first and the last one."""
         names = [ARROWS.get(key, key) for key in self.actions]
         return " ".join(names) if len(names) <= 2 else f"{names[0]} … {names[-1]}"
 
@@ -39,25 +39,25 @@ class Control:
     """One choice of the user: a slider with a number, a list, or a check box."""
 
     text: str
-    """Its name in the panel."""
+    """Name in the panel."""
     read: Callable[[Session], Any]
-    """The present value; angles are in degrees."""
+    """Function that returns the present value; angles are in degrees."""
     write: Callable[[Session, Any], None]
-    """Changes it; an invalid value raises SettingError, or ValueError or TypeError."""
+    """Function that sets the value; an invalid one raises SettingError, ValueError or TypeError."""
     keys: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
-    """For each key the next value for the present one."""
+    """For each key, a function from the present value to the next one."""
     of_keys: str = ""
-    """What the keys do; empty: they change it."""
+    """Description of the keys' action; empty: they change the value."""
     least: float = 0.0
     """Value at the left end of a slider."""
     most: float | None = None
-    """Value at its right end, unless the present one is larger; None: it has no slider."""
+    """Value at the right end of a slider, unless the present one is larger; None: no slider."""
     step: float = 0.01
     unit: str = ""
     options: Callable[[Session], Mapping[Any, str]] | None = None
-    """What there is to choose from, and its names; None: it is no list."""
+    """Function that returns the choices with their names; None: the control is not a list."""
     shown: Callable[[Session], bool] = lambda _: True
-    """Whether the object has it."""
+    """Whether the current object has the control."""
 
     def change(self, session: Session, value: Any) -> None:
         """Change the session to a new value.
@@ -92,12 +92,12 @@ def handle_key(session: Session, key: str) -> bool:
 
 
 def is_labelled(session: Session) -> bool:
-    """Whether vertices have labels, or will have them; given poses of a hand have their own."""
+    """Whether vertices have or will have labels; given poses of a hand have their own."""
     return session.subject is None or session.subject.poses is None
 
 
 def _of_state(text: str, name: str, kind: Callable[[Any], Any], **options: Any) -> Control:
-    """Control of a field of the state, or of its model."""
+    """Return the control of a field of the state, or of its model."""
 
     def read(session: Session) -> Any:
         return getattr(session.state.model if name in OF_MODEL else session.state, name)
@@ -109,7 +109,7 @@ def _of_state(text: str, name: str, kind: Callable[[Any], Any], **options: Any) 
 
 
 def _of_section(text: str, name: str, kind: Callable[[Any], Any], **options: Any) -> Control:
-    """Control of a field of the section, if there is one."""
+    """Return the control of a field of the section, shown if there is one."""
 
     def write(session: Session, value: Any) -> None:
         section = session.state.section
@@ -123,7 +123,7 @@ def _of_section(text: str, name: str, kind: Callable[[Any], Any], **options: Any
 
 
 def _drawn(text: str, name: str, key: str, needs: str) -> Control:
-    """Control of whether the hand, or its table, is drawn, if the object has one."""
+    """Return the control that shows or hides the hand, or its table, if the object has one."""
 
     def write(session: Session, value: Any) -> None:
         session.check_gripper(table=needs == "table")
@@ -139,7 +139,7 @@ def _drawn(text: str, name: str, key: str, needs: str) -> Control:
 def _by(
     step: float, less: str, more: str, least: float = 0.0, most: float = math.inf
 ) -> dict[str, Callable[[float], float]]:
-    """Keys that change a number by a step, up to its limits."""
+    """Return keys that change a number by a step, within limits."""
     return {
         less: lambda now: max(least, round(now - step, 10)),
         more: lambda now: min(most, round(now + step, 10)),
@@ -147,7 +147,7 @@ def _by(
 
 
 def _step(session: Session, control: Control, following: Callable[[Any], Any]) -> None:
-    """Change a control to the value that follows the present one."""
+    """Change a control to the value that follows its present one."""
     control.change(session, following(control.read(session)))
 
 
@@ -157,7 +157,7 @@ def _write_axis(session: Session, value: Any) -> None:
 
 
 def offered_paints(session: Session) -> dict[Paint, str]:
-    """The colours of the current object."""
+    """Return the colourings that the current object offers."""
     chosen = session.state.paint
     return {one: text for one, text in PAINTS.items() if one == chosen or session.offers(one)}
 
@@ -218,7 +218,7 @@ CONTROLS: dict[str, Control] = {
         of_keys="show the other side of the section",
     ),
 }  # fmt: skip
-"""The user's choices by the name of their field, as they are listed."""
+"""The user's choices by the name of their field, in the order of the panel."""
 
 OF_WINDOW = {"q": "quit"}
 """A key that only a window has."""
@@ -251,4 +251,4 @@ KEYS: tuple[Keys, ...] = (
 )
 
 ACTIONS = {key: action for keys in KEYS for key, action in keys.actions.items()}
-"""The action of each key."""
+"""Action of each key."""

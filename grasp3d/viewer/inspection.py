@@ -1,4 +1,4 @@
-"""One vertex, a given grasp or a pose: contacts, numbers, and the label with its reason."""
+"""Inspection of a vertex, a given grasp or a pose: contacts, numbers, and label with reason."""
 
 import math
 from dataclasses import dataclass, replace
@@ -30,24 +30,24 @@ WHY = {
     Label.M: "Ambiguous: some normals that the sensors cannot tell apart do not hold it.",
     Label.U: "Surely unstable: no normals that the sensors cannot tell apart hold it.",
 }
-"""Reasons of poses that the hand can reach."""
+"""Reasons for the labels of poses that the hand can reach."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Inspection(MarkedContacts):
-    """A grasp, as it is listed and drawn.
+    """A grasp as it is listed and drawn.
 
-    A vertex is the first contact, and the only one if it has no grasp.
+    An inspected vertex is the first contact, and the only one if it has no grasp.
     """
 
     vertex: int | None
-    """None: a given grasp, or a pose."""
+    """Index of the vertex; None: a given grasp, or a pose."""
     code: int
     """Label, or `UNSEARCHED`."""
     numbers: tuple[tuple[str, str], ...]
-    """Names, and values with their units."""
+    """Names, and values with units."""
     reason: str
-    """One sentence: why it is S, M or U."""
+    """One sentence on why the grasp is S, M or U."""
 
 
 def inspect(subject: Subject, vertex: int) -> Inspection:
@@ -61,11 +61,11 @@ def inspect(subject: Subject, vertex: int) -> Inspection:
 
 
 def inspect_given(subject: Subject, model: GraspModel) -> Inspection | None:
-    """Inspect the given grasp, which is labelled as those of a scan are; None: there is none.
+    """Inspect the given grasp, labelled like the grasps of a scan; None if there is none.
 
     Args:
         subject: The surface.
-        model: Friction and resolution; fingers as the subject has them.
+        model: Friction and resolution; the number of fingers is the subject's.
     """
     if subject.given is None:
         return None
@@ -73,7 +73,7 @@ def inspect_given(subject: Subject, model: GraspModel) -> Inspection | None:
 
 
 def _inspection(subject: Subject, grasp: GraspTable, vertex: int | None) -> Inspection:
-    """Inspect a grasp: the only row of a table."""
+    """Inspect the grasp in the only row of a table."""
     labels, model = subject.labels, subject.model
     points, normals = grasp.contacts.points[0], grasp.contacts.normals[0]
     numbers, found = [] if vertex is None else [("vertex", f"{vertex}")], True
@@ -147,7 +147,7 @@ def inspect_pose(grasps: EvaluatedPoses, model: GraspModel) -> Inspection:
 
 
 def reason_of(grasps: EvaluatedPoses, row: int) -> str:
-    """Why a pose is S, M or U, or what is wrong with it, in one sentence."""
+    """Say in one sentence why a pose is S, M or U, or what is wrong with it."""
     reason = str(grasps.reason[row])
     text = f"{reason[:1].upper()}{reason[1:]}." if reason else ""
     if text and not grasps.reachable[row]:

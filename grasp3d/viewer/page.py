@@ -1,6 +1,6 @@
-"""The viewer as a page in browsers of this machine, on trame's server.
+"""The viewer as a page for browsers on this machine, with trame's server.
 
-The page shows the state of a session, as plain values.
+The page shows the state of a session as plain values.
 """
 
 import asyncio
@@ -44,14 +44,14 @@ from grasp3d.viewer.screenshots import file_name, render_copy
 from grasp3d.viewer.session import Session
 
 STOPS = slice(None, None, 17)
-"""The colours of a ramp that its gradient has."""
+"""Selects the colours of a ramp that the page's gradient contains."""
 
 OF_SEVERAL = "n"
-"""A key that needs several objects."""
+"""Keys that need several objects."""
 
 
 def page_state(session: Session) -> dict[str, Any]:
-    """State that depends on the session's choices and results."""
+    """Return the state that depends on the session's choices and results."""
     text, inspection = panel_text(session), session.inspection
     hidden = {*OF_WINDOW, *(OF_SEVERAL if len(session.collection.items) == 1 else "")}
     controls = [_control(session, name) for name, one in CONTROLS.items() if one.shown(session)]
@@ -84,13 +84,13 @@ def page_state(session: Session) -> dict[str, Any]:
 
 
 def progress_state(session: Session) -> dict[str, Any]:
-    """State of the background job."""
+    """Return the state of the background job."""
     text, fraction = session.working or ("", 0.0)
     return {"working": text, "percent": round(100.0 * fraction)}
 
 
 def _control(session: Session, name: str) -> dict[str, Any]:
-    """A slider with a number, a list, or a check box."""
+    """Return a control as the page needs it: a slider with a number, a list, or a check box."""
     one, model = CONTROLS[name], session.state.model
     uncertain = name == "friction" and len(set(model.friction_interval)) > 1
     return {
@@ -102,7 +102,7 @@ def _control(session: Session, name: str) -> dict[str, Any]:
 
 
 def _rows(session: Session, text: PanelText) -> list[dict[str, Any]]:
-    """Rows of the area fractions; without a fraction while they are not known yet."""
+    """Return the rows of the area fractions, with an ellipsis while they are unknown."""
     if text.fractions or not (text.stale or session.working is not None):
         return [{**asdict(one), "percent": one.percent} for one in text.fractions]
     meaning = MEANING["scan" if session.state.fixed else "label"]
@@ -127,26 +127,26 @@ def _ramp(ramp: Ramp, *, stale: bool) -> dict[str, Any]:
 os.environ["TRAME_ARGS"] = ""  # otherwise trame parses this program's command line
 HOST, PORT = "127.0.0.1", 8080
 OTHER_PORTS = 20
-"""Number of following ports that are tried if the requested one is in use."""
+"""Number of following ports to try if the requested one is in use."""
 START_TIMEOUT = 60.0
-"""Longest wait for a page in the background to start [s]."""
+"""Longest time that a page in the background may take to start [s]."""
 UNUSED = 3600
-"""Time after which a page in the background ends that no browser shows [s]."""
+"""Time without a browser after which a page in the background ends [s]."""
 POLL_INTERVAL = 0.1
 """Time between two polls of the background job [s]."""
 ZOOM = 1.2
 MAX_PIXELS = 4_000_000
-"""Largest number of pixels rendered for a browser, which enlarges the picture if it needs more."""
+"""Largest number of pixels rendered for a browser, which enlarges smaller pictures."""
 
 STATIC = files("grasp3d.viewer") / "static"
 SCRIPTS = re.compile(r'<script type="module"[^>]*></script>|<link rel="stylesheet"[^>]*>')
 """Scripts and styles in trame's own page; their names change with its version."""
 FILES = {"labels.ply": ("labeled", ".ply"), "picture.png": ("view", ".png")}
-"""Paths of the files that can be saved, and what their names end in."""
+"""Paths of the files that can be saved, and the ends of their names."""
 HEADERS = {
     "Cache-Control": "no-store",
-    # Vue compiles the template that trame sends, for which it needs unsafe-eval, and the picture's
-    # element has styles of its own, for which it needs unsafe-inline.
+    # Vue compiles the template that trame sends, which needs unsafe-eval. The picture's element has
+    # styles of its own, which need unsafe-inline.
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
         "img-src 'self' data: blob:; connect-src 'self' ws: wss:; base-uri 'self'; "
@@ -161,13 +161,13 @@ def serve(session: Session, *, port: int = PORT, ready: Callable[[str], None]) -
     """Serve a session to browsers of this machine until SIGTERM.
 
     Args:
-        session: What the page shows; it belongs to the page from now on.
+        session: Session to show; it belongs to the page from now on.
         port: Port; if it is in use, another one. 0: any free port.
         ready: Called with the page's address when the server is ready.
 
     Raises:
         OutputError: There is no OpenGL, or no port can be used.
-        KeyboardInterrupt: It was stopped with Ctrl+C.
+        KeyboardInterrupt: Ctrl+C was pressed.
     """
 
     async def run() -> None:
@@ -175,18 +175,18 @@ def serve(session: Session, *, port: int = PORT, ready: Callable[[str], None]) -
         asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, page.stop)
         await page.run(ready, port)
 
-    asyncio.run(run())  # Ctrl+C ends it, too
+    asyncio.run(run())  # Ctrl+C ends it as well
 
 
 def serve_in_background(session: Session, *, proxied: bool = False) -> str:
-    """Serve a page in a thread, until the process ends or no browser has shown it for long.
+    """Serve a page in a thread until the process ends or no browser has shown it for long.
 
     Args:
-        session: What it shows; it belongs to the page from now on.
+        session: Session to show; it belongs to the page from now on.
         proxied: Accept requests through a proxy, with any host name.
 
     Returns:
-        Its address on the same machine.
+        Address of the page on the same machine.
 
     Raises:
         OutputError: There is no OpenGL, or no port can be used.
@@ -205,10 +205,10 @@ def serve_in_background(session: Session, *, proxied: bool = False) -> str:
 
 
 def free_port(port: int = PORT) -> int:
-    """The first free one of a port and those that follow it, else any.
+    """Return the first free port from a given one on, or else any free port.
 
     Raises:
-        OutputError: There is none.
+        OutputError: No port is free.
     """
     for candidate in (*range(port, port + OTHER_PORTS + 1), 0):
         with contextlib.suppress(OSError), socket.create_server((HOST, candidate)) as found:
@@ -217,17 +217,17 @@ def free_port(port: int = PORT) -> int:
 
 
 class Page:
-    """A session as a page at an address with a random token; used in one event loop.
+    """A session as a page whose address contains a random token; used in one event loop.
 
-    All browsers that open the address show the same view. The token is all that protects it: who
-    knows the address sees the object, may change the view, save its files and end the page.
+    All browsers that open the address show the same view. Only the token protects the page: anyone
+    who knows the address can see the object, change the view, save files and end the page.
     """
 
     def __init__(self, session: Session, *, proxied: bool = False) -> None:
         """Make the page; `run` serves it.
 
         Args:
-            session: What it shows; it belongs to the page.
+            session: Session to show; it belongs to the page.
             proxied: Accept requests with any host name.
 
         Raises:
@@ -250,9 +250,9 @@ class Page:
         """Serve the page until `stop`.
 
         Args:
-            ready: Called with its address when a browser can open it.
+            ready: Called with the address when a browser can open the page.
             port: Port; if it is in use, another one.
-            unused: Time without a browser after which it ends [s]. 0: never.
+            unused: Time without a browser after which the page ends [s]. 0: never.
         """
         server = self._server
         server.cli.set_defaults(ws=f"{self._path}ws")
@@ -267,14 +267,14 @@ class Page:
                 disable_logging=True,
             )  # fmt: skip
         finally:
-            self._session.close()  # ends what a download waits for
-            with contextlib.suppress(asyncio.InvalidStateError):  # it has ended itself
+            self._session.close()  # a waiting download ends
+            with contextlib.suppress(asyncio.InvalidStateError):  # the server has stopped itself
                 await server.stop()
             watching.cancel()
             await self._view.close()
             AVAILABLE_SERVERS.pop(self._path)
             self._plotter.close()
-            # trame's objects refer to this one; what is large is released now.
+            # trame's objects refer to this one, so large data are released here.
             vars(self).clear()
 
     def stop(self) -> None:
@@ -283,7 +283,7 @@ class Page:
         self._stopping = asyncio.create_task(self._server.stop())
 
     def _build(self) -> None:
-        """Make the page's elements and connect its events."""
+        """Create the page's elements and connect its events."""
         server = self._server
         server.state.update({**page_state(self._session), **progress_state(self._session)})
         server.state.trame__template_error = (STATIC / "ended.html").read_text(encoding="utf-8")
@@ -300,7 +300,7 @@ class Page:
         server.controller.trigger("key")(self._on_key)
 
     def _protect(self, bound: Any) -> None:
-        """Prepare trame's server: all paths begin with the token, and have headers."""
+        """Prepare trame's server: all paths begin with the token, and all responses get headers."""
         app, path, front = bound.app, self._path, _front()
 
         async def page(_: web.Request) -> web.StreamResponse:
@@ -315,14 +315,14 @@ class Page:
         app.add_routes([
             web.get(path, page),
             *(web.get(path + one, partial(self._download, *FILES[one])) for one in FILES),
-            # trame's client asks for another server's address first; there is none.
+            # trame's client first asks for the address of another server; there is none.
             web.post(f"{path}paraview/", no_launcher),
             *(web.static(path + name, folder) for name, folder in folders.items()),
         ])  # fmt: skip
 
     @web.middleware
     async def _check(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Refuse what a page of another site, or a program without the token, asks for."""
+        """Refuse requests from pages of other sites, and from programs without the token."""
         if not (self._proxied or _is_local(request.host)):
             raise web.HTTPForbidden(text="Use the address 127.0.0.1 or localhost.")
         if not request.path.startswith(self._path):
@@ -333,7 +333,7 @@ class Page:
         return await handler(request)
 
     async def _download(self, kind: str, suffix: str, _: web.Request) -> web.StreamResponse:
-        """A file; without one the browser stays on the page, which says why."""
+        """Send a file; without one the browser stays on the page, which shows the reason."""
         name, headers = file_name(self._session, kind, suffix), {}
         try:
             data = self._picture() if suffix == ".png" else await self._labels(name)
@@ -362,7 +362,7 @@ class Page:
         return data.getvalue()
 
     def _run(self, action: Callable[[], object]) -> None:
-        """Run an action of the user; after an error the page has the old values again."""
+        """Run an action of the user; after an error the page shows the old values again."""
         try:
             action()
         except SettingError as error:
@@ -371,7 +371,7 @@ class Page:
         self._wake.set()
 
     def _on_change(self, **state: Any) -> None:
-        """Apply the fields that differ from the session."""
+        """Apply the fields that differ from those of the session."""
         for name, control in CONTROLS.items():
             if state[name] != control.read(self._session):
                 self._run(partial(control.change, self._session, state[name]))
@@ -418,7 +418,7 @@ async def _add_headers(_: web.Request, response: web.StreamResponse) -> None:
 
 
 def _front() -> str:
-    """The page, with the scripts of trame's own page."""
+    """Return the page with the scripts of trame's own page."""
     trame = Path(vue3.www, "index.html").read_text(encoding="utf-8")
     scripts = "\n    ".join(SCRIPTS.findall(trame))
     return (STATIC / "index.html").read_text(encoding="utf-8").replace("TRAME", scripts)

@@ -26,13 +26,13 @@ class LabelFraction:
     text: str
     """Meaning of the label."""
     color: str
-    """As #RRGGBB."""
+    """Colour as #RRGGBB."""
     fraction: float
     """Fraction of the area, from 0 to 1."""
 
     @property
     def percent(self) -> str:
-        """The fraction as text; bounds where rounding would hide a label."""
+        """The fraction as text; a bound where rounding would hide a label."""
         text = f"{100.0 * self.fraction:.1f} %"
         if text == NOTHING and self.fraction > 0.0:
             return "<0.1 %"
@@ -50,21 +50,21 @@ class PanelText:
     facts: str
     """Size and vertices of the object."""
     rule: str
-    """Limits of S and U in the critical friction angle; empty for poses of a hand."""
+    """Limits of the critical friction angle for S and U; empty for poses of a hand."""
     fractions: tuple[LabelFraction, ...]
-    """S, M, U, and the unsearched part if any; empty: there are no valid labels now."""
+    """S, M, U, and the unsearched part if any; empty: there are no valid labels at present."""
     ramp: Ramp | None
-    """Legend of the colours; None: labels."""
+    """Legend of the colours; None: the colours show labels."""
     notes: tuple[str, ...]
-    """Warnings that concern the labels."""
+    """Warnings about the labels."""
     hint: str
-    """What a click does, or what is computed before clicks have an effect."""
+    """Effect of a click, or what is computed before clicks have an effect."""
     stale: bool = False
-    """Whether the surface has other fingers or fixed fingers than are chosen; see `Session`."""
+    """Whether the surface is for other fingers or fixed fingers than are chosen; see `Session`."""
 
 
 def panel_text(session: Session) -> PanelText:
-    """Texts and numbers for the current state of a session."""
+    """Return texts and numbers for the current state of a session."""
     subject = session.subject
     count = len(session.collection.items)
     title = session.name if count == 1 else f"{session.name} ({session.number + 1} of {count})"
@@ -120,7 +120,7 @@ def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
 
 
 def _notes(session: Session) -> Iterator[str]:
-    """Notes on the current choices."""
+    """Yield notes on the current choices."""
     subject, state = session.subject, session.state
     if subject is None or session.stale:
         return
@@ -140,7 +140,7 @@ def _notes(session: Session) -> Iterator[str]:
 
 
 def _rule(session: Session) -> str:
-    """Limits of S and U for the chosen friction and resolution."""
+    """State the limits of S and U for the chosen friction and resolution."""
     model, fixed = session.state.model, len(session.state.fixed)
     if fixed:
         model = replace(model, fingers=fixed + 1)

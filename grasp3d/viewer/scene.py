@@ -1,4 +1,4 @@
-"""The scene: a session drawn in a PyVista plotter, and the vertices that clicks hit."""
+"""The scene: draws a session in a PyVista plotter, and finds the vertices that clicks hit."""
 
 import math
 import weakref
@@ -40,7 +40,7 @@ MAX_MOVE = 4.0
 
 
 class Scene:
-    """Draws a session in the first renderer of a plotter, which the caller opens and closes.
+    """Drawing of a session in the first renderer of a plotter; the caller opens and closes it.
 
     Args:
         plotter: The plotter.
@@ -65,7 +65,7 @@ class Scene:
         self._subject: Subject | None = None
         self._item: Item | None = None
         self._framed: FreeArea | None = None
-        """The free area to which the scale of the camera belongs."""
+        """Free area for which the scale of the camera was set."""
         self._up, self._size, self._steps = UPRIGHT, 1.0, 0
         before_render = weakref.WeakMethod(self._before_render)
 
@@ -83,7 +83,7 @@ class Scene:
         return camera
 
     def update(self, session: Session) -> None:
-        """Update what has changed; the owner of the plotter renders."""
+        """Update what has changed; the owner of the plotter renders the scene."""
         subject, state = session.subject, session.state
         self._renderer.viewport = self.area
         self._subject = subject
@@ -110,15 +110,15 @@ class Scene:
         self._before_render()
 
     def look(self, session: Session) -> None:
-        """Set the camera to the initial view, so that the object fills the picture."""
+        """Set the camera to the initial view, in which the object fills the picture."""
         if self._subject is not None:
             self._frame(view_axes(self._view(session), self._up))
             self._before_render()
 
     def pick(self, x: float, y: float) -> int | None:
-        """Vertex at a window position [pixels from the lower left]; None: there is none.
+        """Vertex at a window position [pixels from the lower left]; None if there is none.
 
-        It is the nearest corner of the face that is seen there.
+        It is the nearest corner of the visible face.
         """
         subject = self._subject
         if subject is None or not self._picker.Pick(x, y, 0.0, self._renderer):
@@ -135,7 +135,7 @@ class Scene:
         return screenshot(self.plotter)
 
     def _view(self, session: Session) -> View:
-        """The initial view: as it is set, else across the closing axis of the grasp."""
+        """Return the view of the settings, or else one across the closing axis of the grasp."""
         settings, inspection = session.settings, self._inspection
         chosen = settings.azimuth is not None or settings.elevation is not None
         if not chosen and inspection is not None and len(inspection.points) > 1:
@@ -144,7 +144,7 @@ class Scene:
         return View(azimuth, View.elevation if settings.elevation is None else settings.elevation)
 
     def _draw(self, session: Session, inspection: Inspection | None) -> None:
-        """Draw the object and what holds it."""
+        """Draw the object, and the hand or contacts that hold it."""
         subject, state, pane, scene = self._subject, session.state, self._pane, session.scene
         assert subject is not None
         pane.show(subject, state.paint, stale=session.stale)
@@ -154,7 +154,7 @@ class Scene:
         pane.hold(inspection, None if scene is None else scene.hand, table, fixed)
 
     def _frame(self, axes: Floats) -> None:
-        """Show all from a direction."""
+        """Fit everything into the picture, seen along given axes."""
         frame = frame_of(self._pane.points, self._pane.beside, axes)
         aim(self.camera, self._size, axes, frame.middle)
         self._framed = self._free
@@ -162,11 +162,11 @@ class Scene:
 
     @property
     def _free(self) -> FreeArea:
-        """The part of the picture that texts leave free."""
+        """Part of the picture that texts leave free."""
         return self._texts.free_area(self._captions)
 
     def _before_render(self) -> None:
-        """Adapt the texts to the window size and the zoom; called before each rendering."""
+        """Adapt the texts to window size and zoom; called before each rendering."""
         free, camera = self._free, self.camera
         if self._framed not in {None, free}:
             reach = frame_of(self._pane.points, self._pane.beside, axes_of(camera)).reach
@@ -179,12 +179,12 @@ class Scene:
 
 
 def captions_of(session: Session, inspection: Inspection | None, *, legend: bool) -> Captions:
-    """Captions for the current state of a session.
+    """Return the captions for the current state of a session.
 
     Args:
         session: The session.
         inspection: The grasp that is shown.
-        legend: Whether to add title, legend and settings, as needed without a panel.
+        legend: Whether to add title, legend and settings, which a view without a panel needs.
     """
     subject = session.subject
     if subject is None:
@@ -207,7 +207,7 @@ def captions_of(session: Session, inspection: Inspection | None, *, legend: bool
 
 
 def _settings(session: Session, subject: Subject) -> str:
-    """The settings of what is shown, in one line."""
+    """Return the settings of the picture in one line."""
     model, scene, metres = session.model, session.scene, subject.mesh.unit is not None
     resolution = f"α {round(math.degrees(model.sensor_resolution), 2):g}°"
     parts = [resolution, f"μ {friction_text(model)}", *location_texts(model, metres=metres)]
@@ -220,11 +220,11 @@ def _settings(session: Session, subject: Subject) -> str:
 
 
 class ClickDetector:
-    """Calls a function for clicks with the left button, but not for drags.
+    """Detector of clicks with the left button; it ignores drags.
 
-    After a press, VTK's interactor style grabs the mouse and other observers do not receive the
-    release; therefore the end of the style's interaction is observed. The style is looked up once:
-    another style needs another detector.
+    After a press, VTK's interactor style grabs the mouse, and other observers do not receive the
+    release. So the end of the style's interaction is observed. The style is looked up once: another
+    style needs another detector.
     """
 
     def __init__(

@@ -26,14 +26,14 @@ POLL_INTERVAL = 0.02
 
 @dataclass(frozen=True, eq=False)
 class PictureRenderer:
-    """A session that has computed all it shows, and its scene."""
+    """A session in which all visible data are computed, and its scene."""
 
     session: Session
     scene: Scene
     oversampling: int
 
     def picture(self) -> Bytes:
-        """The picture, averaged over the rendered pixels, shape (height, width, 3)."""
+        """Render the picture, averaged over oversampled pixels, shape (height, width, 3)."""
         return averaged(self.scene.screenshot(), self.oversampling)
 
 
@@ -41,7 +41,7 @@ def check_picture(path: Path) -> None:
     """Check that a picture can be rendered and written.
 
     Raises:
-        OutputError: It cannot.
+        OutputError: It cannot be rendered or written.
     """
     check_suffix(path, (".png",), "picture")
     check_writable(path)
@@ -53,11 +53,11 @@ def save_picture(collection: Collection, settings: ViewSettings, path: Path) -> 
 
     Args:
         collection: The objects.
-        settings: Initial view, and size of the picture.
+        settings: Initial view and size of the picture.
         path: The file, replaced if it exists.
 
     Raises:
-        GraspError: There is no OpenGL, the object cannot be shown or the file not written.
+        GraspError: There is no OpenGL, the object cannot be shown, or the file not be written.
     """
     check_picture(path)
     with open_renderer(collection, settings, 0.95) as renderer:
@@ -71,12 +71,12 @@ def save_picture(collection: Collection, settings: ViewSettings, path: Path) -> 
 def open_renderer(
     collection: Collection, settings: ViewSettings, end: float = 1.0, *, legend: bool = True
 ) -> Iterator[PictureRenderer]:
-    """Open a collection's first object off screen, with everything computed that is shown of it.
+    """Open a collection's first object off screen, with all visible data computed.
 
     Args:
         collection: The objects.
-        settings: Initial view, and size of the picture.
-        end: Fraction of the whole work at which this part of it ends.
+        settings: Initial view and size of the picture.
+        end: Fraction of the total work at which this part ends.
         legend: Whether the picture has a legend.
 
     Raises:
@@ -116,12 +116,12 @@ def render_copy(session: Session, camera: pyvista.Camera, width: int, height: in
 
 
 def file_name(session: Session, kind: str, suffix: str) -> str:
-    """Name of a file of the current object, valid on all systems."""
+    """Return a file name for the current object that is valid on all systems."""
     return f"{safe_stem(Path(session.name).stem)}_{kind}{suffix}"
 
 
 def _wait(session: Session) -> None:
-    """Poll until there is nothing more to compute."""
+    """Poll until nothing remains to be computed."""
     while (working := session.working) is not None:
         report_progress(working[1])
         if not session.poll():

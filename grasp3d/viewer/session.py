@@ -1,4 +1,4 @@
-"""State of one viewer, without its display: choices, displayed surface, background job.
+"""State of a viewer, without its display: choices, displayed surface, background job.
 
 One job runs at a time; a new request replaces it.
 """
@@ -41,7 +41,7 @@ ResultT = TypeVar("ResultT")
 
 
 class Cancelled(BaseException):
-    """Raised in a job by its progress report when the job is no longer needed."""
+    """Raised in a job by its progress report if the job is no longer needed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,14 +49,14 @@ class Job(Generic[ResultT]):
     """A computation."""
 
     key: Hashable
-    """Identifies the job; a running job is not restarted by a request with the same key."""
+    """Key of the job; a request with the key of the running job does not restart it."""
     text: str
     """Description, such as 'searching grasps'."""
     run: Callable[[], ResultT]
     delay: float = 0.0
     """Waiting time before it starts, in which a newer request can replace it [s]."""
     then: Callable[[ResultT], None] | None = None
-    """Called by the owner with the result; None: that stays where it was computed."""
+    """Called by the owner with the result; None: the result stays where it was computed."""
 
 
 @dataclass(eq=False)
@@ -72,14 +72,14 @@ class Run(Generic[ResultT]):
     stop: threading.Event = field(default_factory=threading.Event)
 
     def report(self, fraction: float) -> None:
-        """Note the finished fraction; ends the job if it is no longer needed."""
+        """Store the finished fraction; end the job if it is no longer needed."""
         if self.stop.is_set():
             raise Cancelled
         self.fraction = fraction
 
 
 class Worker(Generic[ResultT]):
-    """Runs the latest requested job in a thread.
+    """Worker that runs the job requested last, in a thread.
 
     A replaced job ends at its next progress report. Only the job itself runs in the thread; all
     methods are called from the owner's thread.
@@ -108,12 +108,12 @@ class Worker(Generic[ResultT]):
         self._run = None
         if job is not None:
             self._run = Run(job)
-            # A new thread begins without the threads that are stated here.
+            # A new thread would not inherit the number of threads set in this context.
             execute = partial(copy_context().run, self._execute, self._run)
             threading.Thread(target=execute, daemon=True).start()
 
     def take_finished(self) -> Run[ResultT] | None:
-        """The current job, once, when it has finished."""
+        """Return the current job once it has finished; each job is returned only once."""
         while True:
             try:
                 run = self._finished.get_nowait()
@@ -142,13 +142,13 @@ class Worker(Generic[ResultT]):
 
 
 OF_FINGERS = frozenset({"fingers", "fixed"})
-"""Choices that do not apply to given poses."""
+"""Choices that do not apply to given poses of a hand."""
 
 BEST = 20
-"""Number of the best grasps of a surface that a user steps through."""
+"""Number of best grasps through which a user can step."""
 
 MAX_CACHED = 3
-"""Search results of an object that are kept; a large one takes hundreds of megabytes."""
+"""Number of search results kept for an object; a large one takes hundreds of megabytes."""
 
 DELAY = 0.4
 """Delay between the last change of a slider and the computation for it [s]."""
@@ -157,10 +157,10 @@ Best: TypeAlias = GraspTable | EvaluatedPoses
 
 
 class Session:
-    """One user's view of a collection.
+    """State of one user's view of a collection.
 
     A window or page calls `change`, `click`, `step` and so on for the user's actions, and `poll`
-    several times a second; it redraws when `revision` has grown. All calls must come from one
+    several times a second. It redraws when `revision` has grown. All calls must come from one
     thread.
     """
 
@@ -177,18 +177,18 @@ class Session:
         self.state = ViewState(collection.model, settings.paint, vertex=settings.vertex)
         self.revision = 0
         self.steps = 0
-        """Number of steps to other grasps so far, to each of which the camera turns."""
+        """Number of steps to other grasps so far; the camera turns at each step."""
         self._message = ""
         self._worker: Worker[Any] = Worker()
         self._open(0)
 
     def _open(self, number: int) -> None:
-        """Open an object, and forget all of the one before."""
+        """Open an object, and discard all data of the previous one."""
         self.number = number
         """Index of the current object in the collection, from 0."""
         self._opened: Subject | None = None
         self._results: dict[Hashable, Subject] = {}
-        """Results of searches by what they depend on, the latest last."""
+        """Results of searches by the choices they depend on, the latest last."""
         self._displayed: Subject | None = None
         self._subject: Subject | None = None
         self._best: dict[Hashable, Best] = {}
@@ -206,7 +206,7 @@ class Session:
     def subject(self) -> Subject | None:
         """The displayed surface at the chosen friction and resolution.
 
-        None: it is being opened, or cannot be opened.
+        None: the object is being opened, or cannot be opened.
         """
         found = self._displayed
         if found is None or found.poses is not None:
@@ -223,10 +223,10 @@ class Session:
 
     @property
     def stale(self) -> bool:
-        """Whether the surface has other fingers or fixed fingers than are chosen.
+        """Whether the surface is for other fingers or fixed fingers than are chosen.
 
-        This lasts until the right grasps are searched; meanwhile no results are displayed. A
-        surface whose search did not go far enough is not stale: its unknown part is grey.
+        Until the right grasps have been searched, no results are displayed. A surface whose search
+        did not go far enough is not stale: its unknown part is grey.
         """
         opened = self._opened
         return opened is not None and opened.poses is None and self._wanted not in self._results
@@ -248,26 +248,26 @@ class Session:
 
     @property
     def saving(self) -> bool:
-        """Whether a file is being written, or will be."""
+        """Whether a file is being written, or waits to be written."""
         return self._saving is not None
 
     @property
     def message(self) -> str:
-        """The last message, or the reason why the current choices could not be computed."""
+        """The last message, or the reason why the current choices failed."""
         return self._message or self.failure
 
     @property
     def failure(self) -> str:
-        """Why the current choices could not be computed; empty if they could."""
+        """Reason why the current choices could not be computed; empty if they could."""
         return next(
             (self._failed[job.key] for job in self._needed() if job.key in self._failed), ""
         )
 
     @property
     def inspection(self) -> Inspection | None:
-        """The inspected vertex, the best grasp that is stepped to, or the given one.
+        """The inspected vertex, the best grasp reached by stepping, or the given grasp.
 
-        None: none is chosen, or its grasp is not known yet.
+        None: none of them is chosen, or the grasp is not known yet.
         """
         subject, vertex = self.subject, self.state.vertex
         if subject is None or self.stale:
@@ -290,7 +290,7 @@ class Session:
         return self._inspected[1]
 
     def _best_one(self) -> Best | None:
-        """The best grasp that is stepped to, one row; None: none is, or it is not known yet."""
+        """The best grasp reached by stepping, one row; None if there is none or it is unknown."""
         best, row = self._best.get(self._wanted), self.state.grasp
         if best is None or row is None or not best.size:
             return None
@@ -298,7 +298,7 @@ class Session:
 
     @property
     def scene(self) -> Scene | None:
-        """The gripper and the table of the current object; None: no gripper."""
+        """The gripper and the table of the current object; None: there is no gripper."""
         return None if self._opened is None else self._opened.labels.scene
 
     def change(self, **changes: Any) -> None:
@@ -327,9 +327,9 @@ class Session:
         self._set_state(state)
 
     def click(self, vertex: int | None, *, inspect: bool = False) -> None:
-        """Handle a click on a vertex; None: beside the object.
+        """Handle a click on a vertex, or beside the object (None).
 
-        A click during a search is stored: the vertex is inspected when the search has finished.
+        A click during a search is stored; the vertex is inspected when the search has finished.
 
         Args:
             vertex: Index of the vertex.
@@ -357,7 +357,7 @@ class Session:
         """Inspect another of the best distinct grasps of the surface, cyclically.
 
         Args:
-            by: Number of grasps to go forward, or back.
+            by: Number of grasps to go forward; negative: back.
 
         Raises:
             SettingError: The surface is not known yet.
@@ -373,7 +373,7 @@ class Session:
         self._say_best()
 
     def _say_best(self) -> None:
-        """Say which one of the best grasps is shown, as soon as they are known."""
+        """Show the number of the displayed best grasp, as soon as the best grasps are known."""
         best, row = self._best.get(self._wanted), self.state.grasp
         if best is None or row is None:
             return
@@ -391,7 +391,7 @@ class Session:
             table: Whether it must also stand on a table.
 
         Raises:
-            SettingError: It has none.
+            SettingError: There is no gripper, or no table.
         """
         if self._opened is None:
             return
@@ -402,10 +402,10 @@ class Session:
             raise SettingError("there is no table; open the object with one (--table)")
 
     def check_paint(self, paint: Paint) -> None:
-        """Check that the current object has what colours show.
+        """Check that the current object has the data that colours show.
 
         Raises:
-            SettingError: It has no gripper, or no load.
+            SettingError: The object has no gripper, or no load.
         """
         subject = self.subject
         if subject is not None and paint != "label" and subject.poses is None:
@@ -414,7 +414,7 @@ class Session:
                 raise SettingError(problem)
 
     def offers(self, paint: Paint) -> bool:
-        """Whether the current object has what colours show."""
+        """Whether the current object has the data that colours show."""
         if self.subject is None:
             return paint == "label" or QUANTITIES[paint].problem is None
         try:
@@ -424,7 +424,7 @@ class Session:
         return True
 
     def step(self, by: int) -> None:
-        """Go forward or back by some objects of the collection, cyclically.
+        """Go forward or back by a number of objects in the collection, cyclically.
 
         Raises:
             SettingError: A file is being saved.
@@ -442,13 +442,13 @@ class Session:
     def save(self, path: Path) -> None:
         """Write the displayed labels at the chosen friction and resolution, in the background.
 
-        It takes as long as computing epsilon; a message reports the result.
+        Saving takes as long as computing epsilon; a message reports the result.
 
         Args:
             path: File to create or replace.
 
         Raises:
-            GraspError: There are no labels yet, or no format has that suffix.
+            GraspError: There are no labels yet, or no format has this suffix.
         """
         self.check_current()
         subject = self.subject
@@ -463,7 +463,7 @@ class Session:
         self.revision += 1
 
     def poll(self) -> bool:
-        """Process a finished background job; returns whether there was one."""
+        """Process a finished background job; return whether there was one."""
         finished = self._worker.take_finished()
         if finished is None:
             return False
@@ -481,7 +481,7 @@ class Session:
         """Check that the displayed surface belongs to the current choices.
 
         Raises:
-            SettingError: There is no surface yet, or its grasps are still searched, or cannot be.
+            SettingError: There is no surface yet, or its grasps are being searched, or cannot be.
         """
         if self.subject is None:
             raise SettingError("there is nothing to save yet; wait until the grasps are searched")
@@ -506,19 +506,19 @@ class Session:
         self._go_on()
 
     def _go_on(self) -> None:
-        """Forget the last message, and start what the choices need."""
+        """Clear the last message, and start the jobs that the choices need."""
         self._message = ""
         self.revision += 1
         self._start_next_job()
 
     @property
     def _wanted(self) -> Hashable:
-        """What the surface depends on that belongs to the current choices."""
+        """Key of the surface that belongs to the current choices."""
         fixed = self.state.fixed
         return ("scan", fixed) if fixed else ("grasps", self.state.model.fingers)
 
     def _needed(self) -> Iterator[Job[Any]]:
-        """What the choices need, in this order; what comes later is known without what failed."""
+        """Yield the jobs that the choices need, in order; later ones do not need failed ones."""
         opened, saving, wanted = self._opened, self._saving, self._wanted
         if opened is None:
             item = self.collection.items[self.number]
@@ -534,7 +534,7 @@ class Session:
         yield from filter(None, jobs if wanted in self._results else jobs[:1])
 
     def _search_job(self, opened: Subject) -> Job[Any] | None:
-        """A search, or a scan with fixed fingers, that the choices need."""
+        """Return the search, or the scan with fixed fingers, that the choices need."""
         model, fixed, sampling = self.state.model, self.state.fixed, self.collection.sampling
         wanted, text = self._wanted, "searching grasps"
         found, then = self._results.get(wanted), partial(self._keep, wanted)
@@ -550,7 +550,7 @@ class Session:
         return Job(wanted, text, partial(search_grasps, opened, model, sampling), DELAY, then)
 
     def _best_job(self) -> Job[Any] | None:
-        """The choice of the best grasps, if the user steps through them."""
+        """Return the search for the best grasps, if the user steps through them."""
         wanted = self._wanted
         if self.state.grasp is None or wanted in self._best or wanted not in self._results:
             return None
@@ -563,7 +563,7 @@ class Session:
         return Job(("best", wanted), "choosing the best grasps", run, then=keep)
 
     def _column_job(self) -> Job[Any] | None:
-        """What colours show, if it takes long; the labels keep it."""
+        """Return the job for the data that colours show, if it takes long; labels keep them."""
         subject, paint = self.subject, self.state.paint
         if subject is None or paint == "label":
             return None
@@ -586,13 +586,13 @@ class Session:
             job.then(finished.result)
 
     def _take(self, opened: Subject) -> None:
-        """Show an object that was opened."""
+        """Show an object that has been opened."""
         self._opened = self._displayed = opened
         self._keep(("grasps", opened.model.fingers), opened)
         self._check_vertex(opened)
 
     def _keep(self, key: Hashable, result: Subject) -> None:
-        """Keep a search result, and forget that which was not shown for longest."""
+        """Keep a search result, and discard the one that was shown longest ago."""
         if self._results.get(key) is not result:
             self._best.pop(key, None)
         self._results.pop(key, None)
@@ -603,14 +603,14 @@ class Session:
                 self._best.pop(oldest, None)
 
     def _check_vertex(self, subject: Subject) -> None:
-        """Release the chosen vertex if a surface that was opened does not have it."""
+        """Deselect the chosen vertex if an opened surface does not have it."""
         vertex, count = self.state.vertex, len(subject.mesh.vertices)
         if vertex is not None and vertex >= count:
             self.state = replace(self.state, vertex=None)
             self._message = f"there is no vertex {vertex}; there are {count:,}, from 0"
 
     def _start_next_job(self) -> None:
-        """Display what is known, and start the next job unless it is running or has failed."""
+        """Display the known result, and start the next job unless it is running or has failed."""
         found = self._results.get(self._wanted)
         if found is not None:
             self._keep(self._wanted, found)

@@ -23,7 +23,7 @@ from grasp3d.viewer.collection import (
 from grasp3d.viewer.session import Session
 
 HUB = "JUPYTERHUB_SERVICE_PREFIX"
-"""Environment variable of JupyterHub with the path of a user's server."""
+"""Environment variable in which JupyterHub states the path of a user's server."""
 
 
 def show(
@@ -35,27 +35,27 @@ def show(
     height: int = 640,
     proxy: str | None = None,
 ) -> Any:
-    """View a labelled surface, grasps or a mesh: in a notebook below the cell, else in a window.
+    """View a labelled surface, grasps or a mesh: below the cell of a notebook, or in a window.
 
     In a notebook the kernel serves a page at a port of its machine. If the browser runs on another
     machine, forward that port, or use jupyter-server-proxy.
 
     Args:
-        shown: Labels; grasps, or evaluated poses, of which one is shown at a time; or a mesh, as in
-            `load_mesh`, which is labelled first.
+        shown: Labels; grasps or evaluated poses, shown one at a time; or a mesh, as in `load_mesh`,
+            which is labelled first.
         settings: Initial view; None: the defaults.
         model: For a mesh: friction, sensor resolution and fingers of its labels.
-        sampling: For a mesh: how grasps are searched for.
+        sampling: For a mesh: settings of the search for grasps.
         height: Height of the page in a notebook [pixels].
         proxy: Path at which a proxy serves the ports of the kernel's machine, such as '/proxy/' or
             '/user/name/proxy/' for jupyter-server-proxy; None: the path that JupyterHub gives, if
             any, otherwise the browser runs on the same machine.
 
     Returns:
-        The view that a notebook displays; None after a window was closed.
+        The view that a notebook displays; None after a window has been closed.
 
     Raises:
-        MeshError: It is no mesh.
+        MeshError: The input is not a mesh.
         SettingError: There are no grasps, or a model is given for labels or grasps.
         OutputError: Nothing can be rendered here.
     """
@@ -88,7 +88,7 @@ def _collection(
 
 
 def in_notebook() -> bool:
-    """Whether a notebook's kernel is running, and not a terminal."""
+    """Whether a notebook's kernel is running, rather than a terminal."""
     ipython = sys.modules.get("IPython")  # a notebook has always imported it
     shell = ipython and ipython.get_ipython()
     return getattr(shell, "kernel", None) is not None

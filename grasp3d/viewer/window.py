@@ -1,4 +1,4 @@
-"""The desktop window: the scene, and beside it two sliders and the reason; keys and mouse."""
+"""The desktop window: the scene, and a panel with two sliders and the reason; keys and mouse."""
 
 import os
 import sys
@@ -28,7 +28,7 @@ ALTERNATIVES = (
     "grasp3d view shows a page for a browser there, or writes a picture with --screenshot FILE"
 )
 ATTEMPTS = 2
-"""An X server that restarts after its last window was closed may refuse one connection."""
+"""Attempts to open a window, as an X server may refuse a connection while it restarts."""
 HIDDEN_WINDOW = """
 import vtkmodules.vtkRenderingOpenGL2
 from vtkmodules.vtkRenderingCore import vtkRenderWindow
@@ -38,30 +38,30 @@ window.SetSize(16, 16)
 window.Render()
 raise SystemExit(window.GetClassName() != "vtkXOpenGLRenderWindow")
 """
-"""Opens a hidden window, and checks that VTK has chosen an X window for it."""
+"""Program that opens a hidden window, and checks that VTK has chosen an X window for it."""
 
 LOOP_PAUSE = 0.01
 """Pause between two rounds of the event loop [s]."""
 ZOOM = 1.15
 TEXT_SIZE, LETTER = 12, 0.56
-"""Size of the panel's texts, and the mean width of a letter in sizes."""
+"""Size of the panel's texts, and mean width of a letter relative to it."""
 SCENE = 0.7
-"""Width of the scene relative to the window; the rest is the panel's."""
+"""Width of the scene relative to the window; the rest is the panel."""
 INK, TRACK, THUMB = "#20262D", "#C3C9CF", "#1F5FA8"
 SLIDERS = {"friction": 0.98, "resolution": 0.9}
-"""Controls that have a slider, and the height in the window of their names."""
+"""Controls that have a slider, and the heights of their names in the window."""
 BELOW = 0.82
-"""Height of the text below the sliders."""
+"""Height in the window of the text below the sliders."""
 FIRST = 10.0
-"""Priority of observers that are called before VTK's."""
+"""Priority of observers that are called before VTK's own."""
 MOUSE = ("drag: rotate; with shift: pan", "wheel: zoom", "click: why the vertex is S, M or U")
-"""What the mouse does in a window."""
+"""Actions of the mouse in a window."""
 
 
 def display_problem() -> str:
-    """Why no window can be opened, from one in a child process; empty if one can.
+    """Return why no window can be opened, by opening one in a child process; empty if one can.
 
-    On Linux VTK needs an X server, and may abort the process if it does not respond.
+    On Linux VTK needs an X server, and may abort the process if the server does not respond.
     """
     if not sys.platform.startswith("linux"):
         return ""
@@ -100,7 +100,7 @@ def show_window(
 
 
 class Window:
-    """Connects a session with a plotter's window: the scene, and a panel beside it."""
+    """Connection of a session to a plotter's window: the scene, and a panel beside it."""
 
     def __init__(self, session: Session, watch: Callable[[], None]) -> None:
         """Prepare a window without opening it.
@@ -125,7 +125,7 @@ class Window:
         self.plotter.subplot(0, 0)
 
     def _text_at(self, height: float, end: str = "top") -> Any:
-        """A text in the panel, whose upper or lower end is at a height."""
+        """Add a text to the panel, with its upper or lower end at a height."""
         text = self.plotter.add_text(
             " ", position=(0.05, height), font_size=TEXT_SIZE // 2, color=INK, viewport=True,
             font_file=PLAIN,
@@ -135,7 +135,7 @@ class Window:
         return text
 
     def _slider(self, name: str, height: float) -> Any:
-        """A slider in the panel, below its name."""
+        """Add a slider to the panel, below its name."""
         control = CONTROLS[name]
         ends = {"pointa": (0.05, height - 0.04), "pointb": (0.95, height - 0.04)}
         look = self.plotter.add_slider_widget(
@@ -162,7 +162,7 @@ class Window:
         self._draw()
         plotter.show(title=title, interactive_update=True, auto_close=False)
         # VTK's own event loop would block Python's threads. Rendering is disabled while events are
-        # processed and done once after all of them, so that slow machines keep up with the mouse.
+        # processed, and done once after all of them, so that slow machines keep up with the mouse.
         self._interactor.EnableRenderOff()
         while not self._interactor.GetDone():
             self._interactor.ProcessEvents()
@@ -173,7 +173,7 @@ class Window:
             raise KeyboardInterrupt
 
     def _observe(self, name: str, handler: Callable[[], bool]) -> None:
-        """Call a handler for an event; if it returns True, no observer behind it is called."""
+        """Call a handler for an event; if it returns True, later observers are not called."""
 
         def called(*_: object) -> None:
             if self._run(handler):
@@ -182,7 +182,7 @@ class Window:
         tag = self._interactor.AddObserver(name, called, FIRST)
 
     def _run(self, action: Callable[[], object]) -> bool:
-        """Run an action and show its error as a message; VTK would print it or abort.
+        """Run an action and show its error as a message, as VTK would print it or abort.
 
         Only an interruption closes the window.
         """
@@ -217,7 +217,7 @@ class Window:
         self._watch()
 
     def _show_panel(self, progress: str) -> None:
-        """Show values, and the inspected vertex or the keys; below them message and progress."""
+        """Show values, and the inspected vertex or the keys; message and progress below them."""
         session, text = self._session, panel_text(self._session)
         for name, look in self._sliders.items():
             control = CONTROLS[name]
@@ -235,13 +235,13 @@ class Window:
         self._status.input = self._wrapped(filter(None, status))
 
     def _wrapped(self, lines: Iterable[str]) -> str:
-        """Lines that fit into the panel."""
+        """Wrap lines to the width of the panel."""
         width = 0.9 * (1.0 - SCENE) * self.plotter.window_size[0]
         size = TEXT_SIZE * self.plotter.render_window.GetDPI() / 72.0
         return "\n".join(textwrap.fill(line, int(width / (LETTER * size))) for line in lines)
 
     def _on_slide(self, name: str, value: float) -> None:
-        """Change a control; PyVista calls it also when the slider is made."""
+        """Change a control; PyVista also calls this when the slider is created."""
         control = CONTROLS[name]
         chosen = max(control.least, round(round(value / control.step) * control.step, 10))
         if self._drawn:
@@ -290,7 +290,7 @@ class Window:
         session.show_message(f"saved: {path}")
 
     def _unused_path(self, kind: str, suffix: str) -> Path:
-        """A path in the working folder at which there is no file."""
+        """Return a path in the working folder at which there is no file yet."""
         name = file_name(self._session, kind, suffix)
         others = (f"{Path(name).stem}_{number}{suffix}" for number in count(2))
         paths = (Path.cwd() / one for one in chain([name], others))

@@ -1,4 +1,4 @@
-"""A real browser for tests, which on a developer's machine may be missing."""
+"""A real browser for tests; it may be missing on a developer's machine."""
 
 import os
 import shutil
@@ -33,7 +33,7 @@ def browser() -> Iterator[Any]:
 
 
 def quiet_page(browser: Any, width: int, errors: list[str]) -> Any:
-    """A page of files of this machine; what goes wrong in it is added to the errors."""
+    """Open a page that shows local files; errors in it are added to `errors`."""
     opened = browser.new_page(viewport={"width": width, "height": 900})
     opened.on("console", lambda one: errors.append(one.text) if one.type == "error" else None)
     opened.on("pageerror", lambda error: errors.append(str(error)))

@@ -9,7 +9,7 @@ import pytest
 
 @contextmanager
 def bucket() -> Iterator[str]:
-    """Start a server with one bucket; yields the address of the bucket."""
+    """Start a server with one bucket; yield the address of the bucket."""
     moto_server = pytest.importorskip("moto.server")
     s3fs = pytest.importorskip("s3fs")
     server = moto_server.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)

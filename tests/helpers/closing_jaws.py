@@ -1,4 +1,4 @@
-"""Grippers, poses and slow oracles of jaws that close on a surface."""
+"""Grippers, poses and slow oracles for jaws that close on a surface."""
 
 from typing import Any
 
@@ -23,14 +23,14 @@ def pads(**changes: Any) -> ParallelGripper:
 
 
 def tips(**changes: Any) -> ParallelGripper:
-    """The same with round tips of 20 mm diameter."""
+    """The same gripper with round tips of 20 mm diameter."""
     return pads(**{"pad_width": 0.0, "pad_height": 0.0, "tip_radius": 0.01, **changes})
 
 
 def pose(
     center: tuple[float, float, float] = (0.0, 0.0, 0.0), turn: Rotation | None = None
 ) -> Floats:
-    """A pose with its TCP at a point, turned out of the axes of the object."""
+    """A pose with its TCP at a given point, with axes turned relative to the object's."""
     matrix = np.eye(4)
     matrix[:3, 3] = center
     if turn is not None:
@@ -50,9 +50,9 @@ def random_poses(count: int, spread: float, seed: int = 0) -> Floats:
 def sliced_pad(
     solid: trimesh.Trimesh, matrix: Floats, hand: ParallelGripper, finger: int
 ) -> dict[str, Any] | None:
-    """What a flat pad touches, by cutting the mesh with planes; None: nothing.
+    """Contact of a flat pad, by cutting the mesh with planes; None if it touches nothing.
 
-    The surface is cut by trimesh, and its faces are taken as flat.
+    trimesh cuts the surface, and its faces are taken as flat.
     """
     side = 1.0 - 2.0 * finger
     local = trimesh.Trimesh(
@@ -91,7 +91,7 @@ def sliced_pad(
 def sampled_ball(
     solid: trimesh.Trimesh, matrix: Floats, hand: ParallelGripper, finger: int
 ) -> dict[str, Any] | None:
-    """What a round tip touches, from small triangles; None: nothing."""
+    """Contact of a round tip, from small triangles; None if it touches nothing."""
     side, radius = 1.0 - 2.0 * finger, hand.tip_radius
     points = (solid.vertices - matrix[:3, 3]) @ matrix[:3, :3] * [side, 1.0, 1.0]
     triangles = points[solid.faces]

@@ -1,7 +1,7 @@
-"""Collisions of grippers by python-fcl: the oracle of the kernels.
+"""Collisions of grippers by python-fcl: the oracle for the kernels.
 
-FCL takes meshes as surfaces, so a box inside a solid is free of it: parts are swept out of the
-object, as those of the kernels are.
+FCL takes meshes as surfaces, so a box inside a solid does not collide with it. So parts are swept
+out of the object, as in the kernels.
 """
 
 from collections.abc import Iterator
@@ -40,16 +40,16 @@ def swept_parts(
     far: float = FAR,
     opened: bool = True,
 ) -> Iterator[tuple]:
-    """Fingers, palm and tips as FCL geometries with rotations and positions in the hand's frame.
+    """Yield fingers, palm and tips as FCL geometries, with rotations and positions in the hand.
 
     Args:
         hand: A gripper, in metres.
         opening: Distance between the inner faces or tips, in object sizes.
         scale: Object sizes per metre.
         grip: +1 external, -1 internal.
-        grow: Length by which parts are larger on every side.
+        grow: Length by which parts are enlarged on every side.
         far: Length behind the front end.
-        opened: Whether the way of the fingers to their clearance is included.
+        opened: Whether the path of the fingers to their clearance is included.
     """
     g = {name: getattr(hand, name) * scale for name in LENGTHS}
     radius, thick, clear = g["tip_radius"], g["finger_thickness"], g["clearance"] * opened
@@ -91,7 +91,7 @@ class Oracle:
         self._request = fcl.CollisionRequest(num_max_contacts=1, enable_contact=False)
 
     def meets(self, pose: np.ndarray, parts: Iterator[tuple]) -> bool:
-        """Whether one of some parts, in the frame of a pose, meets the surface."""
+        """Whether one of the parts, in the frame of a pose, meets the surface."""
         for geometry, rotation, position in parts:
             if geometry is None:
                 continue
@@ -112,7 +112,7 @@ class Oracle:
         grip: int = 1,
         slack: float = 1e-6,
     ) -> bool | None:
-        """Whether swept parts at a pose meet the surface; None: within `slack` of touching."""
+        """Whether swept parts at a pose meet the surface; None if within `slack` of touching."""
         large, small = (
             self.meets(pose, swept_parts(hand, opening, scale, grip=grip, grow=grow))
             for grow in (slack, -slack)

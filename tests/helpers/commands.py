@@ -1,4 +1,4 @@
-"""The command line, in this process or in one of its own, and meshes for it."""
+"""The command line, run in this process or in its own one, and meshes for it."""
 
 import io
 import os
@@ -19,7 +19,7 @@ COMMAND = Path(sys.executable).with_name("grasp3d")
 
 
 def export(path: Path, shape: Surface) -> Path:
-    """Write a mesh file, in a folder that is made if it is missing."""
+    """Write a mesh file, and create its folder if it is missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     trimesh.Trimesh(*shape, process=False).export(path)
     return path
@@ -28,7 +28,7 @@ def export(path: Path, shape: Surface) -> Path:
 def run_process(
     *arguments: str | Path, cwd: Path, columns: int = 160, env: dict[str, str] | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """Run the command in a folder, in a process of its own."""
+    """Run the command in a folder, in its own process."""
     return subprocess.run(
         [COMMAND, *map(str, arguments)], cwd=cwd, timeout=300,
         env={**(os.environ if env is None else env), "COLUMNS": str(columns)},
@@ -39,13 +39,13 @@ def run_process(
 def run_here(
     *arguments: str | Path, cwd: Path, columns: int = 160
 ) -> subprocess.CompletedProcess[str]:
-    """Run the command in a folder; a new process for each would cost seconds."""
+    """Run the command in a folder, in this process, as a new one would cost seconds."""
     out, err, words = io.StringIO(), io.StringIO(), list(map(str, arguments))
     environment = mock.patch.dict(os.environ, COLUMNS=str(columns))
     with environment, chdir(cwd), redirect_stdout(out), redirect_stderr(err):
         try:
             code = main(words)
-        except SystemExit as ended:  # errors of usage
+        except SystemExit as ended:  # usage errors
             code = int(ended.code or 0)
     return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
 
@@ -58,7 +58,7 @@ def printed(*arguments: str | Path, cwd: Path, columns: int = 160) -> str:
 
 
 def refusal(words: str, cwd: Path) -> str:
-    """Run a command that must refuse its input, write nothing, and return its error, one line."""
+    """Run a command that must refuse its input and write nothing; return its one-line error."""
     before = contents(cwd)
     run = run_here(*shlex.split(words), cwd=cwd)
     assert (run.returncode, run.stdout) == (2, ""), run.stdout
@@ -68,5 +68,5 @@ def refusal(words: str, cwd: Path) -> str:
 
 
 def contents(folder: Path) -> dict[Path, bytes]:
-    """What all files and folders below a folder hold."""
+    """Return the contents of all files and folders below a folder."""
     return {path: path.read_bytes() if path.is_file() else b"" for path in folder.rglob("*")}

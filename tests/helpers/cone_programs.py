@@ -1,4 +1,4 @@
-"""Grip force by a second-order cone program: the oracle of tests and benchmarks (Clarabel)."""
+"""Grip force by a second-order cone program: an oracle for tests and benchmarks (Clarabel)."""
 
 import math
 
@@ -14,10 +14,10 @@ Floats = NDArray[np.float64]
 
 
 class ConeProgram:
-    """The smallest t for which forces in their cones, bounded by t, balance a wrench, one grasp.
+    """Smallest t for which forces in their cones, bounded by t, balance a wrench; one grasp.
 
-    Unknown are the components of each contact's force along its normal and two tangents, for soft
-    fingers its torsional moment divided by the torsion radius and multiplied by friction, and t.
+    The unknowns are t, the components of each contact's force along its normal and two tangents,
+    and for soft fingers its torsional moment times friction over the torsion radius.
     """
 
     def __init__(self, contacts: grasp3d.Contacts, bound: str) -> None:
@@ -63,7 +63,7 @@ class ConeProgram:
         self._settings.verbose = False
 
     def force(self, wrench: Floats) -> float:
-        """The force that a wrench needs; inf: none suffices; nan: the solver failed."""
+        """Return the force that a wrench needs; inf: no force suffices; nan: the solver failed."""
         self._right[:3], self._right[3:6] = -wrench[:3], -wrench[3:] / self.scale
         solution = clarabel.DefaultSolver(
             self._quadratic, self._costs, self._matrix, self._right, self._kinds, self._settings

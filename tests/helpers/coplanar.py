@@ -1,13 +1,13 @@
-"""Oracle of three hard contacts: force closure in the plane through them, in plain NumPy.
+"""Oracle for three hard contacts: force closure in the plane through them, in plain NumPy.
 
-About the line through two of the contacts only the third could exert a torque, so balanced forces
+Only the third contact could exert a torque about the line through the other two, so balanced forces
 of three contacts lie in the plane through them. There each friction cone is a planar one, of
-half-angle acos(cos(beta) / cos(elevation)) about the normal's projection, and empty where the
+half-angle acos(cos(beta) / cos(elevation)) about the normal's projection; it is empty where the
 normal's elevation over the plane is beta or more. The grasp is force-closed if the six edges of the
 planar cones positively span all planar wrenches (Nguyen 1988). No hull in six dimensions is needed.
 
-A contact that may have any normal of a cap about its normal has a friction cone that is narrower by
-the cap's radius: what that can do holds with every normal of the cap.
+If a contact may have any normal of a cap about its normal, its friction cone is narrower by the
+cap's radius: what this cone can do holds for every normal of the cap.
 """
 
 import itertools
@@ -29,26 +29,26 @@ COLLINEAR = 1e-9
 SAME = 1e-12
 PAIRS = np.array(list(itertools.combinations(range(6), 2)))
 BATCH = 4096
-"""Grasps evaluated together."""
+"""Number of grasps evaluated together."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlanarGrasps:
-    """A batch of grasps of three contacts, projected to the planes through them."""
+    """A batch of grasps of three contacts, projected to the planes through their contacts."""
 
     points: Floats
-    """Contacts about their centroid, the farthest at distance 1, shape (b, 3, 2)."""
+    """Contacts relative to their centroid, the farthest at distance 1, shape (b, 3, 2)."""
     azimuth: Floats
     """Azimuth of each normal in its plane [rad], shape (b, 3)."""
     cosine: Floats
-    """Cosine of its elevation, shape (b, 3)."""
+    """Cosine of each normal's elevation, shape (b, 3)."""
     radii: Floats
     """Radius of the cap of each normal [rad], shape (b, 3)."""
     collinear: Bools
-    """Grasps with collinear contacts, which determine no plane, shape (b,)."""
+    """Whether the contacts are collinear and so determine no plane, shape (b,)."""
 
     def force_closed(self, beta: Floats) -> Bools:
-        """Whether the grasps are force-closed with all normals at friction angles (b,)."""
+        """Whether grasps are force-closed with all normals, at friction angles (b,)."""
         own = beta[:, None] - self.radii
         ratio = np.cos(own) / self.cosine
         half = np.arccos(np.minimum(ratio, 1.0))
@@ -59,7 +59,7 @@ class PlanarGrasps:
         return closed
 
     def critical_angles(self, high: Floats, tolerance: float) -> Floats:
-        """Angles (b,) from which on they are force-closed, below `high` (b,); inf, nan: none."""
+        """Angles (b,) from which on grasps are force-closed, below `high` (b,); inf, nan: none."""
         found = np.where(self.force_closed(high), high, math.inf)
         low, upper = np.zeros(len(high)), high.copy()
         while (upper - low).max(initial=0.0) > tolerance:
@@ -72,7 +72,7 @@ class PlanarGrasps:
 def _spans(points: Floats, edges: Floats) -> Bools:
     """Whether planar forces along `edges` (b, 3, 2) positively span all planar wrenches, (b,).
 
-    They do not if all lie on one side of a plane, which can be turned until two lie in it.
+    They do not if all lie on one side of a plane; such a plane can be turned until two lie in it.
     """
     x, y = np.cos(edges), np.sin(edges)
     torque = points[..., :1] * y - points[..., 1:] * x
@@ -84,7 +84,7 @@ def _spans(points: Floats, edges: Floats) -> Bools:
 
 
 def planar_grasps(points: Floats, normals: Floats, radii: Floats) -> PlanarGrasps:
-    """Grasps (b, 3, 3), with radii of caps about the normals (b, 3), projected to their planes."""
+    """Project grasps (b, 3, 3), with radii of caps about the normals (b, 3), to their planes."""
     middle = points - points.mean(axis=1, keepdims=True)
     middle = middle / np.linalg.norm(middle, axis=2).max(axis=1)[:, None, None]
     first = middle[:, 1] - middle[:, 0]
@@ -105,7 +105,7 @@ def planar_grasps(points: Floats, normals: Floats, radii: Floats) -> PlanarGrasp
 class Exhaustive:
     """The best grasp of three fingers through each vertex, from all triples of vertices.
 
-    The contacts are three different, not collinear vertices, with the caps of their normals.
+    The contacts are three different vertices, not collinear, with the caps of their normals.
     """
 
     mesh: ObjectMesh
@@ -143,10 +143,10 @@ class Exhaustive:
         return np.where(self.best < self.limit, self.best, math.inf)
 
     def evaluate(self, which: Ints) -> None:
-        """Evaluate those grasps (b, 3) that may be better than the best of one of their vertices.
+        """Evaluate grasps (b, 3) that may be better than the best one of one of their vertices.
 
-        Grasps whose normals have too large elevations, and then those that are not force-closed,
-        are rejected without their angles.
+        Grasps whose normals have too large an elevation, and then grasps that are not force-closed,
+        are rejected without computing their angles.
         """
         which = which[self._below_threshold(which)]
         which = which[self.grasps(which).force_closed(self._thresholds(which))]
@@ -158,11 +158,11 @@ class Exhaustive:
         return planar_grasps(self.points[which], self.normals[which], self.radii[which])
 
     def _thresholds(self, which: Ints) -> Floats:
-        """Angle below which a grasp improves the best one of some of its vertices (b,)."""
+        """Angle below which a grasp improves the best one at some of its vertices, (b,)."""
         return np.asarray(self.best[which].max(axis=1) - 0.5 * self.tolerance)
 
     def _below_threshold(self, which: Ints) -> Bools:
-        """Whether the elevations of the normals are below the thresholds (b,)."""
+        """Whether the elevations of the normals are below the thresholds, (b,)."""
         points = self.points[which]
         up = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
         elevation = np.abs((self.normals[which] @ up[..., None])[..., 0]).max(axis=1)

@@ -19,7 +19,7 @@ PATHS = {"PYTHONPATH": str(ROOT)}
 
 
 class DaskCluster:
-    """A scheduler, and workers started on demand; all of them end with the context."""
+    """A scheduler, and workers started on demand; all processes end with the context."""
 
     def __init__(self, folder: Path, environment: Mapping[str, str] = PATHS) -> None:
         self.file = folder / "scheduler.json"
@@ -30,7 +30,7 @@ class DaskCluster:
     def worker(
         self, *options: str, environment: Mapping[str, str] = PATHS
     ) -> "subprocess.Popen[bytes]":
-        """Start a worker with a nanny; returns the process of the nanny."""
+        """Start a worker with a nanny; return the process of the nanny."""
         limits = ("--nworkers", "1", "--nthreads", "1", "--memory-limit", "2GB")
         options = ("--host", "127.0.0.1", "--no-dashboard", *limits, *options)
         return self._start("worker", *options, environment=environment)
@@ -91,7 +91,7 @@ def has_ended(pid: int) -> bool:
 
 
 def wait_for(found: Callable[[], T], seconds: float = 15.0) -> T:
-    """Wait until a function returns a true value; returns it."""
+    """Wait until a function returns a true value, and return it."""
     end = time.monotonic() + seconds
     while not (result := found()):
         assert time.monotonic() < end

@@ -1,13 +1,13 @@
-"""Grasps whose contacts coincide, nearly coincide or lie on a line, and oracles of them.
+"""Grasps whose contacts coincide, nearly coincide or lie on a line, and oracles for them.
 
 The oracles start from the definition: a grasp is force-closed if its wrenches positively span their
-own span, that is unless some motion u moves no contact into its friction cone and at least one
-strictly away from it. A contact that the motion leaves at rest has wrenches orthogonal to u: it is
-neither. So the motions are divided by the contacts that they leave at rest: none, all at one point
-(rotations about that point), or all on one line (the rotation about it). Within such a family the
-critical friction angle is the largest, over u, of the smallest angle between a moving contact's
-velocity and its normal, less 90 degrees. That is a quasi-concave problem of at most six variables,
-which the ellipsoid method solves with a proof, without hulls.
+own span. So it is not if some motion u moves no contact into its friction cone and at least one
+strictly away from it. A contact that the motion leaves at rest has wrenches orthogonal to u, and
+counts as neither. So motions are divided by the contacts that they leave at rest: none, all at one
+point (rotations about that point), or all on one line (the rotation about it). Within each family
+the critical friction angle is the largest, over u, of the smallest angle between a moving contact's
+velocity and its normal, less 90 degrees. That is a quasi-concave problem of at most six variables.
+The ellipsoid method solves it with a proof, without hulls.
 """
 
 import itertools
@@ -29,7 +29,7 @@ ACCURACY = 1e-6
 """Gap that the ellipsoid method leaves below the critical angle [rad]."""
 
 STEPS = 6000
-"""Most cuts of an ellipsoid."""
+"""Largest number of cuts of an ellipsoid."""
 
 
 def cross_matrix(v: Floats) -> Floats:
@@ -41,7 +41,7 @@ def cross_matrix(v: Floats) -> Floats:
 
 
 def offsets(points: Floats) -> tuple[Floats, Floats, Floats]:
-    """Points (n, 3) as (positions along a line (n,), offsets from it (n, 3), its direction).
+    """Split points (n, 3) into positions on a line (n,), offsets from it (n, 3), its direction.
 
     Differences of nearby points are exact, so the offsets of two clusters have no rounding errors
     of the size of the grasp.
@@ -62,7 +62,7 @@ def general_maps(points: Floats, *, on_line: bool) -> Floats:
     """Velocities of all motions of one grasp, shape (n, 3, d): d is 3, 5 or 6, the wrenches' rank.
 
     The coordinates of u are a translation, rotations across the line of `offsets`, and the rotation
-    about it divided by the contacts' distance from it.
+    about this line divided by the contacts' distance from it.
     """
     base, rest, line = offsets(points)
     maps = np.zeros((len(points), 3, 6))
@@ -81,9 +81,9 @@ def general_maps(points: Floats, *, on_line: bool) -> Floats:
 
 
 def rotations(points: Floats, at: int, *, on_line: bool) -> Floats:
-    """Rotations about a contact's point, velocities scaled to the distances.
+    """Velocities in rotations about a contact's point, scaled to the contacts' distances from it.
 
-    Shape (n, 3, 3), or (n, 3, 2) for contacts on a line, without the rotation about that.
+    Shape (n, 3, 3), or (n, 3, 2) for contacts on a line, without the rotation about this line.
     """
     arms = points - points[at]
     sizes = np.linalg.norm(arms, axis=1)
@@ -95,7 +95,7 @@ def rotations(points: Floats, at: int, *, on_line: bool) -> Floats:
 
 
 def rotation_about_line(points: Floats, a: int, b: int, *, on_line: bool) -> Floats:
-    """Velocities of the contacts in the rotation about the line of two (n, 3), 0 on that line."""
+    """Velocities of contacts (n, 3) in the rotation about the line of two of them, 0 on it."""
     axis = points[b] - points[a]
     to_a, to_b = points - points[a], points - points[b]
     nearer = np.linalg.norm(to_b, axis=1) < np.linalg.norm(to_a, axis=1)
@@ -107,7 +107,7 @@ def rotation_about_line(points: Floats, a: int, b: int, *, on_line: bool) -> Flo
 
 
 def angles_to(velocities: Floats, normals: Floats) -> Floats:
-    """Angles (...), pi where a contact is at rest."""
+    """Angles between velocities and normals (...), pi where a contact is at rest."""
     resting = (velocities == 0.0).all(axis=-1)
     return np.where(resting, math.pi, angles_between(velocities, normals))
 
@@ -115,8 +115,8 @@ def angles_to(velocities: Floats, normals: Floats) -> Floats:
 def largest_separation(maps: Floats, normals: Floats) -> tuple[Floats, Bools]:
     """Largest angle by which motions (r, n, 3, d), d > 1, separate grasps (r, n, 3), by ellipsoids.
 
-    (angle, proven): the largest, over u, of the smallest angle between velocity and normal less 90
-    degrees, or 0 where that is smaller (r,); and whether none is more than `ACCURACY` above it.
+    Returns (angle, proven): the largest, over u, of the smallest angle between velocity and normal
+    less 90 degrees, at least 0 (r,); and whether no angle is more than `ACCURACY` above it (r,).
     """
     count, _, _, dim = maps.shape
     best = np.zeros(count)
@@ -171,8 +171,8 @@ def largest_separation(maps: Floats, normals: Floats) -> tuple[Floats, Bools]:
 def at_one_point(normals: Floats) -> float:
     """Critical angle of contacts (n, 3) at one point: the farthest direction from all normals.
 
-    Their farthest direction is opposite to one of them, halfway between two or equally far from
-    three; it may be less than 90 degrees away: then the grasp is force-closed without friction.
+    This direction is opposite to one normal, halfway between two, or equally far from three. If it
+    is less than 90 degrees away, the grasp is force-closed without friction.
     """
     candidates = [-n for n in normals]
     for a, b in itertools.combinations(normals, 2):
@@ -189,10 +189,10 @@ def at_one_point(normals: Floats) -> float:
 
 
 def critical_angles(points: Floats, normals: Floats, on_line: Bools) -> tuple[Floats, Bools]:
-    """Critical friction angles of grasps (b, n, 3) of 3 to 5 contacts, at most 90 degrees, proven.
+    """Critical friction angles of grasps (b, n, 3) of 3 to 5 contacts, at most 90 degrees; proven.
 
-    Points are taken as they are, unless the contacts count as being on a line although rounding
-    moved them off it.
+    Points are taken as they are, unless the contacts count as being on a line from which rounding
+    has moved them.
     """
     angles, proven = np.zeros(len(points)), np.ones(len(points), dtype=np.bool_)
     families: dict[int, tuple[list[int], list[Floats]]] = {}
@@ -256,7 +256,7 @@ KINDS = {
     "two close pairs": [4, 5],
     "two clusters": [3, 4, 5],
 }
-"""Kinds of degenerate grasps, and the numbers of contacts that they are made of."""
+"""Kinds of degenerate grasps, with their possible numbers of contacts."""
 
 
 def random_grasps(kind: str, contacts: int, count: int, rng: np.random.Generator) -> Grasps:
@@ -266,7 +266,7 @@ def random_grasps(kind: str, contacts: int, count: int, rng: np.random.Generator
     if kind in ("on a line", "on a line, pair"):
         line = unit(rng.normal(size=(count, 1, 3)))
         axis = np.eye(3)[rng.integers(3, size=count)][:, None]
-        line = np.where(rng.random((count, 1, 1)) < 0.5, line, axis)  # half of them exactly
+        line = np.where(rng.random((count, 1, 1)) < 0.5, line, axis)  # half of them along an axis
         points = rng.normal(size=(count, contacts, 1)) * line
         on_line[:] = True
     if kind == "in a plane, pair":
@@ -292,13 +292,13 @@ def random_grasps(kind: str, contacts: int, count: int, rng: np.random.Generator
         points[:, group] = points[:, group[:1]]
     size = np.linalg.norm(points - points[:, :1], axis=2).max(axis=1)[:, None, None]
     points /= np.where(size > 0.0, size, 1.0)
-    if not on_line.any():  # a few on a coarse grid: there many sums and differences are exact
+    if not on_line.any():  # some on a coarse grid, where many sums and differences are exact
         points = np.where(rng.random((count, 1, 1)) < 0.2, np.round(points * 8.0) / 8.0, points)
     if kind in ("close pair", "close three", "two close pairs", "two clusters"):
         gap = 10.0 ** rng.uniform(-11.5, -2.0, size=(count, 1, 1))
         for group in groups:
             points[:, group[1:]] += gap * unit(rng.normal(size=(count, len(group) - 1, 3)))
-    # Normals: random, toward the middle, or opposed to an earlier one, so that many close.
+    # Normals are random, toward the middle, or opposed to an earlier one, so that many close.
     normals = unit(rng.normal(size=points.shape))
     inward = points.mean(axis=1, keepdims=True) - points
     inward = inward / np.maximum(np.linalg.norm(inward, axis=2, keepdims=True), 1e-6)
@@ -313,10 +313,10 @@ def random_grasps(kind: str, contacts: int, count: int, rng: np.random.Generator
 
 
 def unproven_certificates(contacts: Contacts, closure: ForceClosure, on_line: Bools) -> list[int]:
-    """Grasps (b,) whose certificate does not prove what it is for.
+    """Indices of grasps (b,) whose certificate does not prove its claim.
 
-    Forces must be strictly inside their cones, and balance but for less than their distance from
-    the border of it; a direction must leave no contact a positive component, up to rounding.
+    Forces must be strictly inside their cones, and must balance up to less than their distance from
+    the cones' borders. A direction must leave no contact a positive component, up to rounding.
     """
     failed = []
     for g, points in enumerate(contacts.points):
@@ -347,7 +347,7 @@ def _balanced(points: Floats, forces: Floats, margins: Floats, *, on_line: bool)
     wide = general_maps(points, on_line=on_line).astype(np.longdouble)  # (n, 3, d)
     residual = (wide * forces[..., None].astype(np.longdouble)).sum(axis=(0, 1))
     rows = (wide * margins[:, None, None]).astype(np.float64).reshape(-1, wide.shape[-1])
-    # Least corrections relative to the margins: rows.T @ x = -residual, |x_i| < 1.
+    # Smallest corrections relative to the margins: rows.T @ x = -residual, |x_i| < 1.
     x = np.linalg.lstsq(rows.T, -residual.astype(np.float64), rcond=None)[0]
     missing = rows.T @ x + residual.astype(np.float64)
     return bool(np.linalg.norm(x) < 0.5 and np.abs(missing).max() <= 1e-3 * margins.min())

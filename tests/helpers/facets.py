@@ -1,8 +1,8 @@
-"""Two round tips on two facets: does what critical angles and grip forces say happen in physics?
+"""Two round tips on two facets: do critical angles and grip forces agree with physics?
 
-The object is a free body of two plates, on whose faces the tips press; nothing else acts on it. Its
-grasp is that of two contacts whose normals are known exactly, so that hold and slip can be compared
-with the critical friction angle to fractions of a degree.
+The object is a free body of two plates, on whose faces the tips press; nothing else acts on it. It
+is grasped by two contacts whose normals are known exactly. So hold and slip can be compared with
+the critical friction angle to fractions of a degree.
 """
 
 import math
@@ -29,21 +29,21 @@ from grasp3d.outcomes.scene import (
 )
 
 SLIPPED = 5e-5
-"""Shift of a contact across the line between the two from which a grasp has slipped [m]. Grasps
-that hold move by a fifth of it at most, as contacts yield; those beyond the cone by 0.05 degrees
-pass it within a second."""
+"""Shift of a contact, across the line between both, from which a grasp has slipped [m]. Grasps that
+hold move by at most a fifth of it, as contacts yield; grasps beyond the cone by 0.05 degrees pass
+it within a second."""
 
 SPEED = 0.5
-"""Speed of tips that meet no resistance [m/s]."""
+"""Speed of unloaded tips [m/s]."""
 
 RAMP = 0.1
 """Time in which the force grows to its full value [s]."""
 
 PLATE = (0.05, 0.05, 0.004)
-"""Half sizes of the plates [m]: no tip slides off them before it is seen to slip."""
+"""Half sizes of the plates [m]; no tip slides off them before its slip is noticed."""
 
 PLATES = "plates"
-"""Name of the body."""
+"""Name of the body of both plates."""
 
 DEFAULT_CONTACT = {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0)}
 """MuJoCo's defaults."""
@@ -59,7 +59,7 @@ class Tip:
 
     @property
     def fingers(self) -> Fingers:
-        """Two of them, without anything behind."""
+        """Two such tips, with nothing behind them."""
         ball, nothing = np.zeros((1, 3)), np.zeros((0, 3))
         radii = np.array([self.radius])
         return Fingers(ball, radii, math.inf, self.torsion_radius, (), nothing)
@@ -67,7 +67,7 @@ class Tip:
 
 @dataclass(frozen=True, kw_only=True)
 class FacetPress:
-    """How two tips press on two facets, in metres, kilograms, newtons and seconds."""
+    """Settings of two tips that press on two facets, in metres, kilograms, newtons and seconds."""
 
     opening: float = 0.05
     tip_radius: float = 0.005
@@ -80,17 +80,17 @@ class FacetPress:
 
 @without_log()
 def facet_slip(normals: ArrayLike, friction: float, press: FacetPress | None = None) -> float:
-    """Shift of two contacts on inclined facets that are pressed together.
+    """Shift of the contacts on two inclined facets that are pressed together.
 
     Args:
         normals: Inward normals of the facets, shape (2, 3); contact 1 is at -x of contact 2, and
             both are on the x axis.
         friction: Coulomb coefficient.
-        press: How they are pressed; None: the defaults.
+        press: Settings of the press; None: the defaults.
 
     Returns:
-        The farther shift of the two points of the object across the line between the contacts [m],
-        when the run ends. The grasp holds where it is below `SLIPPED`.
+        The larger shift of the object's two points, across the line between the contacts, at the
+        end of the run [m]. The grasp holds if it is below `SLIPPED`.
     """
     setup = press or FacetPress()
     inward = unit_rows(np.array(normals, dtype=np.float64))
@@ -118,7 +118,7 @@ def slip_friction(
 ) -> float:
     """Friction angle at which two pressed facets begin to slip, by bisection [rad].
 
-    `within` is the largest error of the angle, in degrees; the rest is as in `facet_slip`.
+    `within` is the largest error of the angle, in degrees; the rest is as for `facet_slip`.
     """
 
     def holds(angle: float) -> bool:
@@ -132,9 +132,9 @@ def slip_tilt(
 ) -> float:
     """Critical friction angle at which tilted facets begin to slip, by bisection over the tilt.
 
-    Both normals are turned from the line between the contacts about axes of their own, in the
-    proportion of their given angles, of which one at least is not 0. Returns the larger angle of
-    the two from the line where they begin to slip [rad]: to be compared with the friction angle.
+    Both normals are turned away from the line between the contacts, each about its own axis, in the
+    proportion of their given angles, at least one of which is not 0. Returns the larger of both
+    angles to the line at which the facets begin to slip [rad], to compare with the friction angle.
     """
     inward = unit_rows(np.array(normals, dtype=np.float64))
     axes = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -150,7 +150,7 @@ def slip_tilt(
 
 
 def _first_angle(reaches: Callable[[float], bool], within: float) -> float:
-    """First angle at which a condition holds [rad], by bisection to within some degrees."""
+    """First angle at which a condition holds [rad], by bisection to within `within` degrees."""
     low, high = 0.0, 0.5 * math.pi - 0.02
     while high - low > 2.0 * math.radians(within):
         middle = 0.5 * (low + high)
@@ -167,7 +167,7 @@ def random_facets(random: np.random.Generator, largest: float) -> Floats:
 
 
 def tilt_at_random(normals: Floats, tilt: Floats, random: np.random.Generator) -> Floats:
-    """Tilt unit normals (..., 3) by up to an angle [rad] (...), evenly over a cap."""
+    """Tilt unit normals (..., 3) by up to an angle (...) [rad], uniformly over a cap."""
     shape = normals.shape[:-1]
     angle = np.arccos(1.0 - random.random(shape) * (1.0 - np.cos(tilt)))
     turn = 2.0 * math.pi * random.random(shape)
@@ -177,7 +177,7 @@ def tilt_at_random(normals: Floats, tilt: Floats, random: np.random.Generator) -
 
 
 def _shift(data: Any, opening: float) -> float:
-    """The farther shift of the contacts' points of the object, across x [m]."""
+    """Larger shift, across x, of the points of the object at the contacts [m]."""
     turned = np.zeros(9)
     mujoco.mju_quat2Mat(turned, data.qpos[3:7])
     end = 0.5 * opening * turned.reshape(3, 3)[:, 0]
@@ -200,11 +200,11 @@ def plates_model(
     Args:
         normals: Inward normals of the plates, shape (2, 3); contact 1 is at -x of contact 2.
         opening: Distance of the contacts, which are on the x axis beside the origin [m].
-        tip: Of both fingers.
+        tip: Tip of both fingers.
         mass: Mass of the body, and of each tip [kg].
-        force: Force at which the tips are damped [N].
+        force: Force at which damping holds the tips to their speed [N].
         center: Centre of mass of the body [m], shape (3,); None: the origin.
-        dry_friction: Whether contacts behave as dry friction; otherwise MuJoCo's defaults.
+        dry_friction: Whether contacts behave like dry friction; otherwise MuJoCo's defaults.
     """
     spec = new_spec() if dry_friction else _default_spec()
     touch = contact_fields(tip.torsion_radius)
@@ -253,10 +253,10 @@ LEVER = 0.01
 """Lever by which a turn counts as a shift [m]."""
 
 MOVED = 5e-5
-"""Shift, while all forces are constant, from which the load is not held [m]."""
+"""Shift from which a load is not held, while all forces are constant [m]."""
 
 MOST = 1e4
-"""Largest force that is tried, as a multiple of the load's."""
+"""Largest force to try, as a multiple of the load's force."""
 
 
 @dataclass(frozen=True)
@@ -264,9 +264,9 @@ class HoldingForce:
     """The smallest force that holds, from a simulation."""
 
     motor: float
-    """Force of each tip along the line between the contacts [N]; inf: none holds."""
+    """Force of each tip along the line between the contacts [N]; inf: no force holds."""
     normal: float
-    """Normal component of the harder pressed contact at that force [N]."""
+    """Normal component at the contact that is pressed harder, at that force [N]."""
 
 
 def holding_force(
@@ -277,14 +277,14 @@ def holding_force(
     mass: float = 0.1,
     within: float = 0.01,
 ) -> HoldingForce:
-    """The smallest force with which two round tips hold a load on two facets, by bisection.
+    """Find the smallest force with which two round tips hold a load on two facets, by bisection.
 
     Args:
-        contacts: Two contacts, relative to the centre of mass, in metres, of one grasp, with one
-            friction and torsion radius, which is that of the tips.
+        contacts: Two contacts of one grasp, relative to the centre of mass, in metres, with one
+            friction, and with the torsion radius of the tips.
         wrench: Force [N] and torque about the centre of mass [N m] on the object, shape (6,).
         tip_radius: Radius of the tips [m].
-        mass: Mass of the object, for its inertia [kg]: it weighs what the wrench says.
+        mass: Mass of the object, for its inertia only [kg]; its weight is part of the wrench.
         within: Largest error, as a fraction of the force.
     """
     points, load = contacts.points, np.array(wrench, dtype=np.float64)
@@ -316,7 +316,7 @@ def holding_force(
 
 @without_log()
 def _normal_if_held(model: Any, wrench: Floats, force: float) -> float | None:
-    """Normal force of the harder pressed contact [N]; None: the load is not held."""
+    """Normal force at the contact that is pressed harder [N]; None: the load is not held."""
     data, step = mujoco.MjData(model), model.opt.timestep
     body, before = model.body(PLATES).id, None
     for number in range(math.ceil(WATCHED / step)):
@@ -332,7 +332,7 @@ def _normal_if_held(model: Any, wrench: Floats, force: float) -> float | None:
 
 
 def _distance(before: Floats, after: Floats) -> float:
-    """How far a body with a free joint has moved, with its turn at a lever [m]."""
+    """Distance by which a body with a free joint has moved, with its turn at a lever [m]."""
     shift = float(np.linalg.norm(after[:3] - before[:3]))
     cosine = min(1.0, abs(float(np.dot(before[3:], after[3:]))))
     distance = max(shift, LEVER * 2.0 * math.acos(cosine))
@@ -340,7 +340,7 @@ def _distance(before: Floats, after: Floats) -> float:
 
 
 def _largest_normal(model: Any, data: Any) -> float:
-    """Normal component of the harder pressed contact [N]; 0: nothing touches."""
+    """Normal component at the contact that is pressed harder [N]; 0: nothing touches."""
     force, largest = np.zeros(6), 0.0
     for number in range(data.ncon):
         mujoco.mj_contactForce(model, data, number, force)

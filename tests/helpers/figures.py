@@ -1,4 +1,4 @@
-"""Checks that every figure must pass: no text is cut off or overlaps another."""
+"""Checks for every figure: no text is cut off or overlaps another."""
 
 from itertools import combinations
 from typing import Any
@@ -13,13 +13,13 @@ from matplotlib.transforms import Bbox
 from grasp3d.pictures.figures import DPI, SAVING, STYLE
 
 SLACK = 1.0
-"""Pixels by which texts may overlap vertically, or leave the figure."""
+"""Overlap of texts in height, or beyond the figure's edge, that is accepted [pixels]."""
 GAP = 8.0
-"""Least pixels between texts in one line."""
+"""Smallest distance between texts in one line [pixels]."""
 
 
 def drawn_texts(figure: Figure) -> list[tuple[str, Bbox]]:
-    """Every text that is drawn when the figure is saved, and its bounding box in pixels."""
+    """Every text that is drawn when the figure is saved, with its bounding box in pixels."""
     texts: list[tuple[str, Bbox]] = []
     draw = Text.draw
 

@@ -1,4 +1,4 @@
-"""Grasps under load, and checks of what proves their grip forces."""
+"""Grasps under load, and checks of the proofs of their grip forces."""
 
 import numpy as np
 import pytest
@@ -38,9 +38,9 @@ def check_proof(
     bound: str = "normal",
     rtol: float = 1e-8,
 ) -> None:
-    """Check that contact forces balance the wrench within the bound, and that none less does.
+    """Check that contact forces balance the wrench within the bound, and that no less suffices.
 
-    The forces of the hardest wrench of a task may exceed the bound by `rtol`.
+    The forces for the hardest wrench of a task may exceed the bound by `rtol`.
     """
     finite = np.isfinite(found.upper)
     proof, upper = found.certificate, np.where(finite, found.upper, 1.0)
@@ -72,7 +72,7 @@ def check_proof(
     lower = np.where(finite, found.lower, 0.0)
     assert (lower * support <= needed * (1.0 + rtol) + 1e-12)[finite].all(), "not proven"
     assert (found.lower <= found.upper).all()
-    # Where no force suffices, the direction separates.
+    # Where no force suffices, the direction separates the wrench from the forces.
     finite = finite | np.isfinite(found.lower)
     scale = np.abs(proof.direction).max(axis=-1) * np.maximum(reach, 1.0)
     assert (support <= 1e-9 * scale)[~finite].all()
@@ -80,7 +80,7 @@ def check_proof(
 
 
 def support_of(contacts: Contacts, directions: Floats, bound: str) -> Floats:
-    """How far contact forces bounded by 1 reach along directions (..., 6), by fine sampling."""
+    """Reach of contact forces bounded by 1 along directions (..., 6), by fine sampling."""
     g = directions[..., None, :3] + np.cross(directions[..., None, 3:], contacts.points)
     along = (g * contacts.normals).sum(axis=-1)
     across = np.linalg.norm(g - along[..., None] * contacts.normals, axis=-1)
@@ -100,7 +100,7 @@ def support_of(contacts: Contacts, directions: Floats, bound: str) -> Floats:
 
 
 def fingers(contacts: Contacts, values: Floats, combine: np.ufunc) -> Floats:
-    """Values at contacts (..., n) that are at least 0, combined over those of each finger."""
+    """Combine values at contacts (..., n), all at least 0, over the contacts of each finger."""
     groups = np.arange(contacts.count) if contacts.groups is None else contacts.groups
     result = np.zeros((groups.max() + 1, *values.shape[:-1]))
     combine.at(result, groups, np.moveaxis(values, -1, 0))

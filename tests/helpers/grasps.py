@@ -63,7 +63,7 @@ def random_grasp(fingers: int, seed: int, *, soft: bool = False) -> Contacts:
 
 
 def frictionless_grasp(seed: int, fingers: int = 16) -> Contacts:
-    """Contacts on a ball with tilted normals, mostly enough of them for frictionless closure."""
+    """Contacts on a ball with tilted normals, mostly enough for closure without friction."""
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(fingers, 3))
     points /= np.linalg.norm(points, axis=1, keepdims=True)
@@ -92,7 +92,7 @@ def stacked(single: list[Contacts]) -> Contacts:
 
 
 def with_options(**arguments: Any) -> dict[str, Any]:
-    """Keyword arguments, those of `EpsilonOptions` collected in `options`."""
+    """Return keyword arguments with those of `EpsilonOptions` collected in `options`."""
     names = {field.name for field in fields(EpsilonOptions)}
     options = EpsilonOptions(**{name: arguments.pop(name) for name in names & set(arguments)})
     return {**arguments, "options": options}

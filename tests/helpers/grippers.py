@@ -1,4 +1,4 @@
-"""Grippers of round numbers, and contacts to try them on."""
+"""Grippers with round numbers, and contacts to try them on."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ HAND = ParallelGripper(
     palm_width=0.06,
     palm_length=0.06,
 )
-"""About as large as a Franka hand."""
+"""A gripper about as large as a Franka hand."""
 
 TIPS = ParallelGripper(
     name="tips",
@@ -34,7 +34,7 @@ TIPS = ParallelGripper(
     palm_length=0.05,
     compliance=0.0005,
 )
-"""Round tips that are larger than the fingers."""
+"""A gripper with round tips that are larger than the fingers."""
 
 SLIM = replace(HAND, name="slim", finger_thickness=0.004, finger_width=0.008, pad_width=0.008)
 
@@ -51,16 +51,16 @@ def random_poses(mesh: ObjectMesh, count: int, seed: int) -> tuple[np.ndarray, n
 
 
 def normalized_poses(mesh: ObjectMesh, poses: np.ndarray) -> np.ndarray:
-    """The same poses in the normalised frame."""
+    """Return the same poses in the normalised frame."""
     moved = poses.copy()
     moved[:, :3, 3] = (moved[:, :3, 3] - mesh.center) / mesh.size
     return moved
 
 
 def opposed(mesh: ObjectMesh, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Contacts and inward normals where a line along the normal of a random face leaves the object.
+    """Contacts and inward normals on lines along random face normals through the object.
 
-    The second normal is the opposite of the first one.
+    The second contact is where the line leaves the object; its normal is opposite to the first.
     """
     body = mesh.to_trimesh()
     rng = np.random.default_rng(seed)

@@ -10,7 +10,7 @@ from grasp3d.hand.link_contacts import CONTACT_DISTANCE, HandScene
 
 
 def touching(hand: ArticulatedHand, mesh: ObjectMesh, count: int) -> GraspPoses:
-    """Random ones with which two links at least touch and none is deep; the wrist is straight."""
+    """Random grasps in which at least two links touch and no link is deep; wrists are straight."""
     rng = np.random.default_rng(0)
     scene = HandScene(mesh, hand, CONTACT_DISTANCE)
     low, high = np.clip(hand.limits_of_joints, -1.5, 1.5).T

@@ -9,7 +9,7 @@ HANDS = ("allegro", "leap", "shadow", "barrett")
 
 
 def hand_file(name: str) -> Path:
-    """The URDF of a hand; a test is skipped where it is not."""
+    """The URDF of a hand; the test is skipped if the file is missing."""
     return shared("hands", name, f"{name}.urdf")
 
 
@@ -34,7 +34,7 @@ def three_fingers(
     shape: str = '<box size="0.01 0.01 0.04"/>',
     more: str = "",
 ) -> Path:
-    """The URDF of a hand of three fingers with two joints each about a flat palm, made there."""
+    """Write the URDF of a hand of three fingers, with two joints each, about a flat palm."""
     fingers = [
         FINGER.format(
             n=n, x=0.04 * math.cos(yaw), y=0.04 * math.sin(yaw), yaw=yaw, shape=shape,

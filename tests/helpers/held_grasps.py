@@ -1,4 +1,4 @@
-"""A box on a table and a gripper, for what displays them."""
+"""A box on a table and a gripper, for tests of displays."""
 
 from functools import cache
 

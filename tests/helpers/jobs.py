@@ -1,4 +1,4 @@
-"""Cheap tasks that fail in all the ways in which meshes can; the child imports nothing heavy."""
+"""Cheap tasks that fail in all ways in which meshes can fail; the child imports nothing heavy."""
 
 import ctypes
 import os
@@ -23,7 +23,7 @@ def raise_(error: BaseException) -> None:
 
 
 class NotUnpicklableError(Exception):
-    """Pickles, but does not unpickle."""
+    """An error that can be pickled but not unpickled."""
 
     def __init__(self, one: str, two: str) -> None:
         super().__init__(one + two)
@@ -63,11 +63,11 @@ FAULTS: dict[str, tuple[Callable[[], Any], str]] = {
         "unexpected NotUnpicklableError: onetwo; please report this mesh",
     ),
 }  # fmt: skip
-"""What a job does that is called so, and the error that it has."""
+"""What a job with each name does, and the error that results."""
 
 
 def work(job: str, pause: float = 0.0) -> Any:
-    """Fail as the job's name says, or return the process, its session, folder and threads."""
+    """Fail as the job's name says, or return the process, its session, its folder and threads."""
     print("printed text", flush=True)  # noqa: T201, discarded
     if job in FAULTS:
         return FAULTS[job][0]()

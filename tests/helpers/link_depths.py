@@ -1,4 +1,4 @@
-"""How deep convex shapes and surfaces are in each other, between bounds: dense and slow."""
+"""Bounds on the depths of convex shapes and surfaces in each other: dense and slow."""
 
 from collections.abc import Callable
 
@@ -9,11 +9,11 @@ from grasp3d.arrays import Floats
 from grasp3d.hand.link_tree import LinkShape
 
 Depths = Callable[[Floats], Floats]
-"""Depth of each point (n, 3) below a surface; negative: outside, by at least so much."""
+"""Depth of each point (n, 3) below a surface; negative outside, where it may be even smaller."""
 
 
 def depth_in_shape(one: LinkShape) -> Depths:
-    """Depth in a shape in its frame, exact inside."""
+    """Return the depth function of a shape, in its frame; it is exact inside."""
     size = np.array([*one.size, 0.0, 0.0][:3])
 
     def box(points: Floats) -> Floats:
@@ -36,10 +36,10 @@ def depth_in_shape(one: LinkShape) -> Depths:
 
 
 def depth_of_link(one: LinkShape, pose: Floats, depth: Depths, finest: float) -> Floats:
-    """Bounds of the largest depth of a placed shape's points below a surface (2,).
+    """Bounds on the largest depth of a placed shape's points below a surface, (2,).
 
-    Cells of the box around the shape are divided while they may hold a deeper point: depths change
-    by no more than the way between points.
+    Cells of the box around the shape are divided while they may contain a deeper point: depths
+    differ by at most the distance between points.
     """
     own, points = depth_in_shape(one), one.triangles().reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
@@ -52,7 +52,7 @@ def depth_of_link(one: LinkShape, pose: Floats, depth: Depths, finest: float) ->
         middles, inner = middles[inner > -around], inner[inner > -around]
         found = depth(middles @ pose[:3, :3].T + pose[:3, 3])
         best = max(best, float(found[inner >= 0.0].max(initial=-np.inf)))
-        # What leads out of the cell or out of the shape ends there.
+        # A path that leads out of the cell or the shape ends there.
         most = found + around
         middles = middles[most > max(best, 0.0) + finest]
         if around <= finest or not len(middles):
@@ -63,7 +63,7 @@ def depth_of_link(one: LinkShape, pose: Floats, depth: Depths, finest: float) ->
 
 
 def depth_of_surface(one: LinkShape, pose: Floats, triangles: Floats, finest: float) -> Floats:
-    """Bounds of the largest depth of points of triangles (n, 3, 3) in a placed shape (2,)."""
+    """Bounds on the largest depth of points of triangles (n, 3, 3) in a placed shape, (2,)."""
     own = depth_in_shape(one)
     parts = (triangles - pose[:3, 3]) @ pose[:3, :3]
     best, top = -np.inf, -np.inf

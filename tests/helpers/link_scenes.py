@@ -32,7 +32,7 @@ def hand_of(
     joints: Mapping[str, Joint] | None = None,
     closing: ArrayLike | None = None,
 ) -> ArticulatedHand:
-    """A hand of links with shapes; those without a joint are fixed to the first one."""
+    """A hand of links with shapes; links without a joint are fixed to the first one."""
     names = tuple(links)
     below = dict(joints or {})
     for name in names[1:]:
@@ -59,14 +59,14 @@ def solid(surface: trimesh.Trimesh, unit: Any = "m") -> ObjectMesh:
 
 
 def core(one: LinkShape) -> tuple[Any, Any, float]:
-    """Vertices and faces of a shape, or of a core and the radius of the ball around it."""
+    """Vertices and faces of a shape, or of its core with the radius of the ball around it."""
     if one.kind == "mesh":
         hull = trimesh.convex.convex_hull(one.vertices)
         return hull.vertices, hull.faces, 0.0
     if one.kind == "box":
         box = trimesh.creation.box(2.0 * np.array(one.size))
         return box.vertices, box.faces, 0.0
-    if one.kind == "cylinder":  # 2e-8 m inside the round one
+    if one.kind == "cylinder":  # 2e-8 m inside the exact cylinder
         round_one = trimesh.creation.cylinder(one.size[0], 2.0 * one.size[1], sections=1500)
         return round_one.vertices, round_one.faces, 0.0
     half = one.size[1] if one.kind == "capsule" else 0.0

@@ -1,4 +1,4 @@
-"""Mesh files of known content, written without the libraries that read them in the package."""
+"""Mesh files of known content, written without the libraries with which the package reads them."""
 
 import base64
 import copy
@@ -16,11 +16,11 @@ Tree = dict[str, Any]
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
 DATA = VERTICES.astype("<f4").tobytes() + FACES.astype("<u2").tobytes()
-"""Binary data of a glTF of the tetrahedron: positions, then indices."""
+"""Binary data of a glTF with the tetrahedron: positions, then indices."""
 
 
 def tree() -> Tree:
-    """JSON of a glTF of the tetrahedron."""
+    """JSON of a glTF with the tetrahedron."""
     return copy.deepcopy(_TREE)
 
 
@@ -93,7 +93,7 @@ def zipped(files: dict[str, str | bytes], method: int = zipfile.ZIP_DEFLATED) ->
 
 
 def three_mf(objects: str, build: str, unit: str = "inch", **more: str) -> bytes:
-    """A 3MF; `more` are further model files by name without suffix."""
+    """A 3MF; `more` are further model files, by name without suffix."""
     further = {f"3D/{name}.model": content for name, content in more.items()}
     return zipped({"3D/3dmodel.model": xml_model(objects, build, unit), **_PACKAGE, **further})
 

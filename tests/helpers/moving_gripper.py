@@ -1,8 +1,8 @@
-"""A gripper that moves step by step, by python-fcl: the oracle of poses that are reported.
+"""A gripper that moves step by step, by python-fcl: the oracle for reported poses.
 
-Unlike `collisions`, nothing is swept: fingers, palm and tips have the sizes of the description, and
-go to the pose with the pre-grasp opening, straight from where their front is outside the ball about
-the object, and then close.
+Unlike in `collisions`, nothing is swept. Fingers, palm and tips have the sizes of the description.
+They move to the pose with the pre-grasp opening, straight from where their front is outside the
+ball around the object, and then close.
 """
 
 from collections.abc import Iterator
@@ -18,14 +18,14 @@ from tests.helpers.collisions import Oracle
 
 STEPS = 200
 ROUNDING = 1e-6
-"""Length by which parts are smaller on every side, in object sizes."""
+"""Length by which parts are reduced on every side, in object sizes."""
 
 Part = tuple[object, np.ndarray, np.ndarray]
 """An FCL geometry, and its lowest and highest corner in the gripper's frame."""
 
 
 class MovingGripper:
-    """A gripper beside an object, which it may touch only with the compliance of its pads."""
+    """A gripper beside an object that it may touch only with the compliance of its pads."""
 
     def __init__(self, mesh: ObjectMesh, hand: ParallelGripper, table: Table | None = None) -> None:
         self._oracle = Oracle(mesh.vertices - mesh.center, mesh.faces)
@@ -36,7 +36,7 @@ class MovingGripper:
         return float(getattr(self._gripper, name))
 
     def parts(self, opening: float, contact: float, grip: int) -> Iterator[Part]:
-        """The gripper at an opening; beyond that of the held object pads yield."""
+        """Yield the gripper's parts at an opening; pads yield by the opening at contact."""
         tip, thick = self._length("tip_radius"), self._length("finger_thickness")
         soft, end = self._length("compliance"), self._length("end")
         half, back = self._length("finger_width") / 2, end - self._length("finger_length")
@@ -62,7 +62,7 @@ class MovingGripper:
         return fcl.Box(*(highest - lowest)), lowest, highest
 
     def collision(self, reach: Reach, row: int, grip: int = 1) -> str:
-        """What the gripper meets on its way to a pose; empty: nothing."""
+        """Return what the gripper meets on its way to a pose; empty if nothing."""
         pose, contact, wide = reach.poses[row], reach.opening[row], reach.pregrasp_opening[row]
         moved = pose.copy()
         front = self._length("end") + self._length("tip_radius") + self._radius

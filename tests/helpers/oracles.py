@@ -1,4 +1,4 @@
-"""Slow, simple reference implementations of what the package computes."""
+"""Slow, simple reference implementations of the package's computations."""
 
 import itertools
 import math
@@ -29,7 +29,7 @@ def angles_between(a: Floats, b: Floats) -> Floats:
 
 
 def critical_angle(p1: Floats, n1: Floats, p2: Floats, n2: Floats, *signs: int) -> float:
-    """Two fingers, by the definition; `signs` +1: external, -1: internal grasps."""
+    """Critical angle of two fingers, by the definition; `signs` +1: external, -1: internal."""
     d = (p2 - p1) / np.linalg.norm(p2 - p1)
     return min(max(angle(n1, s * d), angle(n2, -s * d)) for s in signs or (1, -1))
 
@@ -37,8 +37,8 @@ def critical_angle(p1: Floats, n1: Floats, p2: Floats, n2: Floats, *signs: int) 
 def force_closed(p1: Floats, n1: Floats, p2: Floats, n2: Floats, beta: float) -> bool:
     """Force closure of two hard fingers by a linear program over 64-sided friction cones.
 
-    Force-closed iff nonzero forces, each strictly inside its cone, are in equilibrium; strictly
-    inside means here that the weight of every edge of the cone is at least 1e-6.
+    Force-closed exactly if nonzero forces, each strictly inside its cone, are in equilibrium.
+    Strictly inside means here that every edge of the cone has a weight of at least 1e-6.
     """
     wrenches = []
     for p, n in ((p1, n1), (p2, n2)):
@@ -69,7 +69,7 @@ def tilted(normal: Floats, largest: float, rng: np.random.Generator) -> Floats:
 def crossings(
     origin: Floats, direction: Floats, vertices: Floats, faces: NDArray[np.int64]
 ) -> list[tuple[int, float]]:
-    """Every (face, distance) at which a ray crosses a triangle, in 64 bits."""
+    """Every (face, distance) at which a ray crosses a triangle, in double precision."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     matrix = np.stack([b - a, c - a, np.broadcast_to(-direction, a.shape)], axis=2)
     regular = np.abs(np.linalg.det(matrix)) > 1e-14
@@ -118,10 +118,10 @@ def support(
     actuation: str = "total",
     torque_scale: float = 1.0,
 ) -> float:
-    """Support function of the grasp wrench space of circular cones, from the angles to normals.
+    """Support function of the grasp wrench space of circular cones, from angles to the normals.
 
-    That of a soft finger with an elliptic limit surface by duality: how far g is from the
-    velocities with which, at its twist, no force of the finger does work.
+    For a soft finger with an elliptic limit surface it follows by duality: it is the distance of g
+    from the velocities with which, at its twist, no force of the finger does work.
     """
     supports = []
     for i, g in enumerate(velocities(contacts, u, torque_scale)):
@@ -136,7 +136,7 @@ def support(
 
 
 def _distance_from_idle(g: Floats, normal: Floats, friction: float, twist: float) -> float:
-    """Least |g - x| of x with x_n + sqrt(mu^2 |x_t|^2 + twist^2) <= 0."""
+    """Smallest |g - x| over all x with x_n + sqrt(mu^2 |x_t|^2 + twist^2) <= 0."""
     along = float(np.dot(g, normal))
     across = float(np.linalg.norm(g - along * normal))
 
@@ -161,14 +161,14 @@ def epsilon_of_hull(rows: Floats) -> float:
 
 
 def smallest_angles_to_normals(points: Floats, normals: Floats, directions: Floats) -> Floats:
-    """For each direction the smallest angle between a contact's velocity and its normal."""
+    """Smallest angle between a contact's velocity and its normal, for each direction."""
     velocity = directions[:, None, :3] + np.cross(directions[:, None, 3:], points)  # (k, n, 3)
     across = np.linalg.norm(np.cross(velocity, normals), axis=-1)
     return np.asarray(np.arctan2(across, (velocity * normals).sum(axis=-1)).min(axis=-1))
 
 
 def distance_to_triangles(point: Floats, triangles: Floats) -> Floats:
-    """Distances of a point to triangles (F, 3, 3): to feet of perpendiculars, or to edges."""
+    """Distances of a point to triangles (F, 3, 3), by feet of perpendiculars and by edges."""
     ends = [(triangles[:, i], triangles[:, (i + 1) % 3]) for i in range(3)]
     distances = []
     for p, q in ends:

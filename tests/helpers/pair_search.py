@@ -1,4 +1,4 @@
-"""What the kernels that search for opposing contacts take."""
+"""Arguments for the kernels that search for opposing contacts."""
 
 import math
 

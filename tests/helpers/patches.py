@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 def _solve(
     goal: Floats, rows: list[Floats], constants: list[float], cones: list[object]
 ) -> tuple[float, Floats]:
-    """Smallest goal . x with constants - rows x in the cones, and x."""
+    """Return the smallest goal . x with constants - rows x in the cones, and x."""
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
@@ -28,14 +28,14 @@ def _solve(
 def force_of_points(
     points: Floats, normals: Floats, friction: Floats, wrench: Floats, bound: str = "normal"
 ) -> float:
-    """Least force per patch that resists a wrench, by hard contacts at points (n, k, 3) of patches.
+    """Smallest force per patch that resists a wrench, by hard contacts at points (n, k, 3).
 
-    The normal components along normals (n, 3) at the points of a patch, or the lengths of the
-    forces, together are bounded.
+    For each patch, the normal components along normals (n, 3), or the lengths of the forces, are
+    bounded together.
     """
     patches, size = points.shape[:2]
     count = size * patches
-    columns = 4 * count + 1  # each point's force and share of the bound; then the bound
+    columns = 4 * count + 1  # force and part of the bound for each point; then the bound
     balance, below = np.zeros((6, columns)), np.zeros((patches, columns))
     rows, cones = [], [clarabel.ZeroConeT(6)]
     for k in range(count):

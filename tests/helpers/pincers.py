@@ -1,5 +1,5 @@
 # ruff: noqa: ARG002, as the protocol has them
-"""A hand that the package does not know: pincers, two points that close along x toward the TCP."""
+"""A hand unknown to the package: pincers, two points that close along x toward the TCP."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -20,7 +20,7 @@ FORMAT = "pincers of the tests"
 
 @dataclass(frozen=True)
 class Pincers:
-    """Points that come from a distance on both sides, and touch what is on their way."""
+    """Points that start at a distance on both sides, and touch what is on their way."""
 
     name: str = "pincers"
     max_opening: float = 0.1
@@ -103,7 +103,7 @@ def pincers_of(content: dict[str, Any]) -> Pincers:
 
 
 def above(x: float, y: float) -> Floats:
-    """A pose from above, at the height of the middle of an object."""
+    """A pose from above, at height 0, the middle of an object."""
     pose = np.diag([1.0, -1.0, -1.0, 1.0])
     pose[:2, 3] = x, y
     return pose

@@ -7,7 +7,7 @@ import grasp3d
 
 
 def public_names() -> dict[str, object]:
-    """Every public name and what it is, once each, by its shortest import."""
+    """Every public name with its value, once each, by its shortest import."""
     folder = Path(grasp3d.__file__).parent
     packages = ["grasp3d", *(f"grasp3d.{one.parent.name}" for one in folder.glob("*/__init__.py"))]
     found: dict[str, object] = {}

@@ -10,14 +10,14 @@ from grasp3d.arrays import Floats
 
 
 class Shape(NamedTuple):
-    """A kind of grasp: number of contacts, edges of their cones, and whether they are soft."""
+    """A kind of grasp: number of contacts, edges of their cones, and whether fingers are soft."""
 
     contacts: int
     edges: int
     soft: bool
 
     def __str__(self) -> str:
-        """Name for a table."""
+        """Return a name for a table."""
         return f"{self.contacts} {'soft' if self.soft else 'hard'} x {self.edges}"
 
 
@@ -38,7 +38,7 @@ TORSION_RADIUS = 0.3
 
 
 def random_contacts(shape: Shape, count: int, seed: int) -> Contacts:
-    """Contacts near the surface of a ball, normals roughly toward its centre, friction 0.3 to 1."""
+    """Contacts near a ball's surface, normals roughly toward its centre, friction 0.3 to 1."""
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(count, shape.contacts, 3))
     points /= np.linalg.norm(points, axis=-1, keepdims=True)
@@ -54,7 +54,7 @@ def random_contacts(shape: Shape, count: int, seed: int) -> Contacts:
 def random_grasps(fingers: int, count: int, seed: int = SEED) -> tuple[Contacts, Floats]:
     """Random contacts on a ball, and sensor resolutions [rad], shape (count, 1).
 
-    Friction is 0.3 to 1 and the resolution up to twice the friction angle, so that S, M and U are
+    Friction is 0.3 to 1, and the resolution up to twice the friction angle, so that S, M and U are
     all common.
     """
     rng = np.random.default_rng([seed, fingers])

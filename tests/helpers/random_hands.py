@@ -1,4 +1,4 @@
-"""Random grasps of hands with joints, and an oracle of their payloads."""
+"""Random grasps of hands with joints, and an oracle for their payloads."""
 
 import math
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from grasp3d.quality.hand_forces import HandGrasp
 
 
 def random_hand(generator: np.random.Generator) -> HandGrasp:
-    """2 to 5 contacts about a round object, on fingers of 2 to 15 joints in all."""
+    """A hand with 2 to 5 contacts about a round object, on fingers of 2 to 15 joints in all."""
     count = int(generator.integers(2, 6))
     directions = generator.normal(size=(count, 3))
     directions[1] = -directions[0] + 0.3 * generator.normal(size=3)
@@ -24,14 +24,14 @@ def random_hand(generator: np.random.Generator) -> HandGrasp:
     contacts = grasp3d.Contacts(points, normals, generator.uniform(0.3, 1.2, size=count))
     joints = int(generator.integers(2, 16))
     jacobian = 0.04 * generator.normal(size=(count, 3, joints))
-    if generator.random() < 0.5:  # fingers of their own, and perhaps a palm
+    if generator.random() < 0.5:  # separate fingers, and perhaps a palm
         finger = generator.integers(0, count, size=joints)
         jacobian *= (finger == np.arange(count)[:, None])[:, None]
     return HandGrasp(contacts, jacobian, random_actuation(generator, joints))
 
 
 def random_actuation(generator: np.random.Generator, joints: int) -> Actuation:
-    """Motors of most joints, with stops and links that weigh something."""
+    """Motors at most joints, some with stops, and links that may have weight."""
     most = generator.uniform(0.2, 1.0, size=joints)
     if joints > 2 and generator.random() < 0.4:
         most[int(generator.integers(joints - 2, joints + 1)) :] = 0.0
@@ -53,10 +53,10 @@ def with_normals(grasp: HandGrasp, normals: Floats) -> HandGrasp:
 
 
 class ByPolygons(NamedTuple):
-    """The payload of one wrench with polygonal friction cones, by linear programming."""
+    """Payload of one wrench with polygonal friction cones, by linear programming."""
 
     payload: float
-    """0 also where no load is not held."""
+    """Payload; also 0 if not even a zero load is held."""
     velocities: Floats
     """Relative velocities at the contacts that prove it, shape (n, 3)."""
 
@@ -70,12 +70,12 @@ def by_polygons(
     edges: int = 48,
     weighs: bool = False,
 ) -> ByPolygons:
-    """The payload of one wrench by cones of `edges` edges in or around those of half-angles (n,).
+    """Payload of one wrench, by polygonal cones in or around those of half-angles (n,).
 
-    Unknown are weights of the edges, the drives as they are, and the load. Their edges have normal
-    components of 1 where they are around the cones, and lengths of 1 in them, so that limits of
-    their weights are limits of the forces. The links have their
-    weight (`weighs`) where the wrench is that of 1 kg.
+    The unknowns are weights of the cones' edges, the drives as they are, and the load. Edges have
+    normal components of 1 if the polygons are around the cones, and lengths of 1 if they are
+    inside, so that limits on weights are limits on forces. With `weighs` the links have weight; the
+    wrench is then that of 1 kg.
     """
     contacts, drives = grasp.contacts, grasp.actuation
     wide = np.tan(angles) / (math.cos(math.pi / edges) if outside else 1.0)

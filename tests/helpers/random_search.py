@@ -1,4 +1,4 @@
-"""Random antipodal poses of a gripper, sought without anything of the package's own search."""
+"""Random antipodal poses of a gripper, found independently of the package's own search."""
 
 import math
 
@@ -14,7 +14,7 @@ APPROACHES = 12
 
 
 def random_poses_on(mesh: ObjectMesh, scene: Scene, *, pairs: int, seed: int) -> Floats:
-    """Free poses at random pairs of opposed places, approached from all around [m]."""
+    """Free poses at random pairs of opposed points, approached from all around [m]."""
     random = np.random.default_rng(seed)
     surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     points, face = trimesh.sample.sample_surface(surface, 4 * pairs, seed=seed)

@@ -1,4 +1,4 @@
-"""Surfaces of several bodies, and what repair makes of them."""
+"""Surfaces of several bodies, and the results of their repair."""
 
 import manifold3d
 import numpy as np
@@ -14,7 +14,7 @@ from tests.helpers.shapes import Surface
 
 
 def joined(*surfaces: Surface) -> Surface:
-    """Surfaces as one, without joining vertices."""
+    """Combine surfaces into one, without joining vertices."""
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
     return (
         np.vstack([vertices for vertices, _ in surfaces]),
@@ -35,7 +35,7 @@ def repaired(surface: Surface, level: Repair = "safe") -> RepairedSurface:
 
 
 def counts(surface: RepairedSurface | ObjectMesh) -> dict[str, int]:
-    """How often each change was made, by its name."""
+    """Number of changes of each kind, by name."""
     steps = surface.steps if isinstance(surface, RepairedSurface) else surface.report.repairs
     return {step.name: step.count for step in steps}
 
@@ -66,5 +66,5 @@ def assert_whole(surface: RepairedSurface) -> None:
 
 
 def over_positions(surface: Surface) -> Surface:
-    """The surface over its positions, as in a file without indices."""
+    """Index the surface by its distinct positions, as in a file without indices."""
     return surface[0], first_at_position(surface[0])[surface[1]]

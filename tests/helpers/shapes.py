@@ -51,7 +51,7 @@ def lopsided(subdivisions: int = 4) -> Surface:
 
 
 def finned() -> Surface:
-    """A bumpy ball with three thin fins, which are seen under small solid angles."""
+    """A bumpy ball with three thin fins, seen under small solid angles."""
     parts = [trimesh.Trimesh(*lopsided())]
     for k, angle in enumerate((0.3, 2.0, 4.1)):
         fin = trimesh.creation.box((0.02, 1.2, 0.3))
@@ -69,7 +69,7 @@ def rotation(seed: int) -> NDArray[np.float64]:
 
 
 def shared(*parts: str) -> Path:
-    """A file beside the project; skips the test if it is missing."""
+    """A file beside the project; the test is skipped if it is missing."""
     path = SHARED.joinpath(*parts)
     if not path.exists():
         pytest.skip(f"needs {'/'.join(parts)}, which is not part of the project")
@@ -77,7 +77,7 @@ def shared(*parts: str) -> Path:
 
 
 def reader(name: str) -> Any:
-    """Import another tool's package; if it is missing the test skips, in CI it fails."""
+    """Import another tool's package; if it is missing, the test is skipped, or fails in CI."""
     if os.environ.get("CI"):
         return __import__(name)
     return pytest.importorskip(name, exc_type=ImportError)

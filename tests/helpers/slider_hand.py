@@ -1,6 +1,6 @@
 """A hand of sliding fingers around its axis z, whose grasps have known answers.
 
-Each finger is a ball of 1 cm radius at `REACH` from the axis, which a joint moves inward; the palm
+Each finger is a ball of 1 cm radius at `REACH` from the axis, which a joint moves inward. The palm
 is a thin plate below.
 """
 
@@ -23,10 +23,10 @@ REACH, TIP = 0.08, 0.01
 """Distance of the balls' centres from the axis at joint value 0, and their radius [m]."""
 
 BOX = (0.06, 0.06, 0.04)
-"""Sides of a box [m] that four fingers touch in the middle of its faces at `TOUCHING`."""
+"""Sides of a box [m]; four fingers touch it in the middle of its faces at `TOUCHING`."""
 
 TOUCHING = REACH - TIP - BOX[0] / 2.0
-"""Value of the joints at which they do."""
+"""Joint value at which the fingers touch the box [m]."""
 
 _LINK = (
     '<link name="{0}"><collision><origin xyz="0 0 {1}"/><geometry>{2}</geometry></collision></link>'
@@ -39,7 +39,7 @@ _JOINT = (
 
 
 def write(folder: Path, fingers: int = 4, **stated: Any) -> Path:
-    """Write its URDF and its description; returns the latter."""
+    """Write the URDF and the description of the hand; return the path of the latter."""
     plate = '<box size="0.05 0.05 0.004"/>'
     parts = [_LINK.format("palm", -0.06, plate)]
     for number in range(fingers):

@@ -10,7 +10,7 @@ DEFAULT_EDGE = 1.0 / 64.0
 """Longest edge, as a fraction of the largest extent."""
 
 SECTIONS = 144
-"""Sides of a cylinder: 2.5 degrees each, so that its facets do not affect the labels."""
+"""Number of a cylinder's sides, 2.5 degrees each, so that facets do not affect the labels."""
 
 
 def sphere_mesh(radius: float = 1.0, *, subdivisions: int = 5) -> ObjectMesh:

@@ -1,4 +1,4 @@
-"""Tilted normals: random ones, adversarial ones, and all combinations of given ones."""
+"""Tilted normals: random and adversarial ones, and all combinations of given ones."""
 
 import itertools
 import math
@@ -32,7 +32,7 @@ def mixed(fingers: int, size: int, seed: int) -> tuple[Contacts, Floats]:
 
 
 def random_tilts(normals: Floats, largest: Any, rng: np.random.Generator) -> Floats:
-    """Random unit vectors at up to `largest` (...) [rad] from others (..., 3), half on the rim."""
+    """Random unit vectors within `largest` (...) [rad] of others (..., 3), half on the rim."""
     fraction = np.sqrt(rng.random(normals.shape[:-1]))
     tilt = largest * np.where(rng.random(fraction.shape) < 0.5, 1.0, fraction)
     tangent = rng.normal(size=normals.shape)
@@ -42,7 +42,7 @@ def random_tilts(normals: Floats, largest: Any, rng: np.random.Generator) -> Flo
 
 
 def with_normals(contacts: Contacts, normals: Floats) -> Contacts:
-    """The same contacts with other normals, which may have more leading axes."""
+    """Return the same contacts with other normals, which may have more leading axes."""
     shape = normals.shape[:-1]
     return Contacts(
         np.broadcast_to(contacts.points, normals.shape),
@@ -60,14 +60,14 @@ def worst_normals(contacts: Contacts, tilt: Floats) -> Floats:
 
 
 def turned_away(contacts: Contacts, motion: Floats, tilt: Any) -> Floats:
-    """Normals (b, n, 3) turned away from the velocities of contacts in motions (b, 6)."""
+    """Normals (b, n, 3) turned away from the contacts' velocities in motions (b, 6)."""
     u = motion[:, None]
     velocity = u[..., :3] + np.cross(u[..., 3:], contacts.points)
     return turned(contacts.normals, -velocity, np.broadcast_to(tilt, velocity.shape[:-1]))
 
 
 def best_normals(contacts: Contacts, tilt: Floats) -> Floats:
-    """Normals (b, n, 3) turned toward forces in equilibrium, nan where there are none."""
+    """Normals (b, n, 3) turned toward forces in equilibrium; nan where there are none."""
     if contacts.count == 2:
         line = contacts.points[:, 1] - contacts.points[:, 0]
         goals = np.stack([line, -line], axis=1)
@@ -81,12 +81,12 @@ def best_normals(contacts: Contacts, tilt: Floats) -> Floats:
 
 
 def all_combinations(contacts: Contacts, tested: Sequence[Floats]) -> Contacts:
-    """One grasp with every combination of tested normals (k_i, 3), in order, as a batch."""
+    """One grasp with every combination of tested normals (k_i, 3) in order, as a batch."""
     return with_normals(contacts, np.array(list(itertools.product(*tested))))
 
 
 def within_sets(sets: Floats, rng: np.random.Generator) -> Floats:
-    """A random unit normal of each convex set (b, k, 3), sometimes one of its corners."""
+    """Draw a unit normal from each convex set (b, k, 3), sometimes one of its corners."""
     weights = rng.exponential(size=sets.shape[:2]) * (rng.random(sets.shape[:2]) < 0.7)
     weights[:, 0] += weights.sum(axis=1) == 0.0
     rows = np.einsum("bk,bkc->bc", weights, sets)

@@ -1,4 +1,4 @@
-"""Poses on a mesh with outcomes that are drawn from a known function of the margin."""
+"""Poses on a mesh, with outcomes drawn from a known function of the margin."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ def poses_on(
 
 
 def pose_between(one: Array, other: Array, toward: Array) -> Array:
-    """The pose whose TCP is in the middle of two points, that approaches along a direction."""
+    """Pose with its TCP in the middle of two points, and an approach near a given direction."""
     x = unit_rows((other - one)[None])[0]
     z = toward - (toward @ x) * x
     z /= np.linalg.norm(z)
@@ -50,14 +50,14 @@ def pose_between(one: Array, other: Array, toward: Array) -> Array:
 
 
 def chances(margins: Array, middle: float = 0.0, width: float = 0.1) -> Array:
-    """Probabilities to hold: logistic in the margin [rad]; without margin 0.02."""
+    """Probabilities to hold: logistic in the margin [rad]; 0.02 without a margin."""
     with np.errstate(over="ignore"):
         likely = 1.0 / (1.0 + np.exp(-(margins - middle) / width))
     return np.where(np.isnan(margins), 0.02, likely)
 
 
 def expected_roc_auc(margins: Array, held: Array) -> float:
-    """ROC-AUC of the margin that probabilities to hold give on average, over very many draws."""
+    """Mean ROC-AUC of the margin over many draws of outcomes from probabilities to hold."""
     values = np.where(np.isnan(margins), -np.inf, margins)
     above = (values[:, None] > values) + 0.5 * (values[:, None] == values)
     pairs = held[:, None] * (1.0 - held)

@@ -31,6 +31,6 @@ def with_arrays(labels: SurfaceLabels, **changed: Any) -> SurfaceLabels:
 
 
 def with_known(labels: SurfaceLabels, **known: Any) -> SurfaceLabels:
-    """The same labels with values that are known, as those of a file."""
+    """Add known values to labels, as if they came from a file."""
     vars(labels).update(known)
     return labels

@@ -46,7 +46,7 @@ def labels() -> SurfaceLabels:
 
 @cache
 def located(location_error: float) -> SurfaceLabels:
-    """The same with a location error."""
+    """The same surface with a location error."""
     exact = labels()
     model = replace(exact.model, location_error=location_error)
     return label_surface(exact.mesh, model, sampling=exact.sampling)
@@ -72,14 +72,14 @@ def scan(fingers: int = 2) -> SurfaceLabels:
 
 
 def with_values(subject: Subject, **values: Any) -> Subject:
-    """The subject with other values of its labels, by name, such as those of a file."""
+    """Return the subject with other values of its labels, by name, such as those of a file."""
     labels = copy(subject.labels)
     vars(labels).update(values)
     return replace(subject, labels=labels)
 
 
 def with_epsilon(subject: Subject, value: float, model: GraspModel) -> Subject:
-    """The subject with one epsilon everywhere, computed for a model; the largest is unknown."""
+    """Return the subject with one epsilon everywhere, for a model; the largest one is unknown."""
     known = copy(subject.at(model).labels)
     epsilon = np.full(known.size, value)
     vars(known)["epsilon_range"] = EpsilonRange(epsilon, epsilon, np.full_like(epsilon, np.nan))
@@ -87,7 +87,7 @@ def with_epsilon(subject: Subject, value: float, model: GraspModel) -> Subject:
 
 
 def uncomputed(session: Session) -> Subject:
-    """What is displayed, before the worker has computed any column of it."""
+    """The displayed subject before the worker has computed any of its columns."""
     subject = shown(session)
     return replace(subject, labels=subject.labels.using(model=session.model))
 
@@ -98,7 +98,7 @@ def read_subject(path: Path) -> Subject:
 
 
 def with_report(labels: SurfaceLabels, report: MeshReport) -> SurfaceLabels:
-    """The same labels with another report of their mesh."""
+    """Return the same labels with another report of their mesh."""
     return with_arrays(labels, mesh=replace(labels.mesh, report=report))
 
 
@@ -112,24 +112,24 @@ def ready_session(collection: Collection | SurfaceLabels) -> Session:
 
 
 def shown(session: Session) -> Subject:
-    """What is displayed."""
+    """The displayed subject."""
     assert session.subject is not None
     return session.subject
 
 
 def inspected(session: Session) -> Inspection:
-    """The vertex or grasp that is inspected."""
+    """The inspected vertex or grasp."""
     assert session.inspection is not None
     return session.inspection
 
 
 def fractions(session: Session) -> dict[str, float]:
-    """What the panel says of areas, by letter."""
+    """Area fractions in the panel, by letter."""
     return {one.letter: one.fraction for one in panel_text(session).fractions}
 
 
 def has_begun(session: Session, text: str) -> bool:
-    """Whether a job runs, or waits to be polled; it may be done already, in another thread."""
+    """Whether a job runs, or waits to be polled; it may already be done in another thread."""
     working = session.working
     return working is not None and working[0] == text and 0.0 <= working[1] <= 1.0
 
@@ -143,13 +143,13 @@ def wait_until_idle(session: Session) -> None:
 
 
 def nearest_label(pixels: NDArray[Any]) -> NDArray[np.int64]:
-    """Label with the hue that each shaded pixel has, or is nearest to."""
+    """Label with the hue that is nearest to the hue of each shaded pixel."""
     colors = np.array([COLORS[label] for label in sorted(Label)], dtype=float)
     hues = colors / np.linalg.norm(colors, axis=1, keepdims=True)
     return np.asarray((pixels.astype(float) @ hues.T).argmax(axis=-1))
 
 
 def label_parts(picture: NDArray[Any]) -> dict[str, float]:
-    """Fractions of the coloured pixels by label."""
+    """Fraction of the coloured pixels for each label."""
     nearest = nearest_label(picture[np.ptp(picture.astype(int), axis=-1) > 60])
     return {label.name: float((nearest == label).mean()) for label in Label}

@@ -30,7 +30,7 @@ MISSING = [name for name in ("Xvfb", "xdotool") if shutil.which(name) is None]
 needs_screen = pytest.mark.skipif(
     bool(MISSING) and os.environ.get("CI") != "true", reason=f"needs {', '.join(MISSING)}"
 )
-"""In continuous integration missing programs are a failure."""
+"""In continuous integration, missing programs are a failure."""
 
 Image8 = NDArray[np.uint8]
 
@@ -51,7 +51,7 @@ def screen() -> Iterator[str]:
     reading, writing = os.pipe()
     size = f"{SCREEN[0]}x{SCREEN[1]}x24"
     server = subprocess.Popen(
-        # Without -noreset it restarts after the last window, and may refuse the next one.
+        # Without -noreset the server restarts after the last window, and may refuse the next one.
         ["Xvfb", "-displayfd", str(writing), "-screen", "0", size, "-nolisten", "tcp", "-noreset"],  # noqa: S607
         pass_fds=[writing],
         stderr=subprocess.DEVNULL,
@@ -77,11 +77,11 @@ class Window:
     @classmethod
     @contextmanager
     def open(cls, script: str, folder: Path) -> Iterator["Window"]:
-        """Open a window alone on its screen: tests find it by its name, and it has the mouse."""
+        """Open a window alone on its screen: tests find it by name, and it has the mouse."""
         lines, work = folder / "lines.jsonl", folder / "work"
         lines.touch()
         work.mkdir()
-        # Pictures rendered earlier in this process have selected an off-screen window.
+        # Pictures rendered earlier in this process may have selected an off-screen window.
         kept = {name: value for name, value in os.environ.items() if name != WINDOW}
         with screen() as display:
             process = subprocess.Popen(
@@ -101,9 +101,9 @@ class Window:
 
     @property
     def number(self) -> str:
-        """Number of the window with the tested title; '' until it is there."""
+        """Number of the window with the tested title; '' until it exists."""
         words = ["search", "--name", "^a window to test$"]
-        return self.do(*words, check=False).strip()  # fails where there is none
+        return self.do(*words, check=False).strip()  # fails if there is none
 
     @property
     def state(self) -> dict[str, Any]:
@@ -146,7 +146,7 @@ class Window:
         self.do(*words, "mouseup", 1)
 
     def thumbs(self) -> list[tuple[float, float]]:
-        """Middles of the sliders' thumbs, from the top."""
+        """Centres of the sliders' thumbs, from the top."""
         image = self.picture().astype(int)
         blue = np.abs(image - (0x1F, 0x5F, 0xA8)).max(axis=2) < 8
         wide = blue & np.roll(blue, 4, axis=1)  # letters are not as wide
@@ -170,7 +170,7 @@ class Window:
         return np.array(image.crop((left, top, left + width, top + height)))
 
     def close(self) -> None:
-        """Send WM_DELETE_WINDOW, as the close button of the window does."""
+        """Send WM_DELETE_WINDOW, as the window's close button does."""
         x = ctypes.CDLL("libX11.so.6")
         x.XOpenDisplay.restype = ctypes.c_void_p
         display = ctypes.c_void_p(x.XOpenDisplay(self.display.encode()))
@@ -182,9 +182,9 @@ class Window:
         message[4], message[5], message[6] = int(self.number), protocols, 32
         message[7] = delete
         assert x.XSendEvent(display, ctypes.c_ulong(message[4]), 0, 0, ctypes.byref(message))
-        x.XCloseDisplay(display)  # after all requests were processed
+        x.XCloseDisplay(display)  # after all requests have been processed
 
     def ended(self) -> tuple[int, str, str]:
-        """Wait for the end of the process: exit code, and the texts that it printed."""
+        """Wait for the end of the process; return exit code, and printed texts."""
         out, err = self.process.communicate(timeout=TIMEOUT)
         return self.process.returncode, out, err

@@ -1,6 +1,6 @@
-"""Closing of a hand: its joints move together until links touch an object, or each other.
+"""Close a hand: its joints move together until links touch an object or each other.
 
-Overlaps of the links of a hand with each other.
+Also find overlaps between the links of a hand.
 """
 
 import math
@@ -16,14 +16,14 @@ from grasp3d._kernels.hands.touching import shape_gap
 from grasp3d._kernels.surface.vectors import copy, difference, squared_distance
 
 OVERLAPS = 5e-4
-"""Depth from which on two links meet, or, at the open preshape, are meant to overlap [m]."""
+"""Depth [m] at which two links collide; those that overlap deeper when open are meant to do so."""
 
 
 @part
 def overlap(i, j, one, other, deepest, relative, shapes):
-    """Depth of the deepest point of shape i in shape j, or another that is at least as deep.
+    """Depth of the deepest point of shape i in shape j, or `deepest` if that is larger.
 
-    Where the boxes around them are apart, minus a lower bound of their distance instead.
+    Where the boxes around them are apart, return minus a lower bound of their distance.
     """
     kind, size, box, own = shapes.kinds[j], shapes.sizes[j], shapes.boxes[j], shapes.boxes[i]
     first_plane = shapes.first_plane[j]
@@ -32,7 +32,7 @@ def overlap(i, j, one, other, deepest, relative, shapes):
         copy(turned_back(other, (one[0, c], one[1, c], one[2, c])), relative[:, c])
     copy(moved_back(other, (one[0, 3], one[1, 3], one[2, 3])), relative[:, 3])
     away = difference(moved(relative, own), box)
-    apart = -math.inf  # the boxes around both, along an axis of one of them
+    apart = -math.inf  # gap between the boxes along an axis of one of them
     for k in range(3):
         mine, its, along = own[3 + k], box[3 + k], 0.0
         for c in range(3):
@@ -53,16 +53,16 @@ def overlap(i, j, one, other, deepest, relative, shapes):
 
 @kernel("Floats4, int, int, Ints2, LinkShapes, Floats1, Ints2")
 def self_overlaps(frames, begin, end, allowed, shapes, depths, pairs):
-    """Find the two links of each pose that overlap most.
+    """Find the two links that overlap most in each pose.
 
     Args:
         frames: Frames of the links (k, L, 3, 4).
         begin: First pose.
-        end: The one after the last.
-        allowed: 1: the two links may overlap, or are not looked at (L, L).
+        end: One past the last pose.
+        allowed: 1 for links that may overlap or are not examined (L, L).
         shapes: `LinkShapes`.
-        depths: Written: how deep they overlap, 0: not at all (k,).
-        pairs: Written: the links, -1: none (k, 2).
+        depths: Written, depth of the overlap, 0 for none (k,).
+        pairs: Written, the two links, -1 for none (k, 2).
     """
     size = shapes.kinds.shape[0]
     poses = np.empty((size, 3, 4))
@@ -91,38 +91,38 @@ def self_overlaps(frames, begin, end, allowed, shapes, depths, pairs):
 
 
 TOUCHES = 5e-5
-"""Gap, or depth, at which a link touches [m]."""
+"""Gap or depth at which a link counts as touching [m]."""
 
 STEPS = 5000
-"""Most steps of closing."""
+"""Most steps while closing."""
 
 LINKS_STEP = 2e-3
-"""Step of a joint [rad or m] that is not halved further where links of the hand meet."""
+"""Step of a joint [rad or m] that is not halved further where links of the hand collide."""
 
 JOINT_STEP = 0.1
 """Largest step of a joint [rad or m]."""
 
 CREEP = 5e-4
-"""Way of a shape [m] in a step beyond what its gap allows: a step that ends too deep is repeated,
-shorter, and what it grazes in between is about half as deep at most."""
+"""Distance [m] that a shape may move in a step beyond its gap. A step that ends too deep is
+repeated with a shorter one; what the shape grazes in between is at most about half as deep."""
 
 FAR = 0.03
-"""Gap [m] that is measured no more exactly."""
+"""Gap [m] beyond which gaps are not measured exactly."""
 
 
 class Closing(NamedTuple):
     """How a hand closes; p joints, m shapes."""
 
     speeds: Floats1
-    """Of the joints (p,)."""
+    """Speeds of the joints (p,)."""
     limits: Floats2
-    """(p, 2)."""
+    """Limits of the joints (p, 2)."""
     reaches: Floats2
-    """Largest distance of a shape's points from each joint's axis (m, p); 0: not moved."""
+    """Largest distance of a shape's points from each joint's axis (m, p); 0 if not moved."""
     most: Floats1
-    """Steps of shapes with which no two pass through each other unseen [m] (m,)."""
+    """Longest step at which no shape passes through another unnoticed [m] (m,)."""
     pairs: Ints2
-    """Shapes of different links that are not to overlap (n, 2)."""
+    """Shapes of different links that must not overlap (n, 2)."""
 
 
 class ClosingScratch(NamedTuple):
@@ -131,17 +131,17 @@ class ClosingScratch(NamedTuple):
     frames: Floats3
     """Frames of the links (L, 4, 4)."""
     placed: Floats3
-    """Frames of two shapes, and of one in that of the other; two motions (5, 3, 4)."""
+    """Frames of two shapes, the frame of one in that of the other, and two motions (5, 3, 4)."""
     joints: Floats2
-    """Values that are tried, and speeds, 0: stopped (2, p)."""
+    """Joint values that are tried, and speeds, 0 for a stopped joint (2, p)."""
     fastest: Floats1
     """Largest speed of each shape's points (m,)."""
     gaps: Floats2
-    """Lower bounds of the gaps of the shapes, and those after the step that is tried (2, m)."""
+    """Lower bounds of the shapes' gaps, now and after the step that is tried (2, m)."""
     measured: Bools2
-    """Whether they were measured at that posture (2, m)."""
+    """Whether each gap was measured at that posture (2, m)."""
     apart: Floats2
-    """Lower bounds of the distances of pairs, and those after the step (2, n); inf: any."""
+    """Lower bounds of the pairs' distances, now and after the step (2, n); inf if unrestricted."""
 
 
 def make_closing_scratch(closing: Closing, links: int) -> ClosingScratch:
@@ -155,14 +155,14 @@ def make_closing_scratch(closing: Closing, links: int) -> ClosingScratch:
 
 @part
 def _least_gap(i, shapes, surface, own, scratch):
-    """Rough lower bound of the signed distance of a shape from the object; its pose is written."""
+    """Rough lower bound of a shape's signed distance from the object; also writes its pose."""
     compose(own.frames[shapes.links[i]], shapes.poses[i], scratch.pose)
     return least_distance(moved(scratch.pose, shapes.boxes[i]), surface)[0] - shapes.boxes[i, 6]
 
 
 @part
 def _raise(i, row, least, shapes, surface, own, scratch):
-    """Write a better bound of a shape's gap: a rough one above the least, else the gap itself."""
+    """Write a better bound of a shape's gap: a rough one above `least`, else the gap itself."""
     gap = _least_gap(i, shapes, surface, own, scratch)
     own.measured[row, i] = gap <= least
     if gap <= least:
@@ -172,7 +172,7 @@ def _raise(i, row, least, shapes, surface, own, scratch):
 
 @part
 def _apart(i, j, shapes, own):
-    """Lower bound of the distance of two shapes, 0: they are near; negative: minus the overlap."""
+    """Lower bound of the distance of two shapes: 0 if near; if negative, minus their overlap."""
     one, other, relative = own.placed[0], own.placed[1], own.placed[2]
     compose(own.frames[shapes.links[i]], shapes.poses[i], one)
     compose(own.frames[shapes.links[j]], shapes.poses[j], other)
@@ -188,7 +188,7 @@ def _apart(i, j, shapes, own):
 
 @part
 def _begin(closing, shapes, surface, own, scratch):
-    """Write the gaps and distances from which closing starts."""
+    """Write the gaps and distances at the start of closing."""
     for i in range(shapes.kinds.shape[0]):
         own.gaps[0, i], own.measured[0, i] = math.inf, True
         for c in range(closing.speeds.shape[0]):
@@ -199,7 +199,7 @@ def _begin(closing, shapes, surface, own, scratch):
     for n in range(pairs.shape[0]):
         apart[n] = _apart(pairs[n, 0], pairs[n, 1], shapes, own)
     for n in range(pairs.shape[0]):
-        if apart[n] < -OVERLAPS:  # these links may go deeper, on their way out for instance
+        if apart[n] < -OVERLAPS:  # these links may go deeper, for instance on their way out
             for k in range(pairs.shape[0]):
                 if (
                     links[pairs[k, 0]] == links[pairs[n, 0]]
@@ -210,7 +210,7 @@ def _begin(closing, shapes, surface, own, scratch):
 
 @part
 def _stop(i, j, closing, pace):
-    """Stop the joints that move a shape (j < 0), or one of two alone; whether any was moving."""
+    """Stop the joints that move i (j < 0), or only one of i and j; return whether any moved."""
     stopped = False
     for c in range(pace.shape[0]):
         moves = closing.reaches[i, c] > 0.0
@@ -223,9 +223,9 @@ def _stop(i, j, closing, pace):
 
 @part
 def _times(closing, shapes, surface, own, scratch):
-    """How long the joints may move: safely, and up to where the step may have to be repeated.
+    """Times for which the joints may move: safely, and at most, with the step perhaps repeated.
 
-    The gap of the shape that lets them move least is measured, if it is not yet.
+    If the gap of the shape that limits the time most is not measured yet, it is measured here.
     """
     pace, fastest, gaps, highest = own.joints[1], own.fastest, own.gaps[0], 0.0
     for c in range(pace.shape[0]):
@@ -263,7 +263,7 @@ def _times(closing, shapes, surface, own, scratch):
 
 @part
 def _meeting(time, closing, shapes, own):
-    """The pair that meets after a step, -1: none; distances after it are written."""
+    """Find the pair that collides after a step (-1 if none) and write the distances after it."""
     pace, reaches = own.joints[1], closing.reaches
     for n in range(closing.pairs.shape[0]):
         one, other = closing.pairs[n, 0], closing.pairs[n, 1]
@@ -280,7 +280,7 @@ def _meeting(time, closing, shapes, own):
 
 @part
 def _share(time, shapes, surface, own, scratch):
-    """Share of a step after which no shape is too deep, as foreseen; gaps after it are written."""
+    """Predict the share of a step after which no shape is too deep; write the gaps after it."""
     share = 1.0
     for i in range(shapes.kinds.shape[0]):
         before, way = own.gaps[0, i], time * own.fastest[i]
@@ -295,7 +295,7 @@ def _share(time, shapes, surface, own, scratch):
 
 @part
 def _step(pose, values, cap, closing, chain, shapes, surface, own, scratch):
-    """Move the joints on; returns the longest time of the next step, 0: all have stopped."""
+    """Move the joints one step; return the longest time of the next step, 0 if all have stopped."""
     tried, pace, cap_after = own.joints[0], own.joints[1], 2.0 * cap
     for i in range(shapes.kinds.shape[0]):
         if own.gaps[0, i] <= TOUCHES:
@@ -345,14 +345,14 @@ def _step(pose, values, cap, closing, chain, shapes, surface, own, scratch):
 def close(poses, postures, begin, end, closing, chain, shapes, surface, own, scratch):
     """Close hands.
 
-    All joints move at their speeds. For each shape a lower bound of its gap is kept, less the way
-    that the shape may have gone; it is measured where the bound is used up. So it is with pairs.
+    All joints move at their speeds. A lower bound of each shape's gap is reduced by the distance it
+    may have moved, and measured again when it is used up. Pairs of shapes are treated likewise.
 
     Args:
         poses: Hand's frame to that of the object [m] (k, 4, 4).
-        postures: From which they close, and then the ones at which they stop (k, p).
+        postures: Postures from which the hands close, replaced by those at which they stop (k, p).
         begin: First pose.
-        end: The one after the last.
+        end: One past the last pose.
         closing: `Closing`.
         chain: `Chain`.
         shapes: `LinkShapes`.

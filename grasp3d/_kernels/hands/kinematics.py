@@ -1,6 +1,6 @@
 """Poses of a hand's links, and how points of links move with its joints.
 
-Rigid motions (3, 4) of points and vectors, from one frame to another and back.
+Also apply rigid motions (3, 4) from one frame to another to points and vectors, and back.
 """
 
 import math
@@ -22,20 +22,20 @@ from grasp3d._kernels.surface.vectors import dot
 
 @merged
 def turned(matrix, v):
-    """A vector of the one frame in the other."""
+    """Transform a vector from the first frame to the second."""
     return dot(matrix[0], v), dot(matrix[1], v), dot(matrix[2], v)
 
 
 @merged
 def moved(matrix, p):
-    """A point of the one frame in the other."""
+    """Transform a point from the first frame to the second."""
     x, y, z = dot(matrix[0], p), dot(matrix[1], p), dot(matrix[2], p)
     return x + matrix[0, 3], y + matrix[1, 3], z + matrix[2, 3]
 
 
 @merged
 def turned_back(matrix, v):
-    """A vector of the other frame in the one."""
+    """Transform a vector from the second frame to the first."""
     x = matrix[0, 0] * v[0] + matrix[1, 0] * v[1] + matrix[2, 0] * v[2]
     y = matrix[0, 1] * v[0] + matrix[1, 1] * v[1] + matrix[2, 1] * v[2]
     z = matrix[0, 2] * v[0] + matrix[1, 2] * v[1] + matrix[2, 2] * v[2]
@@ -44,7 +44,7 @@ def turned_back(matrix, v):
 
 @merged
 def moved_back(matrix, p):
-    """A point of the other frame in the one."""
+    """Transform a point from the second frame to the first."""
     return turned_back(matrix, (p[0] - matrix[0, 3], p[1] - matrix[1, 3], p[2] - matrix[2, 3]))
 
 
@@ -63,10 +63,10 @@ FIXED, SLIDES, TURNS = range(3)
 
 
 class Chain(NamedTuple):
-    """Links of a hand, parents first, each with the joint that moves it; the first has none."""
+    """Links of a hand, parents first, each with the joint that moves it; the first has no joint."""
 
     parents: FixedInts1
-    """Link that carries the joint (L,); -1: none."""
+    """Link that carries the joint, -1 for none (L,)."""
     kinds: FixedInts1
     """FIXED, SLIDES or TURNS (L,)."""
     origins: FixedFloats3
@@ -76,11 +76,11 @@ class Chain(NamedTuple):
     positions: FixedFloats2
     """A point of each axis in the moved link's frame (L, 3)."""
     columns: FixedInts1
-    """Number in a posture of the joint that states the value (L,); -1: none."""
+    """Index, in a posture, of the joint that sets the value, -1 for none (L,)."""
     factors: FixedFloats1
-    """Value per value of that joint (L,)."""
+    """Factor of that joint's value (L,)."""
     offsets: FixedFloats1
-    """Value where that joint's is 0 (L,)."""
+    """Value when that joint's value is 0 (L,)."""
 
 
 @part
@@ -101,7 +101,7 @@ def _write_motion(kind, axis, position, value, motion):
 
 @part
 def _write_product(one, two, product):
-    """Write the product (4, 4) of two poses, of which only three rows are read."""
+    """Write the product (4, 4) of two poses, reading only three rows of each."""
     for i in range(3):
         for j in range(4):
             total = one[i, 3] if j == 3 else 0.0
@@ -112,10 +112,10 @@ def _write_product(one, two, product):
 
 @part
 def place_links(base, posture, chain, motion, moved, poses):
-    """Write the poses (L, 4, 4) of all links, of which only three rows are read.
+    """Write the poses (L, 4, 4) of all links; only three rows of each are read and written.
 
     Args:
-        base: That of the first link (4, 4).
+        base: Pose of the first link (4, 4).
         posture: Values of the joints (p,).
         chain: `Chain`.
         motion: Scratch (3, 4).
@@ -143,7 +143,7 @@ def place_links(base, posture, chain, motion, moved, poses):
 
 @kernel("Floats2, Chain")
 def link_poses(postures, chain):
-    """Poses of all links in the frame of the first, at postures (k, p): (k, L, 4, 4)."""
+    """Poses of all links in the frame of the first (k, L, 4, 4), at postures (k, p)."""
     count, links = postures.shape[0], chain.parents.shape[0]
     poses = np.zeros((count, links, 4, 4))
     poses[:, :, 3, 3] = 1.0
@@ -155,18 +155,18 @@ def link_poses(postures, chain):
 
 @kernel("Floats4, Ints1, Ints1, Floats2, int, Chain")
 def jacobians(poses, rows, links, points, width, chain):
-    """Velocities of points of links per velocity of the joints, in the frame of the first link.
+    """Velocities of points on links per unit joint velocity, in the frame of the first link.
 
     Args:
         poses: As `link_poses` returns them (k, L, 4, 4).
         rows: Posture of each point (c,).
-        links: Its link (c,).
-        points: Where it is, in the frame of the first link (c, 3).
-        width: Number p of values of a posture.
+        links: Link of each point (c,).
+        points: Positions in the frame of the first link (c, 3).
+        width: Number p of values in a posture.
         chain: `Chain`.
 
     Returns:
-        (c, 3, p).
+        Jacobians (c, 3, p).
     """
     found = np.zeros((rows.shape[0], 3, width))
     axis, arm = np.empty(3), np.empty(3)

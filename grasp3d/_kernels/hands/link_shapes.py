@@ -1,7 +1,7 @@
 """Convex shapes of links: signed distance of a point, and distance from a triangle.
 
-A shape is a core and a ball that moves over it: a box, a cylinder or a convex hull with radius 0, a
-segment along z (capsule) or a point (sphere). Everything here is in the frame of the shape.
+A shape is a core over which a ball moves. The core is a box, a cylinder or a convex hull (ball of
+radius 0), a segment along z (capsule) or a point (sphere). All is in the frame of the shape.
 """
 
 import math
@@ -23,69 +23,69 @@ from grasp3d._kernels.surface.vectors import (
 )
 
 BOX, CYLINDER, CAPSULE, SPHERE, HULL = 0, 1, 2, 3, 4
-"""Kinds of shapes; `LinkShapes.sizes` holds three half lengths; radius and half length; radius."""
+"""Kinds of shapes. Sizes: half lengths; radius, half length (cylinder, capsule); radius; none."""
 
 ROUNDS = 64
-"""Most supports of a distance: a curved core takes about 20, others fewer than 10."""
+"""Most iterations of a distance: a curved core takes about 20, others fewer than 10."""
 
 EXACT = 1e-12
-"""Relative gap between the bounds of a squared distance at which it is found."""
+"""Relative gap between the bounds of a squared distance at which the search ends."""
 
 TOUCHING = 1e-9
 """Distance of a core from a triangle below which they count as overlapping [m]."""
 
 NEAR = 1e-6
-"""Distance below which the direction is that of the way out [m]."""
+"""Distance below which the way out of the shape gives the direction [m]."""
 
 EVEN = 1e-9
-"""Depth that does not matter [m]."""
+"""Depth, or difference of depths, that does not matter [m]."""
 
 COARSE = 256
-"""Planes around a hull that tell roughly how deep points are in it."""
+"""Number of planes that approximate a hull to estimate depths in it."""
 
 CUTS = 64
-"""Most points of a triangle that are tried for its deepest one: few take more than 10."""
+"""Most points of a triangle that are tried to find its deepest one; few take more than 10."""
 
 CORE, FACE, CORNERS = 0, 4, 8
-"""First rows of `ShapeScratch.simplex`: points of the core, of the triangle, and differences."""
+"""First rows in `ShapeScratch.simplex` of points of the core, of the triangle, and differences."""
 
 
 class Hulls(NamedTuple):
-    """Corners of convex hulls, and the edges between them."""
+    """Vertices of convex hulls, and the edges between them."""
 
     vertices: Floats2
     """(v, 3)."""
     first: Ints1
-    """Rows of `neighbours` of each vertex (v + 1,)."""
+    """First row of each vertex in `neighbours` (v + 1,)."""
     neighbours: Ints1
-    """Vertices at the other ends of its edges."""
+    """Vertices at the other ends of each vertex's edges."""
     at: Ints1
     """First vertex of each shape's hull (m,)."""
 
 
 class LinkShapes(NamedTuple):
-    """Shapes of all links, those of one link after each other, in metres."""
+    """Shapes of all links in metres, grouped by link."""
 
     kinds: Ints1
     """BOX, CYLINDER, ... (m,)."""
     links: Ints1
     """Link of each shape, ascending (m,)."""
     poses: Floats3
-    """Frame of the shape to that of its link (m, 3, 4)."""
+    """Transform from the frame of the shape to that of its link (m, 3, 4)."""
     sizes: Floats2
-    """(m, 3); a hull has none."""
+    """Sizes as for the kinds above (m, 3)."""
     boxes: Floats2
-    """Centre and half lengths of the box around the shape, and radius of the ball (m, 7)."""
+    """Centre and half lengths of the bounding box, and radius of the bounding ball (m, 7)."""
     hull: "Hulls"
     first_plane: Ints1
-    """Rows of each hull's planes (m + 1,)."""
+    """First row of each hull in `planes` (m + 1,)."""
     planes: Floats2
-    """Outward unit normals, and their largest product with a point of the hull: of all its faces,
-    and before them `COARSE` ones that stand for them where these are more (f, 4)."""
+    """Outward unit normals, and the largest product of each with a point of the hull (f, 4): of all
+    faces, after `COARSE` representative ones where there are more faces than that."""
     first_sample: Ints1
-    """Rows of the points on each shape's surface (m + 1,)."""
+    """First row of each shape in `samples` (m + 1,)."""
     samples: Floats2
-    """Points, corners and edges among them, and outward unit normals (s, 6)."""
+    """Surface points, corners and edges included, with outward unit normals (s, 6)."""
 
 
 class ShapeScratch(NamedTuple):
@@ -94,19 +94,19 @@ class ShapeScratch(NamedTuple):
     simplex: Floats2
     """Support points: of the core, of the triangle, and their differences (12, 3)."""
     weights: Floats1
-    """Weights of the support points (4,), and of a face that is tried (4,)."""
+    """Weights of the support points (4,), and copies for the nearest points (4,)."""
     guess: Floats1
-    """Vector from the triangle to the shape to begin with, replaced by the one found (3,)."""
+    """Vector from the triangle to the shape: a first guess, replaced by the one found (3,)."""
     on_core: Floats1
     """Nearest point of the core (3,)."""
     on_face: Floats1
     """Nearest point of the triangle (3,)."""
     at: Ints1
-    """Vertex of the hull at which a search for its farthest one begins (1,)."""
+    """Vertex of the hull from which the search for its farthest one starts (1,)."""
     polygon: Floats3
-    """Corners of what is left of a triangle, and of that before (2, CUTS + 3, 3)."""
+    """Corners of what remains of a triangle after a cut, and before it (2, CUTS + 3, 3)."""
     point: Floats1
-    """A triangle that is a point (9,)."""
+    """A triangle collapsed to a point (9,)."""
 
 
 @merged
@@ -117,7 +117,7 @@ def radius_of(kind, size):
 
 @merged
 def box_distance(p, box):
-    """Signed distance of a point from the box around a shape, and negative inside."""
+    """Signed distance of a point from the box around a shape, negative inside."""
     x = abs(p[0] - box[0]) - box[3]
     y = abs(p[1] - box[1]) - box[4]
     z = abs(p[2] - box[2]) - box[5]
@@ -128,7 +128,7 @@ def box_distance(p, box):
 
 @part
 def point_depth(p, kind, size, box, planes):
-    """Signed distance of a point from a shape; outside a hull a lower bound of it."""
+    """Signed distance of a point from a shape; for a point outside a hull, a lower bound."""
     if kind == BOX:
         return box_distance(p, box)
     if kind == HULL:
@@ -150,7 +150,7 @@ def point_depth(p, kind, size, box, planes):
 
 @part
 def _farthest_vertex(hull, at, x, y, z):
-    """Vertex of a hull that lies farthest along a direction, over edges that lead farther."""
+    """Find the vertex of a hull farthest along a direction by climbing along edges."""
     vertices, best, last = hull.vertices, at[0], -1
     farthest = vertices[best, 0] * x + vertices[best, 1] * y + vertices[best, 2] * z
     while best != last:
@@ -189,7 +189,7 @@ def support(kind, size, box, hull, at, shrink, x, y, z):
 
 @part
 def nearest_in_shape(p, kind, size, box, hull, scratch):
-    """The point of a shape that is nearest to a point, which may be inside."""
+    """Point of a shape nearest to a given point, which may be inside."""
     if kind == BOX:
         x, y, z = box[3], box[4], box[5]
         return min(max(p[0], -x), x), min(max(p[1], -y), y), min(max(p[2], -z), z)
@@ -209,7 +209,7 @@ def nearest_in_shape(p, kind, size, box, hull, scratch):
 
 @part
 def _nearest_on_edge(corners, i, j, weights):
-    """Squared distance of the origin from an edge of a simplex; weights are written."""
+    """Squared distance of the origin from an edge of a simplex; writes the weights."""
     a, b = corners[i], corners[j]
     u = difference(b, a)
     uu = dot(u, u)
@@ -221,7 +221,7 @@ def _nearest_on_edge(corners, i, j, weights):
 
 @part
 def _nearest_on_face(corners, i, j, k, weights):
-    """Squared distance of the origin from a face of a simplex; weights are written."""
+    """Squared distance of the origin from a face of a simplex; writes the weights."""
     a = triple(corners[i], 0)
     u, w = difference(corners[j], a), difference(corners[k], a)
     n = cross(u, w)
@@ -247,7 +247,7 @@ def _nearest_on_face(corners, i, j, k, weights):
 
 @part
 def _nearest_on_simplex(count, corners, weights):
-    """Squared distance of the origin from a simplex; 0: it is inside. Weights are written."""
+    """Squared distance of the origin from a simplex, 0 if inside; writes the weights."""
     if count == 1:
         weights[0] = 1.0
         return dot(corners[0], corners[0])
@@ -280,18 +280,18 @@ def core_distance(kind, size, box, hull, shrink, triangle, limit, scratch):
 
     Args:
         kind: Kind of the shape.
-        size: Its sizes (3,).
-        box: Box around it (7,).
+        size: Sizes of the shape (3,).
+        box: Box around the shape (7,).
         hull: `Hulls`.
-        shrink: Factor by which the core is smaller, about the centre of its box.
+        shrink: Factor by which the core is shrunk about the centre of its box.
         triangle: Nine numbers.
-        limit: Distance beyond which the exact one does not matter; it is that of the whole shape
-            where the core is smaller, and negative where this has to overlap by so much.
-        scratch: `ShapeScratch`; where the distance is within the limit, the nearest points and the
+        limit: Distance beyond which the exact one does not matter. If the core is shrunk, the limit
+            applies to the full shape; a negative limit requires that to overlap by that much.
+        scratch: `ShapeScratch`. Where the distance is within the limit, the nearest points and the
             vector between them are written.
 
     Returns:
-        The distance; inf: it is beyond the limit; 0: they overlap.
+        The distance; inf if it is beyond the limit, 0 if they overlap.
     """
     simplex, weights, guess = scratch.simplex, scratch.weights, scratch.guess
     corners = simplex[CORNERS:]
@@ -328,7 +328,7 @@ def core_distance(kind, size, box, hull, shrink, triangle, limit, scratch):
         copy(b, simplex[FACE + count])
         copy(w, corners[count])
         nearer = _nearest_on_simplex(count + 1, corners, weights)
-        if not nearer < square:  # no digits are left
+        if not nearer < square:  # limit of floating-point precision
             break
         square, kept = nearer, 0
         for i in range(count + 1):
@@ -345,7 +345,7 @@ def core_distance(kind, size, box, hull, shrink, triangle, limit, scratch):
             x += weights[i] * corners[i, 0]
             y += weights[i] * corners[i, 1]
             z += weights[i] * corners[i, 2]
-        # The weights of this simplex, for the nearest points: a worse one may overwrite them.
+        # Keep this simplex's weights for the nearest points: a worse one may overwrite them.
         for i in range(4):
             weights[4 + i] = weights[i] if i < count else 0.0
     for k in range(3):
@@ -360,21 +360,21 @@ def core_distance(kind, size, box, hull, shrink, triangle, limit, scratch):
 
 @part
 def shape_distance(kind, size, box, hull, planes, triangle, limit, scratch):
-    """Signed distance of a shape from a triangle; negative: the depth of its points in the shape.
+    """Signed distance of a shape from a triangle; if negative, the triangle's depth in the shape.
 
     Args:
         kind: Kind of the shape.
-        size: Its sizes (3,).
-        box: Box around it (7,).
+        size: Sizes of the shape (3,).
+        box: Box around the shape (7,).
         hull: `Hulls`.
-        planes: Those of the shape's hull (f, 4).
+        planes: Planes of the shape's hull (f, 4).
         triangle: Nine numbers.
         limit: Signed distance beyond which the exact one does not matter.
         scratch: `ShapeScratch`.
 
     Returns:
-        The distance; inf: it is beyond the limit. Written to the scratch: the triangle's point
-        `on_face` and the unit direction `guess` from it in which the shape is, or has to move.
+        The distance; inf if it is beyond the limit. Written to the scratch: `on_face`, the point of
+        the triangle, and `guess`, the unit vector from it to the shape or for the way out.
     """
     radius = radius_of(kind, size)
     if radius > 0.0:
@@ -410,7 +410,7 @@ def shape_distance(kind, size, box, hull, planes, triangle, limit, scratch):
 def _way_out(p, kind, size, box, planes):
     """Depth of a point in a box, a cylinder or a hull, and the unit vector of the way out.
 
-    Outside it is negative, and only the distance from the plane that is farthest away.
+    Outside, the depth is minus the distance from the plane that is farthest away.
     """
     if kind == HULL:
         most, best = -math.inf, 0
@@ -436,12 +436,12 @@ def _way_out(p, kind, size, box, planes):
 def _deepest_of_face(kind, size, box, planes, triangle, limit, scratch):
     """Signed distance of the point of a triangle that is deepest in a box, a cylinder or a hull.
 
-    Depth is concave there: from each point that is tried, a cut keeps that part of the triangle
-    where there may be deeper ones.
+    Depth is concave inside the shape: from each point tried, a cut keeps the part of the triangle
+    where deeper points may be.
 
     Returns:
-        The distance, inf: not below the limit. Written to the scratch: the point `on_face`, and the
-        unit vector `guess` in which the shape has to move.
+        The distance; inf if it is not below the limit. Written to the scratch: the point `on_face`
+        and the unit vector `guess` along which the shape has to move.
     """
     polygon, count, best, found = scratch.polygon, 3, -limit, False
     now, rough, top = 0, kind == HULL and planes.shape[0] > COARSE, 0
@@ -462,7 +462,7 @@ def _deepest_of_face(kind, size, box, planes, triangle, limit, scratch):
             best, found = depth, True
             copy(p, scratch.on_face)
             copy((-n[0], -n[1], -n[2]), scratch.guess)
-        # What may be deeper by this plane.
+        # The part that may be deeper, according to this plane.
         other, left, highest, level = 1 - now, 0, -math.inf, dot(n, p) + depth - best - EVEN
         for i in range(count):
             a = triple(polygon[now, i], 0)

@@ -1,4 +1,4 @@
-"""The surface of an object that hands touch: nearest points with signs and normals, in metres."""
+"""The surface of an object that hands touch: nearest points, signs and normals, in metres."""
 
 import math
 from typing import NamedTuple
@@ -42,22 +42,22 @@ class TouchedSurface(NamedTuple):
 
     tree: BoxTree
     boxes: Float32s2
-    """Those of the tree in few bytes, and a little larger (N, COLUMNS)."""
+    """Boxes of the tree in single precision, slightly enlarged (N, COLUMNS)."""
     closed: bool
-    """Whether it bounds a volume; else distances have no sign."""
+    """Whether the surface bounds a volume; otherwise distances have no sign."""
     corners: Ints2
     """Vertices of each triangle (F, 3)."""
     across: Ints2
-    """Triangle beyond the edge opposite each corner, -1: none (F, 3)."""
+    """Triangle across the edge opposite each corner, -1 for none (F, 3)."""
     outward: Floats2
-    """Normals of the face, of its three edges and of its three vertices, which tell outside from
-    inside (Baerentzen & Aanaes 2005), outward (F, 21)."""
+    """Outward normals of the face, of its three edges and of its three vertices, which separate
+    outside from inside (Baerentzen & Aanaes 2005) (F, 21)."""
     inward: Floats2
-    """Inward unit normals at the corners, apart at creases (F, 9)."""
+    """Inward unit normals at the corners, separate on each side of a crease (F, 9)."""
     box: Floats1
-    """Centre and half lengths of the box around it (6,)."""
+    """Centre and half lengths of the bounding box (6,)."""
     origin: Floats1
-    """Node (0, 0, 0) of the grid (3,)."""
+    """Position of node (0, 0, 0) of the grid (3,)."""
     step: float
     values: Float32s3
     """Signed distance at each node (x, y, z)."""
@@ -67,7 +67,7 @@ class TouchedSurface(NamedTuple):
 
 @merged
 def _box_square(p, box):
-    """Squared distance of a point from a box of which the row begins with centre and halves."""
+    """Squared distance of a point from a box whose row begins with its centre and half lengths."""
     x = max(abs(p[0] - box[0]) - box[3], 0.0)
     y = max(abs(p[1] - box[1]) - box[4], 0.0)
     z = max(abs(p[2] - box[2]) - box[5], 0.0)
@@ -76,7 +76,7 @@ def _box_square(p, box):
 
 @merged
 def _disc_square(p, box):
-    """Lower bound of the squared distance from what is in a node's ball and in its slab."""
+    """Lower bound of a point's squared distance from what lies in a node's ball and slab."""
     r = difference(p, box)
     height = dot(triple(box, NORMAL), r)
     aside = math.sqrt(max(dot(r, r) - height * height, 0.0)) - box[RADIUS]
@@ -86,7 +86,7 @@ def _disc_square(p, box):
 
 @merged
 def _slot_near(p, surface):
-    """A triangle near a point: that which is nearest to a node of the grid."""
+    """A triangle near a point: the one nearest to the closest node of the grid."""
     slots, origin, step = surface.slots, surface.origin, surface.step
     i = int(min(max((p[0] - origin[0]) / step + 0.5, 0.0), slots.shape[0] - 1.0))
     j = int(min(max((p[1] - origin[1]) / step + 0.5, 0.0), slots.shape[1] - 1.0))
@@ -96,7 +96,7 @@ def _slot_near(p, surface):
 
 @part
 def nearest_triangle(p, reach, surface, nodes, bounds):
-    """The triangle that is nearest to a point.
+    """Find the triangle nearest to a point.
 
     Args:
         p: The point (3,).
@@ -106,7 +106,7 @@ def nearest_triangle(p, reach, surface, nodes, bounds):
         bounds: Scratch (STACK,).
 
     Returns:
-        The triangle, -1: all are farther away; and its squared distance.
+        The triangle, -1 if all are farther away, and its squared distance.
     """
     tree, best, slot = surface.tree, -1, _slot_near(p, surface)
     square = triangle_distance(p, tree.triangles[slot])
@@ -148,7 +148,7 @@ def _along(r, u):
 
 @part
 def nearest_weights(p, triangle):
-    """Barycentric coordinates of the point of a triangle that is nearest to a point."""
+    """Barycentric coordinates of the point of a triangle nearest to a given point."""
     a, b, c = triple(triangle, 0), triple(triangle, 3), triple(triangle, 6)
     r, u, w = difference(p, a), difference(b, a), difference(c, a)
     ur, wr, uu, uw, ww = dot(u, r), dot(w, r), dot(u, u), dot(u, w), dot(w, w)
@@ -173,13 +173,13 @@ def nearest_weights(p, triangle):
 
 @merged
 def point_of(weights, triangle):
-    """The point of a triangle with barycentric coordinates."""
+    """Point of a triangle at given barycentric coordinates."""
     return weighted_sum(weights, triple(triangle, 0), triple(triangle, 3), triple(triangle, 6))
 
 
 @merged
 def side_of(weights):
-    """0: a point lies in a triangle; 1 to 3: on the edge opposite a corner; 4 to 6: at a corner."""
+    """0 for a point within a triangle, 1 to 3 on the edge opposite a corner, 4 to 6 at a corner."""
     zero, last, positive = 0, 0, 0
     for i in range(3):
         if weights[i] > 0.0:
@@ -191,7 +191,7 @@ def side_of(weights):
 
 @part
 def is_inside(p, slot, weights, surface):
-    """Whether a point is inside, by its nearest triangle and its nearest point there."""
+    """Whether a point is inside, given its nearest triangle and the nearest point's weights."""
     if not surface.closed:
         return False
     between = difference(p, point_of(weights, surface.tree.triangles[slot]))
@@ -212,10 +212,10 @@ def inward_at(slot, weights, surface):
 
 @part
 def least_distance(p, surface):
-    """Lower bound of the signed distance of a point from a surface, from the grid.
+    """Lower bound of a point's signed distance from a surface, from the grid.
 
     Returns:
-        (the bound, an upper bound of the distance without its sign).
+        (that bound, an upper bound of the unsigned distance).
     """
     values, origin, step = surface.values, surface.origin, surface.step
     i = int(min(max((p[0] - origin[0]) / step + 0.5, 0.0), values.shape[0] - 1.0))
@@ -232,9 +232,9 @@ def least_distance(p, surface):
 
 @part
 def faces_away(p, outward, surface):
-    """Whether a direction leads away from the surface that is nearest to a point, by the grid.
+    """Whether a direction leads away from the surface nearest to a point, according to the grid.
 
-    Only where that is beyond doubt: distances rise by at least 0.9 of the way, in one direction.
+    True only beyond doubt: the grid's distances rise at 0.9 or more per unit, in one direction.
     """
     values, origin, step = surface.values, surface.origin, surface.step
     i = int(min(max((p[0] - origin[0]) / step + 0.5, 1.0), values.shape[0] - 2.0))
@@ -249,10 +249,10 @@ def faces_away(p, outward, surface):
 
 @kernel("TouchedSurface")
 def fill_grid(surface):
-    """Write the signed distances at the nodes of a surface's grid.
+    """Write the signed distance and the nearest triangle at each node of a surface's grid.
 
     Args:
-        surface: `TouchedSurface`, of which `values` and `slots` are written.
+        surface: `TouchedSurface`, whose `values` and `slots` are written.
     """
     nodes, bounds, p = np.empty(STACK, np.int64), np.empty(STACK), np.empty(3)
     values, slot = surface.values, 0
@@ -262,7 +262,7 @@ def fill_grid(surface):
                 copy((float(i), float(j), float(k)), p)
                 for c in range(3):
                     p[c] = surface.origin[c] + p[c] * surface.step
-                surface.slots[i, j, k] = slot  # that of the node before, to begin with
+                surface.slots[i, j, k] = slot  # initial guess: that of the previous node
                 slot, square = nearest_triangle(p, math.inf, surface, nodes, bounds)
                 weights = nearest_weights(p, surface.tree.triangles[slot])
                 inside, surface.slots[i, j, k] = is_inside(p, slot, weights, surface), slot

@@ -1,9 +1,8 @@
-"""Where the links of a hand touch an object: gaps of their shapes, and a contact of each link.
+"""Gaps between the links of a hand and an object, and one contact per link.
 
-The deepest point of a link's shape inside an object: climbs along the distance from its surface.
-
-Inside a convex object depth is concave: a climb ends at the deepest point. Elsewhere climbs from
-several points of the shape tell its ridges apart.
+The deepest point of a link's shape in an object is found by climbing along the distance from the
+object's surface. In a convex object depth is concave, so a climb ends at the deepest point. In
+others, climbs start from several points of the shape to reach different ridges of the depth.
 """
 
 import math
@@ -53,36 +52,36 @@ from grasp3d._kernels.surface.vectors import (
 )
 
 ALONG, DEPTH, WEIGHT, ROW = 3, 6, 7, 8
-"""Columns of a piece: after the point the unit vector along which depth grows, the depth, and a
-weight; and their number."""
+"""Columns of a piece after its point: unit vector along which depth grows, depth, and weight; and
+the number of columns."""
 
 PIECES = 5
-"""Points around a ridge from which depth is foreseen there, and one that is tried."""
+"""Points around a ridge that predict the depth there, and one that is tried."""
 
 FAR = 1e3
-"""Longest step [m]: where depth grows evenly, one leads to the end."""
+"""Longest step [m]: where depth grows evenly, one step reaches the end."""
 
 SHORT = 0.1
-"""Longest step along a ridge [m]: the shares of its sides are found to so many digits only."""
+"""Longest step along a ridge [m], as the weights of its sides have limited precision."""
 
 DEEP = 0.002
-"""Depth from which a climb along a ridge ends after a long step only [m]."""
+"""Depth [m] from which a climb along a ridge may end only after a long step."""
 
 CLIMBS, STARTS = 24, 6
-"""Most steps of a climb, and most climbs in a shape."""
+"""Most steps in a climb, and most climbs in a shape."""
 
 CLOSE, SMALL = 1e-3, 1e-5
-"""Rise of depth at which a climb ends, as a share of the depth and in metres."""
+"""Rise of depth at which a climb ends, relative to the depth and in metres."""
 
 BISECTIONS = 14
-"""Halvings of the share of a piece."""
+"""Most bisections of the weight of a piece."""
 
 
 @part
 def look(p, reach, row, surface, scratch):
-    """Write a piece: a point of the object's frame with its depth, which is returned.
+    """Write a piece, a point in the object's frame with its depth, and return the depth.
 
-    Beyond the reach the depth is minus that.
+    Where the surface is farther away than `reach`, the depth is -reach.
     """
     slot, square = nearest_triangle(p, reach * reach, surface, scratch.nodes, scratch.bounds)
     copy(p, row)
@@ -103,13 +102,13 @@ def look(p, reach, row, surface, scratch):
 
 @merged
 def _foreseen(row, p):
-    """Depth of a point as foreseen from a piece."""
+    """Depth of a point as a piece predicts it."""
     return row[DEPTH] + dot(triple(row, ALONG), difference(p, row))
 
 
 @part
 def _go(i, count, step, shapes, scratch):
-    """Write the point of the shape nearest to a step from the first piece, along the mean."""
+    """Write the shape's point nearest to a step from the first piece along the weighted mean."""
     pieces = scratch.pieces
     target = triple(pieces[0], 0)
     for a in range(count):
@@ -129,7 +128,7 @@ def _go(i, count, step, shapes, scratch):
 
 @part
 def _foresee(i, count, step, shapes, scratch):
-    """Write the point where the least of the foreseen depths is largest; returns its rise."""
+    """Write the point where the least predicted depth is largest; return the rise of depth."""
     pieces = scratch.pieces
     step = min(step, SHORT) if count > 1 else step
     enough = 0.2 * (SMALL + CLOSE * abs(pieces[0, DEPTH]))
@@ -167,10 +166,10 @@ def _foresee(i, count, step, shapes, scratch):
 
 @part
 def _climb(i, shapes, surface, scratch):
-    """Go from the first piece to where the shape is deepest nearby; that is the first piece then.
+    """Climb from the first piece to the deepest point nearby, which becomes the first piece.
 
-    A step ends where depth is foreseen to be largest, as it bends between the last two points.
-    After two steps too far there is a ridge: what was found beyond it counts as well.
+    A step ends where depth is predicted to be largest, given its curvature between the last two
+    points. Two steps too far in a row indicate a ridge: the piece beyond it is then kept, too.
     """
     pieces, count, step, missed = scratch.pieces, 1, FAR, 0
     for _ in range(CLIMBS):
@@ -195,7 +194,7 @@ def _climb(i, shapes, surface, scratch):
         if missed > 1 or count > 1:
             count += 1
         a = 1
-        while a < count:  # of a surface that bends inward
+        while a < count:  # drop pieces where the surface is concave
             if _foreseen(pieces[a], pieces[0]) < pieces[0, DEPTH] - SMALL or (
                 count == PIECES and pieces[a, WEIGHT] == 0.0
             ):
@@ -211,12 +210,12 @@ def _climb(i, shapes, surface, scratch):
 
 @part
 def deepest(i, first, lows, shapes, surface, scratch):
-    """Depth of the deepest point of a shape in an object; that is written to `scratch.deepest`.
+    """Depth of the deepest point of a shape in an object; writes the point to `scratch.deepest`.
 
     Args:
         i: The shape.
-        first: Point on its surface from which to begin, looked at already.
-        lows: Lower bounds of the signed distances of such points.
+        first: Sample from which to begin, already in the first piece.
+        lows: Lower bounds of the signed distances of the shape's samples.
         shapes: `LinkShapes`.
         surface: `TouchedSurface`.
         scratch: `TouchScratch`.
@@ -230,7 +229,7 @@ def deepest(i, first, lows, shapes, surface, scratch):
             continue
         p, row = moved(scratch.pose, shapes.samples[j]), scratch.pieces[0]
         depth = look(p, least_distance(p, surface)[1], row, surface, scratch)
-        # Where depth bulges, every point foresees at least that of the deepest one.
+        # Where depth is concave, every point predicts at least the depth of the deepest one.
         if depth > best or (depth > 0.0 and _foreseen(row, found) < (1.0 - 0.02) * best):
             climbs += 1
             depth = _climb(i, shapes, surface, scratch)
@@ -242,44 +241,44 @@ def deepest(i, first, lows, shapes, surface, scratch):
 
 
 ANY_SIDE, ONE_SIDE = -2.0, math.cos(math.radians(40.0))
-"""Cosine of the angle between normals up to which they belong to the same side."""
+"""Cosine of the angle up to which normals count as on the same side."""
 
 CANCELS = 0.5
-"""Length of the mean of unit normals below which they are those of opposite sides."""
+"""Length of the mean of unit normals below which they belong to opposite sides."""
 
 CREASE = math.cos(math.radians(20.0))
-"""Cosine of the bend of an edge beyond which points nearest to it belong to both of its sides."""
+"""Cosine of an edge's angle beyond which the points nearest to it belong to both sides."""
 
 FACING = 0.4
-"""Least cosine between the outward normal of a link and the inward normal of what it touches:
-a wall's far side, or what lies beside a link, does not count."""
+"""Least cosine between the outward normal of a link and the inward normal of what it touches. This
+excludes the far side of a wall and what lies beside a link."""
 
 EQUAL = 1e-9
 """Difference of gaps [m] that does not matter."""
 
 DEEPER = 1.01
-"""How many times as deep the surface is in a link, at least, where that counts and not how deep
-the link is in the object."""
+"""Factor by which the surface must be deeper in a link than the link in the object to give the
+gap."""
 
 FAN, SIDES = 16, 4
-"""Most faces around a vertex that are looked at, and most sides to which a point belongs."""
+"""Most faces examined around a vertex, and most sides to which a point belongs."""
 
 GAP, NORMAL, POINT, COLUMNS = 0, 1, 4, 7
 """Columns of `TouchScratch.near`: signed distance, inward normal and nearest point of the surface;
-and their number."""
+and the number of columns."""
 
 
 class Touches(NamedTuple):
     """What `touch` writes, in the object's frame [m]; k poses, m shapes, L links."""
 
     gaps: Floats2
-    """Signed distance of each shape, inf: beyond the search; negative: depth (k, m)."""
+    """Signed distance of each shape; negative for a depth, inf if beyond the search (k, m)."""
     points: Floats3
-    """Where: the point of the surface (k, m, 3)."""
+    """The point of the surface at that distance (k, m, 3)."""
     contacts: Floats3
-    """The contact of each link: point on the surface, inward unit normal, signed distance of the
-    link's shapes from the point (k, L, 7); nan: the link does not touch; 0 links: none are looked
-    for."""
+    """Contact of each link: point on the surface, inward unit normal, signed distance of the link's
+    shapes from the point; nan if the link does not touch (k, L, 7). With L = 0 no contacts are
+    found."""
 
 
 class TouchScratch(NamedTuple):
@@ -289,11 +288,11 @@ class TouchScratch(NamedTuple):
     nodes: Ints1
     bounds: Floats1
     pose: Floats2
-    """Frame of a shape to that of the object (3, 4)."""
+    """Transform from the frame of a shape to that of the object (3, 4)."""
     triangle: Floats1
-    """In the shape's frame (9,)."""
+    """A triangle in the shape's frame (9,)."""
     point: Floats1
-    """Of the nearest point so far (3,)."""
+    """The surface's nearest point so far (3,)."""
     direction: Floats1
     pieces: Floats2
     """Points of a shape with their depths (PIECES, ROW)."""
@@ -302,7 +301,7 @@ class TouchScratch(NamedTuple):
     trial: Floats1
     """The point that is tried next (3,)."""
     start: Floats1
-    """Direction with which the next triangle begins, in the shape's frame (3,)."""
+    """Search direction for the next triangle, in the shape's frame (3,)."""
     lows: Floats1
     """Lower bounds of the signed distances of the points of a link (s,)."""
     near: Floats2
@@ -329,14 +328,14 @@ def _node_bound(node, kind, size, box, planes, flat, surface, scratch):
     bound = (
         box_distance(middle, box) if kind == HULL else point_depth(middle, kind, size, box, planes)
     )
-    # Beyond the plane across the nearest point so far.
+    # Distance beyond the plane through the shape's point nearest so far.
     tall = abs(n[0]) * row[3] + abs(n[1]) * row[4] + abs(n[2]) * row[5]
     return max(bound - row[RADIUS], flat - dot(n, row) - tall)
 
 
 @part
 def _flat(kind, size, box, hull, along, scratch):
-    """Write a direction (in the shape's frame) in the object's; the shape's least height along."""
+    """Write a direction (in the shape's frame) in the object's; return the shape's least height."""
     length = norm(along)
     x, y, z = divided(along, length) if length > 0.0 else (0.0, 0.0, 1.0)
     p = support(kind, size, box, hull, scratch.shape.at, 1.0, -x, -y, -z)
@@ -347,9 +346,9 @@ def _flat(kind, size, box, hull, along, scratch):
 
 @part
 def _surface_distance(i, limit, shapes, surface, scratch):
-    """Signed distance of a shape from the triangles, inf: beyond the limit; where is written.
+    """Signed distance of a shape from the triangles, inf beyond the limit; writes its point.
 
-    -inf: a box, a cylinder or a hull overlaps the surface of a solid, and the limit did not say so.
+    -inf if a box, a cylinder or a hull overlaps a solid's surface although the limit is positive.
     """
     kind, size, box = shapes.kinds[i], shapes.sizes[i], shapes.boxes[i]
     planes = shapes.planes[shapes.first_plane[i] : shapes.first_plane[i + 1]]
@@ -403,20 +402,20 @@ def _surface_distance(i, limit, shapes, surface, scratch):
 
 @part
 def shape_gap(i, start, search, shapes, surface, scratch):
-    """Signed distance of a shape at its pose from the object; where is written to the scratch.
+    """Signed distance of a shape at its pose from the object; writes the surface point of it.
 
-    Bounds of the distances of its points are written from `start` on, unless it is far away.
+    Unless the shape is far away, also write bounds of its samples' distances to `lows`.
     """
     kind, box = shapes.kinds[i], shapes.boxes[i]
     if shapes.first_sample[i] == shapes.first_sample[i + 1]:
-        return math.inf  # it is inside other shapes of its link
+        return math.inf  # the shape lies inside other shapes of its link
     scratch.shape.at[0] = shapes.hull.at[i]
     middle = moved(scratch.pose, box)
     if least_distance(middle, surface)[0] - box[6] >= search:
         return math.inf
     lows, nearest, limit, low = scratch.lows, -1, search, -math.inf
     for j in range(shapes.first_sample[i], shapes.first_sample[i + 1]):
-        if nearest >= 0:  # no farther away than the way from the point before allows
+        if nearest >= 0:  # bounded by that of the previous sample and the distance from it
             low -= math.sqrt(squared_distance(shapes.samples[j], shapes.samples[j - 1]))
             lows[j - start] = low
             if low > 0.5 * search:
@@ -437,7 +436,7 @@ def shape_gap(i, start, search, shapes, surface, scratch):
     inside, least = depth > 0.0 and not rounded, math.inf
     if not inside:
         least = _surface_distance(i, limit + 2.0 * EQUAL, shapes, surface, scratch)
-    # Of a ball or a capsule none is deeper than the surface is in it, unless its core is inside.
+    # A ball or capsule is never deeper than the surface is in it, unless its core is inside.
     if (
         surface.closed
         and nearest >= 0
@@ -463,7 +462,7 @@ def shape_gap(i, start, search, shapes, surface, scratch):
 
 @merged
 def _begin_against(row, scratch):
-    """Begin with the direction away from the surface at a point of a shape."""
+    """Set the first search direction: away from the surface at a piece."""
     x, y, z = turned_back(scratch.pose, triple(row, ALONG))
     copy((-x, -y, -z), scratch.start)
 
@@ -479,7 +478,7 @@ def _core_inside(i, shapes, surface, scratch):
 
 @part
 def _add_near(outward, slot, weights, gap, count, surface, scratch):
-    """Add a point near the surface, once for each side that it is nearest to.
+    """Add a point near the surface, once for each side it belongs to.
 
     Returns:
         The new number of points.
@@ -499,7 +498,7 @@ def _add_near(outward, slot, weights, gap, count, surface, scratch):
             count += 1
         if side == 0 or (side < 4 and step == 1):
             break
-        if side < 4:  # across the edge; the normals at both of its ends are alike
+        if side < 4:  # across the edge; both of its ends have similar normals
             edge, vertex = side - 1, surface.corners[slot, side % 3]
         else:  # around the vertex
             vertex = surface.corners[slot, side - 4]
@@ -513,14 +512,14 @@ def _add_near(outward, slot, weights, gap, count, surface, scratch):
 
 @merged
 def _corner(triangle, vertex, surface):
-    """Which corner of a triangle a vertex is."""
+    """Index of the corner of a triangle at a vertex."""
     corners = surface.corners[triangle]
     return 0 if corners[0] == vertex else (1 if corners[1] == vertex else 2)
 
 
 @part
 def _near_points(i, start, distance, count, shapes, surface, scratch):
-    """Add those samples of a shape that are near the surface; returns the number of all."""
+    """Add the samples of a shape that are near the surface; return the new number of points."""
     for j in range(shapes.first_sample[i], shapes.first_sample[i + 1]):
         if scratch.lows[j - start] > distance:
             continue
@@ -566,15 +565,15 @@ def _gap_at(p, first, last, frame, shapes, scratch):
 
 @part
 def _write_contact(count, first, last, frame, shapes, surface, row, scratch):
-    """Write the one contact of a link: the mean of its points near the surface, moved onto it.
+    """Write a link's contact: the mean of its points near the surface, projected onto the surface.
 
     Where their normals cancel, as on both sides of a thin edge, only the nearest side counts.
 
     Args:
-        count: Number of these points; 0: the nearest point, in the row, is the contact.
+        count: Number of points near the surface; if 0, the point already in the row is used.
         first: The link's first shape.
-        last: The one after its last.
-        frame: Frame of the link to that of the object.
+        last: One past the link's last shape.
+        frame: Transform from the frame of the link to that of the object.
         shapes: `LinkShapes`.
         surface: `TouchedSurface`.
         row: The contact, as in `Touches`.
@@ -585,7 +584,7 @@ def _write_contact(count, first, last, frame, shapes, surface, row, scratch):
         nearest = i if near[i, GAP] < near[nearest, GAP] else nearest
     side = triple(near[nearest], NORMAL)
     for least in (ANY_SIDE, ONE_SIDE):
-        if length >= CANCELS * count:  # which is true without any points
+        if length >= CANCELS * count:  # always true without points
             break
         members, length = 0, 0.0
         for k in range(6):
@@ -612,11 +611,11 @@ def touch(frames, distance, search, begin, end, shapes, surface, touches, scratc
     """Find the gaps between links and an object, and their contacts.
 
     Args:
-        frames: Frames of the links to that of the object [m] (k, L, 3, 4).
+        frames: Transforms from the frames of the links to that of the object [m] (k, L, 3, 4).
         distance: Contact distance [m].
-        search: Largest gap that is found [m], at least the contact distance.
+        search: Largest gap to find [m], at least the contact distance.
         begin: First pose.
-        end: The one after the last.
+        end: One past the last pose.
         shapes: `LinkShapes`.
         surface: `TouchedSurface`.
         touches: `Touches`, written.
@@ -641,7 +640,7 @@ def touch(frames, distance, search, begin, end, shapes, surface, touches, scratc
                     if gaps[i] <= distance:
                         compose(frame, shapes.poses[i], scratch.pose)
                         count = _near_points(i, start, distance, count, shapes, surface, scratch)
-                # No points: it is deep inside, or touches only with what faces away.
+                # Without points the link is deep inside, or only surfaces that face away are near.
                 copy(touches.points[pose, nearest], contact)
                 _write_contact(count, first, last, frame, shapes, surface, contact, scratch)
             first = last

@@ -1,4 +1,4 @@
-"""Batches of grasps: the smallest contact forces that resist wrenches or whole tasks."""
+"""The smallest contact forces that resist wrenches or whole tasks, for batches of grasps."""
 
 import math
 from typing import NamedTuple
@@ -34,18 +34,18 @@ THREE = (0, 0, 0)
 """A tuple as long as the rank of forces, for which `grow` is compiled."""
 
 SHARPER = 0.1
-"""Gap between the bounds along one ray, relative to that of the result."""
+"""Gap between the bounds along one ray, relative to the gap allowed for the result."""
 
 OUTSIDE = 1e-9
-"""Part of a wrench outside the grasp's span, relative to it, that is not a rounding error."""
+"""Largest part of a wrench outside the grasp's span, relative to the wrench, due to rounding."""
 
 NOT_IN_SPAN, NOT_RESISTED, FINITE = 2, 1, 0
-"""Why no force suffices: the contacts cannot apply such a wrench in either sense, or they cannot
-push that way; or FINITE, where one does."""
+"""Why no force suffices: the contacts cannot apply the wrench in either sense, or they cannot push
+that way; FINITE where a force suffices."""
 
 
 UNFINISHED = 255
-"""Status of a wrench that the search found no force for, without a proof that there is none."""
+"""Status of a wrench for which the search found neither a force nor a proof that none exists."""
 
 
 class TaskScratch(NamedTuple):
@@ -68,7 +68,7 @@ class TaskScratch(NamedTuple):
 
 
 def make_scratch(terms: int) -> TaskScratch:
-    """Allocate scratch for so many terms."""
+    """Allocate scratch for a number of terms."""
     return TaskScratch(
         frame=np.zeros((6, 6)),
         extents=np.zeros(6),
@@ -91,7 +91,7 @@ class ForceResults(NamedTuple):
     direction: Floats2
     """Direction that proves `lower` (b, 6)."""
     forces: Floats3
-    """Contact forces that resist the wrench, in the contacts' axes (b, n, 4); nan: none."""
+    """Contact forces that resist the wrench, in the contacts' axes (b, n, 4); nan if none do."""
 
 
 @merged
@@ -103,7 +103,7 @@ def _reset(results, g):
 
 @merged
 def _load(form, axes, tangential, workspace):
-    """Write the contacts' wrenches in balanced coordinates of their span; returns its rank."""
+    """Write the contacts' wrenches in balanced coordinates of their span; return its rank."""
     rank = load(form, axes, tangential, workspace)
     project(form[0], axes.shape[0], axes, workspace, rank)
     return rank
@@ -111,9 +111,9 @@ def _load(form, axes, tangential, workspace):
 
 @merged
 def _write_own_direction(rank, workspace, vector, torque_scale, out):
-    """Write a direction of balanced coordinates for wrenches in the contacts' units, of length 1.
+    """Write a direction, given in balanced coordinates, for wrenches in the contacts' units.
 
-    Its length is that of its part for forces and that for torques divided by the torque scale.
+    The force part and the torque part times the torque scale together have length 1.
     """
     write_direction(rank, workspace, vector, out)
     for k in range(3, 6):
@@ -122,7 +122,7 @@ def _write_own_direction(rank, workspace, vector, torque_scale, out):
 
 @merged
 def _complement(rank, basis, out):
-    """Write row `rank` and further rows: an orthonormal basis of what the span lacks (6, 6)."""
+    """Write, from row `rank` on, an orthonormal basis of the span's complement (6, 6)."""
     for size in range(rank, 6):
         best, axis = -1.0, 0
         for c in range(6):
@@ -157,7 +157,7 @@ def _reach_along(terms, points, v, sign, torque_scale):
 
 @merged
 def _leaves_span(terms, points, size, rank, torque_scale, workspace, vectors, out):
-    """Whether a task has wrenches outside the span; then the direction of one is written."""
+    """Whether a task has wrenches outside the span; if so, write the direction of one."""
     if rank == 6:
         return False
     _complement(rank, workspace.basis, vectors)
@@ -189,7 +189,7 @@ def _write_task(terms, points, rank, torque_scale, workspace, task):
 
 @merged
 def _force_in_all_directions(terms):
-    """Size of a task that is a force in any direction at the centre of mass; 0: it is another."""
+    """Size of a task if it is a force in any direction at the centre of mass; 0 for other tasks."""
     size = 0.0
     for i in range(terms.shape[0]):
         if terms[i, 0] != ANY_DIRECTION:
@@ -200,7 +200,7 @@ def _force_in_all_directions(terms):
 
 @merged
 def _grow_slice(space, task, size, rtol, workspace, polytope, scratch):
-    """Bounds of 1 / force from the forces without torque; the lower one is 0 where that fails."""
+    """Bounds of 1 / force, from the forces without torque; the lower one is 0 if that fails."""
     for k in range(3):
         for j in range(6):
             scratch.goals[k, j] = workspace.basis[j, k] / workspace.extents[j]
@@ -236,7 +236,7 @@ def task_forces(
         points: Wrenches of the terms (p, 6).
         masses: Factors of the terms that are forces at the centre of mass (b,).
         size: Size of the task: its largest reach along a unit direction, or more.
-        torque_scale: Of each grasp (b,).
+        torque_scale: Torque scale of each grasp (b,).
         rtol: Largest gap between the bounds, relative to the upper one.
         first: Index of the first grasp to compute.
         workspace: `Workspace`.
@@ -245,7 +245,7 @@ def task_forces(
         results: `ForceResults`; forces are not written.
 
     Returns:
-        The first grasp for which the polytope was too small, b if none; its bounds hold.
+        The first grasp for which the polytope was too small (b if none); its bounds are valid.
     """
     kind, spherical, soft, group = form
     goal = (rtol, 0.0, math.inf)
@@ -307,7 +307,7 @@ def task_forces(
 
 @merged
 def _write_goal(wrench, rank, torque_scale, workspace, remainder, goal):
-    """Write the opposite of a wrench in balanced coordinates; returns (size, part outside)."""
+    """Write the opposite of a wrench in balanced coordinates; return (size, part outside)."""
     size = outside = 0.0
     for c in range(6):
         remainder[c] = -wrench[c] if c < 3 else -wrench[c] / torque_scale
@@ -329,7 +329,7 @@ def _write_goal(wrench, rank, torque_scale, workspace, remainder, goal):
 def wrench_forces(
     form, axes, tangential, cones, wrenches, torque_scale, rtol, workspace, vectors, results
 ):
-    """The force that resists one wrench for each grasp, and the contact forces that do.
+    """Find the force that resists one wrench for each grasp, and the contact forces.
 
     Args:
         form: As in `task_forces`.
@@ -337,7 +337,7 @@ def wrench_forces(
         tangential: As in `task_forces`.
         cones: As in `task_forces`.
         wrenches: Forces and torques in the contacts' units (b, 6).
-        torque_scale: Of each grasp (b,).
+        torque_scale: Torque scale of each grasp (b,).
         rtol: Largest gap between the bounds, relative to the upper one.
         workspace: `Workspace`.
         vectors: Scratch (SCRATCH_ROWS, 8).

@@ -38,7 +38,7 @@ from grasp3d._kernels.hull.wrench_resistance import farthest_point
 from grasp3d._kernels.surface.vectors import add6, clear6, copy6, dot6, remove_components, scale6
 
 AROUND_ORIGIN, AT_ORIGIN = 0, 1
-"""Where the first simplex is: about the origin if possible; or with the origin as a vertex."""
+"""Position of the first simplex: around the origin if possible, or with the origin as a vertex."""
 
 COMPLETE = -1
 """Result of `first_simplex`: the simplex is complete."""
@@ -49,7 +49,7 @@ ORIGIN_TOLERANCE = 1e3
 
 @merged
 def _write_orthogonal_direction(basis, size, dim, components, u):
-    """Write a direction orthogonal to the basis, from the unit vector least in its span."""
+    """Write a direction orthogonal to the basis, based on the unit vector least in its span."""
     largest, axis = -1.0, 0
     for c in range(dim):
         remaining = 1.0
@@ -67,7 +67,7 @@ def _write_orthogonal_direction(basis, size, dim, components, u):
 def _add_edge(basis, triangle, size, nearest, components):
     """Orthonormalise the newest edge of the simplex, and project the nearest point onto it.
 
-    `nearest` is the point of the affine hull of the vertices so far that is nearest to the origin;
+    `nearest` is the point, nearest to the origin, of the affine hull of the vertices so far;
     `triangle` collects the edges' coordinates in the basis.
     """
     e, row = basis[size], triangle[size]
@@ -89,11 +89,11 @@ def _add_edge(basis, triangle, size, nearest, components):
 
 @merged
 def _set_facets(basis, triangle, dim, metric, task, polytope, g, x, total):
-    """Write the planes and the neighbours of the simplex's facets.
+    """Write the planes and neighbours of the simplex's facets.
 
     points - points[0] = triangle @ basis. The columns of the inverse are the gradients of the
-    barycentric coordinates; a facet's outward normal is opposite to the gradient of the coordinate
-    of the vertex that it lacks.
+    barycentric coordinates. The outward normal of a facet is opposite to the gradient of the
+    coordinate of the vertex that the facet lacks.
     """
     points, planes = polytope.points, polytope.planes
     clear6(total)
@@ -124,9 +124,9 @@ def _set_facets(basis, triangle, dim, metric, task, polytope, g, x, total):
 def first_simplex(space, dims, metric, task, start, polytope):
     """Choose affinely independent support wrenches whose simplex contains the origin if possible.
 
-    As in Gilbert, Johnson & Keerthi 1988 each new point is the support in the direction from the
-    nearest point of the affine hull so far to the origin. Where that hull contains the origin, the
-    support in a direction orthogonal to it is taken, on the side that reaches farther.
+    As in Gilbert, Johnson & Keerthi 1988, each new point is the support in the direction from the
+    nearest point of the current affine hull to the origin. If that hull contains the origin, the
+    new point is the support in an orthogonal direction, on the side that reaches farther.
 
     Args:
         space: `WrenchSpace`.
@@ -137,7 +137,7 @@ def first_simplex(space, dims, metric, task, start, polytope):
         polytope: `Polytope`; points, planes and neighbours are written.
 
     Returns:
-        COMPLETE, or the row of `polytope.vectors` with a direction in which no wrench has a
+        COMPLETE, or the row of `polytope.vectors` that holds a direction in which no wrench has a
         positive component.
     """
     dim = len(dims)
@@ -189,23 +189,23 @@ def first_simplex(space, dims, metric, task, start, polytope):
 
 
 CONVERGED, UNDECIDED, STALLED, EXHAUSTED = 0, 1, 2, 3
-"""How the growth of a hull ended, as `grasp3d.quality.ferrari_canny.Status`."""
+"""How the growth of a hull ended, see `grasp3d.quality.ferrari_canny.Status`."""
 
 CANCELLATION = 1e-4
-"""Relative length of a combination of two planes below which the facet's plane is computed from its
-vertices instead: the two planes were nearly opposite."""
+"""Relative length of a combination of two planes below which they are nearly opposite: the facet's
+plane is then computed from its vertices."""
 
 MAX_FULL_SCAN = 1024
-"""Facets up to which a new vertex is tested against all, which vectorises; with more of them the
-visible ones are flooded from the nearest facet."""
+"""Largest number of facets at which a new vertex is tested against all, which vectorises. With more
+facets the visible ones are flooded from the nearest facet."""
 
 
 @merged
 def _pop_nearest(polytope, size, limit, task):
-    """Take the nearest facet out of the queue, and drop those at or above the limit.
+    """Take the nearest facet out of the queue, and drop facets at or beyond the limit.
 
     Returns:
-        (size of the queue, facet or -1 where none is left, its distance from the origin).
+        (size of the queue, facet or -1 if none is left, its distance from the origin).
     """
     queue, planes = polytope.queue, polytope.planes
     count, position, key = 0, -1, limit
@@ -246,16 +246,16 @@ def _fit_plane(polytope, dim, f, metric, task):
     before = dot6(normal, normal)
     remove_components(basis, size, normal, components)
     remove_components(basis, size, normal, components)
-    # Of degenerate vertices nearly all is subtracted: then the combination of planes is kept.
+    # With degenerate vertices nearly all cancels: then the combination of planes is kept.
     if dot6(normal, normal) > 0.25 * before:
         set_normalised_plane(planes, f, normal, dot6(normal, first), metric, task)
 
 
 @merged
 def _combine_planes(polytope, dim, r, new, vertex, metric, pinched):
-    """Join a ridge of the horizon and the new vertex, and combine the planes of its two facets.
+    """Join a horizon ridge and the new vertex, and combine the planes of the ridge's two facets.
 
-    The pencil of the two old facets: a positive combination that is 0 at the new vertex.
+    It is the positive combination in the pencil of both old facets that is 0 at the new vertex.
     """
     planes, heights, row = polytope.planes, polytope.heights, polytope.combined[r]
     v, other = join(polytope, dim, polytope.horizon[r], new, vertex, pinched)
@@ -274,12 +274,12 @@ def _combine_planes(polytope, dim, r, new, vertex, metric, pinched):
 
 @merged
 def _add_facets(polytope, dim, ridges, used, free_count, vertex, metric, task, pinched):
-    """Add the facets that join the ridges of the horizon to the new vertex.
+    """Add the facets that join the horizon's ridges to the new vertex.
 
-    Square roots and divisions are in a loop of their own, which vectorises.
+    Square roots and divisions have their own loop, which vectorises.
 
     Returns:
-        Number of facets in use, and of those that are free.
+        The numbers of facets in use and of free facets.
     """
     added, squares, factors = polytope.added, polytope.squares, polytope.factors
     for r in range(ridges):
@@ -307,17 +307,17 @@ def _add_facets(polytope, dim, ridges, used, free_count, vertex, metric, task, p
 
 @merged
 def _known(distance):
-    """A distance, or -inf where it could not be computed."""
+    """A distance, or -inf if it could not be computed."""
     return distance if distance == distance else -math.inf  # noqa: PLR0124
 
 
 @merged
 def _queue_facets(polytope, ridges, size, limit, lower, task):
-    """Queue the facets added last that are nearer than a limit.
+    """Queue those of the facets added last that are nearer than a limit.
 
     Returns:
-        (size of the queue, least distance of those that were not queued so far; -inf where a plane
-        could not be computed).
+        (size of the queue, least distance of all facets not queued so far; -inf if a plane could
+        not be computed).
     """
     added, queue, planes = polytope.added, polytope.queue, polytope.planes
     for r in range(ridges):
@@ -332,9 +332,9 @@ def _queue_facets(polytope, ridges, size, limit, lower, task):
 
 @merged
 def _is_corner(polytope, dim, f, point, identifier):
-    """Whether a support wrench is a vertex of the facet already.
+    """Whether a support wrench is already a vertex of the facet.
 
-    In exact arithmetic it would then not lie above the facet; growing on would loop for ever.
+    In exact arithmetic it would then not lie above the facet; continuing would loop for ever.
     """
     points, corners = polytope.points, polytope.corners
     for c in range(dim):
@@ -351,7 +351,7 @@ def _is_corner(polytope, dim, f, point, identifier):
 
 @merged
 def _per_reach(plane, task):
-    """Factor from distances along a plane's normal to distances relative to the task's reach."""
+    """Factor that converts distances along a plane's normal to multiples of the task's reach."""
     if task is None:
         return 1.0
     reach = task_reach(task, plane)
@@ -373,21 +373,21 @@ def grow(space, dims, metric, task, start, goal, polytope):
         space: `WrenchSpace` or `ForceSlice`.
         dims: Sequence as long as the grasp's rank, 1 to 6; a tuple fixes the loops' length at
             compile time.
-        metric: Weights of a direction's squared components in its squared length (6,): coordinates
+        metric: Weights of a direction's squared components in its squared length (6,). Coordinates
             are balanced so that wrenches reach about 1 along each of them.
-        task: `TaskInSpan` that the space must contain when scaled, which distances are then
-            relative to: the result is 1 over the scale; None: the unit ball, for epsilon.
+        task: `TaskInSpan` that the space must contain when scaled. Distances are then relative to
+            the task, and the result is 1 over the scale. None for the unit ball, for epsilon.
         start: AROUND_ORIGIN, or AT_ORIGIN for a task that a grasp without force closure may
             resist as well.
-        goal: (rtol, atol, cutoff): largest gap between the bounds, relative to the upper one or
-            absolute; value of epsilon above which it need not be known.
+        goal: (rtol, atol, cutoff), the largest gap between the bounds, relative to the upper one
+            and absolute, and the epsilon above which the exact value is not needed.
         polytope: `Polytope`.
 
     Returns:
-        (status, lower, upper, vertices, facets): bounds of epsilon, the direction of `upper` in row
-        16 of `polytope.vectors`, and the numbers of vertices and facets in use. No facets: the
-        grasp is not force-closed, and no wrench has a positive component in that direction.
-        EXHAUSTED: the polytope is full; the bounds hold.
+        (status, lower, upper, vertices, facets): bounds of epsilon, with the direction of `upper`
+        in row 16 of `polytope.vectors`, and the numbers of vertices and facets in use. With 0
+        facets the grasp is not force-closed: no wrench has a positive component in that direction.
+        If EXHAUSTED, the polytope is full, but the bounds are valid.
     """
     dim = len(dims)
     rtol, atol, cutoff = goal
@@ -401,7 +401,7 @@ def grow(space, dims, metric, task, start, goal, polytope):
     lower, upper, limit = math.inf, math.inf, cutoff
     status, size, free_count, stamp, count, ridges = CONVERGED, used, 0, 0, 0, 0
     first, pinched = 0, False
-    # Facets at or above `limit` cannot determine epsilon any more; they only count for `lower`.
+    # Facets at or beyond `limit` no longer determine epsilon; they only count for `lower`.
     for f in range(used):
         queue[f] = f
         distance = distance_of(planes, f, task)
@@ -430,7 +430,7 @@ def grow(space, dims, metric, task, start, goal, polytope):
             upper = scale * height
             _copy_plane(best, f, planes)
             limit = min(cutoff, upper - max(rtol * upper, scale * plane[7], atol))
-        # The facet is one of the grasp wrench space itself, or it need not be known better.
+        # The facet is one of the grasp wrench space itself, or need not be known more exactly.
         if height - plane[6] <= plane[7] or key >= limit:
             lower = min(lower, scale * plane[6])
             continue
@@ -438,7 +438,7 @@ def grow(space, dims, metric, task, start, goal, polytope):
             lower, status = min(lower, scale * plane[6]), STALLED
             continue
         polytope.identifiers[vertices], polytope.owners[vertices] = identifier, owner
-        # Linking is put off until neighbours are needed, so it is never done for the last facets.
+        # Facets are linked only when neighbours are needed, so the last ones never are.
         pinched = link_new_facets(polytope, dim, ridges, vertices) or pinched
         for i in range(count):
             polytope.free[free_count] = polytope.visible[i]
@@ -448,7 +448,7 @@ def grow(space, dims, metric, task, start, goal, polytope):
         else:
             stamp += 2
             count, ridges = flood_visible(polytope, dim, np.uint32(f), stamp, point)
-        # One new facet per ridge; those that are visible now are reused from the next vertex on.
+        # One new facet per ridge; the facets visible now are reused from the next vertex on.
         if used + ridges > planes.shape[1] + free_count or size + ridges > queue.shape[0]:
             lower, status = min(lower, scale * plane[6]), EXHAUSTED
             break
@@ -456,7 +456,7 @@ def grow(space, dims, metric, task, start, goal, polytope):
             polytope, dim, ridges, used, free_count, vertices, metric, task, pinched
         )
         size, lower = _queue_facets(polytope, ridges, size, limit, lower, task)
-        # nan compares as neither near nor visible, so removed facets need no test of their own.
+        # nan compares as neither near nor visible, so removed facets need no separate test.
         for i in range(count):
             planes[6, polytope.visible[i]] = math.nan
             if task is not None:

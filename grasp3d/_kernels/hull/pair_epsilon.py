@@ -2,42 +2,41 @@
 
 Epsilon is the least h(u) / |u| over directions u in the span of the wrenches (Ferrari & Canny 1992;
 h the support function), so 1 / epsilon^2 is the largest |u|^2 where h(u) <= 1. With u = (u_f, w),
-torques divided by the torque scale, the contact at p_i sees g_i = u_f + w x p_i, and along the line
-of the contacts, d, all see the same: g_1.d = g_2.d = t. Those five numbers determine u. The largest
-value of a convex function is attained at an extreme point. For cones C_i of less than 90 degrees
+torques divided by the torque scale, the contact at p_i sees g_i = u_f + w x p_i. Along the line of
+the contacts, d, both see the same: g_1.d = g_2.d = t. These five numbers determine u. A convex
+function attains its largest value at an extreme point. For cones C_i of less than 90 degrees
 {h_i <= 1} is the sum of the unit ball and the polar cone of C_i: a ball that touches a cone from
-within, along its rim. Where the cones are not so wide that the two balls can be met at the same t,
-at an extreme point one contact, the *front*, sees a g_f on the spherical cap, and g_b of the other,
+within, along its rim. Unless the cones are so wide that the two balls can be met at the same t, at
+an extreme point one contact, the *front*, sees a g_f on the spherical cap, and g_b of the other,
 the *back*, lies on a straight line of the surface of its cone:
 
     g_b = o + (t - o.d) v,   v.d = 1,
 
-o the apex of that cone, n_b / cos(beta_b), and v its ray at an angle psi about the normal. Where
-each finger's force is limited by itself the apex is 0, and besides g_f may be 0.
+where o is the apex of that cone, n_b / cos(beta_b), and v its ray at an angle psi about the normal.
+Where the force of each finger is limited separately, the apex is 0, and g_f may also be 0.
 
-For a given psi |u|^2 is a convex quadratic function of g_f, whose maximum `largest_on_cap` finds
-with proof. So intervals of psi are divided until none can hold a direction that matters: a bound of
-an interval exceeds its value by the square of its width. For all psi within delta of a given one
-the rays lie in the triangle between the two outermost and the line in which the tangent planes
-there meet, on which |u|^2 is largest: it is the ray of a slightly wider polar cone, sin(beta) times
-cos(delta) for sin(beta).
+For a given psi, |u|^2 is a convex quadratic function of g_f, whose maximum `largest_on_cap` finds
+with proof. Intervals of psi are divided until none can hold a direction that matters: the bound of
+an interval exceeds its value by the square of its width. For all psi within delta of a given one,
+the rays lie in the triangle between the two outermost ones and the line in which the tangent planes
+there meet. |u|^2 is largest on that line, which is the ray of a slightly wider polar cone, with
+sin(beta) cos(delta) in place of sin(beta).
 
 Coordinates: along d, from the front contact into its cone; along c, the arm from the centre of mass
 to the line; and along d x c.
 
-The largest value of a convex quadratic function on a cap of the unit sphere, with proof.
-
-Maximise g.P g + 2 q.g over unit vectors g with n.g >= c. With multipliers m > largest eigenvalue of
+The module also finds the largest value of a convex quadratic function on a cap of the unit sphere:
+maximise g.P g + 2 q.g over unit vectors g with n.g >= c. With multipliers m > largest eigenvalue of
 P, for the length, and k >= 0, for the cap, (m - P) g = q + k n gives the dual bound
 
     m + (q + k n).g - 2 k c,
 
-which no value on the cap exceeds, whatever the multipliers (as for trust regions: More & Sorensen
-1983). For each m the best k is 0 where g is within the cap, else that with n.g = c. The bound is
-then a convex function of m, least where g has unit length, which Newton's method on 1 / |g| finds;
-g, on the cap, attains it.
+which no value on the cap exceeds, whatever the multipliers (compare trust regions: More & Sorensen
+1983). For each m the best k is 0 if g is within the cap, otherwise that with n.g = c. The bound is
+then a convex function of m and least where g has unit length. Newton's method on 1 / |g| finds that
+m; g, moved onto the cap, attains the bound.
 
-P is an arrow: of its entries beside the diagonal only those in the first row and column are not 0.
+P is an arrow: off the diagonal, only entries in the first row and column are not 0.
 """
 
 import math
@@ -52,23 +51,23 @@ from grasp3d._kernels.hull.wrench_problem import CLOSED
 from grasp3d._kernels.surface.vectors import angle_between, combined, cross, dot
 
 MAX_STEPS = 40
-"""Most steps of Newton's method; any of them yields a bound."""
+"""Most steps of Newton's method; any number of them yields a bound."""
 
 UNIT = 1e-6
-"""Error of |g|^2 at which it ends: that of the bound is of second order."""
+"""Error of |g|^2 at which the search ends; the bound's error is of second order in it."""
 
 NO_SLOPE = 1e-12
-"""Size of q, relative to P, below which the maximum is at an eigenvector."""
+"""Size of q, relative to P, below which an eigenvector is the maximum."""
 
 LEAST_STEP = 1e-10
-"""Relative width of an interval of multipliers at which the search for the best ends."""
+"""Relative width of an interval of multipliers at which the search for the best one ends."""
 
 TINY = 1e-300
 """Smallest divisor."""
 
 
 class Arrow(NamedTuple):
-    """A symmetric matrix of three rows of which (1, 2) is 0."""
+    """A symmetric 3 x 3 matrix whose entry (1, 2) is 0."""
 
     corner: float
     """Entry (0, 0)."""
@@ -94,7 +93,7 @@ def _solved(matrix, m, b0, b1, b2):
 
 @merged
 def value_at(matrix, q, g):
-    """Value of the quadratic function, of triples q and g."""
+    """Value of the quadratic function at g; q and g are triples."""
     corner = matrix.corner * g[0] + 2.0 * (matrix.arm1 * g[1] + matrix.arm2 * g[2] + q[0])
     one, two = matrix.diagonal1 * g[1] + 2.0 * q[1], matrix.diagonal2 * g[2] + 2.0 * q[2]
     return corner * g[0] + one * g[1] + two * g[2]
@@ -109,7 +108,7 @@ def _above_eigenvalues(matrix):
 
 @merged
 def _largest_eigenvalue(matrix):
-    """The largest eigenvalue from above, where the characteristic polynomial is convex."""
+    """Largest eigenvalue, approached from above, where the characteristic polynomial is convex."""
     m = _above_eigenvalues(matrix)
     s1, s2 = matrix.arm1 * matrix.arm1, matrix.arm2 * matrix.arm2
     for _ in range(MAX_STEPS):
@@ -135,7 +134,7 @@ def _top_eigenvector(matrix, m, n0, n1, n2):
 
 @merged
 def _nearest_in_cap(g0, g1, g2, n0, n1, n2, c):
-    """The unit vector of the cap in the half-plane of n and g, g's own where that is on it."""
+    """Unit vector of the cap in the half-plane of n and g: that along g if it is on the cap."""
     scale = 1.0 / math.sqrt(max(g0 * g0 + g1 * g1 + g2 * g2, TINY))
     along = n0 * g0 + n1 * g1 + n2 * g2
     if along * scale >= c:
@@ -154,12 +153,12 @@ def largest_on_cap(matrix, q, n, c, start, enough):
         q: Three numbers.
         n: Three numbers, of unit length.
         c: Cosine of the cap's half-angle, from above 0 to below 1.
-        start: Multiplier m to start from, for instance that of a similar function; 0: none.
+        start: Multiplier m to start from, for instance that of a similar function; 0 if none.
         enough: Bound that need not be improved.
 
     Returns:
-        (bound, multiplier, g): a value that no g on the cap exceeds, and one on the cap;
-        it mostly attains the bound, but need not where the function has several maxima.
+        (bound, multiplier, g): a value that no g on the cap exceeds, and a g on the cap that
+        usually attains it, but may not where the function has several maxima.
     """
     q0, q1, q2 = q
     n0, n1, n2 = n
@@ -184,7 +183,7 @@ def largest_on_cap(matrix, q, n, c, start, enough):
                 x0, x1, x2 = x0 + k * b0, x1 + k * b1, x2 + k * b2
             g0, g1, g2 = x0, x1, x2
             bound = min(bound, m + q0 * g0 + q1 * g1 + q2 * g2 - k * c)
-            # The length of g, or of its part across n, where the other is given.
+            # The length of g, or of its part across n where n.g is fixed.
             square = g0 * g0 + g1 * g1 + g2 * g2 - (1.0 - target)
             if abs(square - target) <= UNIT * target or bound <= enough:
                 break
@@ -212,36 +211,36 @@ PARALLEL = 1e-12
 """Sine of the angle between a normal and the line below which any tangent will do."""
 
 CLEAR_LENGTH = 1e-4
-"""Distance of the contacts relative to that from the centre of mass from which the line through
-them is well determined."""
+"""Distance between the contacts, relative to their distance from the centre of mass, above which
+the line through them is well determined."""
 
 LEAST_OPENING = 1e-9
-"""Slope along the line below which a ray of a polar cone never arrives."""
+"""Slope along the line below which a ray of a polar cone counts as parallel to it."""
 
 
 class Side(NamedTuple):
-    """Which contact is the front, in the coordinates of the line."""
+    """The choice of the front contact, in the coordinates of the line."""
 
     arm: float
     """Distance of the centre of mass from the line."""
     inverse: float
-    """1 / (s_f - s_b), s the contacts' coordinates along the line."""
+    """1 / (s_f - s_b), with s the contacts' coordinates along the line."""
     front: float
     """s_f / (s_f - s_b)."""
     normal: tuple[float, float, float]
     """Normal of the front contact."""
     cosine: float
-    """Cosine of the half-angle of the front's cap: 1 where a normal component is bounded."""
+    """Cosine of the half-angle of the front's cap; 1 where the normal component is bounded."""
     back: tuple[float, float, float]
     """Normal of the back contact."""
     first: tuple[float, float, float]
-    """Its tangent at psi = 0, toward d."""
+    """Tangent of the back contact at psi = 0, toward d."""
     second: tuple[float, float, float]
-    """Its other tangent."""
+    """The other tangent of the back contact."""
     back_cosine: float
     """Cosine of the half-angle of the back's cone."""
     back_sine: float
-    """Sine of it."""
+    """Sine of the half-angle of the back's cone."""
     apex: float
     """Distance of the apex of the back's polar cone along its normal."""
 
@@ -267,7 +266,7 @@ def _perpendicular(d):
 
 @merged
 def point_of(axes):
-    """A contact point from its axes (4, 6): the moments of unit forces along a frame there."""
+    """A contact point from its axes (4, 6), the moments of unit forces along a frame there."""
     twice = (0.0, 0.0, 0.0)
     for k in range(3):
         arm = cross(triple(axes[k]), triple(axes[k, 3:]))
@@ -277,14 +276,14 @@ def point_of(axes):
 
 @merged
 def is_long(points, length):
-    """Whether the contacts are so far apart that the line through them is well determined."""
+    """Whether the contacts are far enough apart to determine the line through them."""
     farthest = max(dot(points[0], points[0]), dot(points[1], points[1]))
     return length * length > CLEAR_LENGTH * CLEAR_LENGTH * farthest
 
 
 @merged
 def _largest_wrench(points):
-    """Length of the largest wrench of unit forces at two points, or more."""
+    """Upper bound of the length of all wrenches of unit forces at two points."""
     return math.sqrt(1.0 + max(dot(points[0], points[0]), dot(points[1], points[1])))
 
 
@@ -303,7 +302,7 @@ def line_frame(p, q, n):
         arm, c = 0.0, _perpendicular(d)
     else:
         c = combined(1.0 / arm, c, 0.0, c)
-        c = combined(1.0, c, -dot(c, d), d)  # again: nearly all may have been subtracted
+        c = combined(1.0, c, -dot(c, d), d)  # again, as nearly all may have cancelled
         c = combined(1.0 / math.sqrt(dot(c, c)), c, 0.0, c)
     return d, c, cross(d, c), arm, length
 
@@ -315,7 +314,7 @@ def _in_frame(frame, v):
 
 @part
 def side_of(frame, points, normals, cones, spherical, f):
-    """The side where contact f is the front.
+    """The `Side` on which contact f is the front.
 
     Args:
         frame: As returned by `line_frame`, from contact f.
@@ -353,7 +352,7 @@ def side_of(frame, points, normals, cones, spherical, f):
 
 @merged
 def aligned_side(side, front_rim, back_rim, spherical):
-    """A side with the same line through the centre of mass, and cones about the line.
+    """A side with the centre of mass on the line and both cones about the line.
 
     Args:
         side: `Side`.
@@ -379,13 +378,13 @@ def aligned_side(side, front_rim, back_rim, spherical):
 
 @merged
 def ray_at(side, cosine, sine, reduction):
-    """(whether it arrives, v, e) of the back's ray at psi: g_b = e + t v, across the line.
+    """(whether it arrives, v, e) of the back's ray at psi, g_b = e + t v across the line.
 
     Args:
         side: `Side`.
-        cosine: Of psi, the angle of the ray about the back's normal, from `first`.
-        sine: Of psi.
-        reduction: cos(delta): of the ray in which the tangent planes delta to both sides meet.
+        cosine: Cosine of psi, the angle of the ray about the back's normal, from `first`.
+        sine: Sine of psi.
+        reduction: cos(delta), for the ray where the tangent planes at psi +/- delta meet.
     """
     x, y = side.back_cosine * cosine, side.back_cosine * sine
     z = -side.back_sine * reduction
@@ -400,10 +399,10 @@ def ray_at(side, cosine, sine, reduction):
 
 @merged
 def square_of_direction(side, v1, v2, e1, e2):
-    """|u|^2 = g.P g + 2 q.g + r of the front's g, where the back's is e + t v across the line.
+    """|u|^2 = g.P g + 2 q.g + r as a function of the front's g; the back's is e + t v.
 
     Returns:
-        (P, q, r), q of three numbers.
+        (P, q, r), where q has three numbers.
     """
     arm, inverse, front = side.arm, side.inverse, side.front
     rest = 1.0 - front
@@ -425,14 +424,14 @@ def square_of_direction(side, v1, v2, e1, e2):
 
 @merged
 def write_direction(side, frame, g, v, e, out):
-    """Write the unit direction u in which the front sees g, and the back e + t v across the line.
+    """Write the unit direction u in which the front sees g and the back e + t v across the line.
 
     Args:
         side: `Side`.
         frame: As returned by `line_frame`.
-        g: (3,) in the frame; v, e: (2,).
-        v: Across the line.
-        e: Across the line.
+        g: What the front sees, in the frame (3,).
+        v: Across the line (2,).
+        e: Across the line (2,).
         out: Written (6,).
     """
     d, c, across, arm, _ = frame
@@ -451,26 +450,26 @@ def write_direction(side, frame, g, v, e, out):
 
 
 FIRST_INTERVALS = 6
-"""Intervals of psi at the start."""
+"""Number of intervals of psi at the start."""
 
 MOST_PARTS = 8
-"""Most parts in which an interval is divided at once."""
+"""Most parts into which an interval is divided at once."""
 
 MAX_INTERVALS = 30_000
-"""Intervals after which a pair is left to the growing hull."""
+"""Number of intervals after which a pair is left to the growing hull."""
 
 CLEAR_ANGLE = 1e-6
-"""Angle between the line of the contacts and the rim of a friction cone [rad] from which force
-closure is sure in spite of rounding."""
+"""Angle between the line of the contacts and the rim of a friction cone [rad] above which force
+closure is certain despite rounding."""
 
 ROUNDING = 1e-14
-"""Relative error of the bounds by rounding."""
+"""Relative error of the bounds due to rounding."""
 
 RANK = 5
-"""Dimension of the wrenches of two hard fingers: none is a torque about their line."""
+"""Dimension of the wrenches of two hard fingers, which lack the torque about their line."""
 
 SMALLEST_FRICTION = 1e-6
-"""Least tangential component of a force on the rim of a cone; below, the rank may be less."""
+"""Least tangential component of a force on a cone's rim; below it the rank may be lower."""
 
 
 class PairScratch(NamedTuple):
@@ -479,10 +478,10 @@ class PairScratch(NamedTuple):
     intervals: Floats2
     """Stack of intervals: middle, half width, bound and value (k, 4)."""
     best: Floats1
-    """The best direction: value, front, g (3), v (2), e (2); and the multiplier
-    of `largest_on_cap` last found; (10,)."""
+    """The best direction: value, front, g (3), v (2), e (2); and the last multiplier found by
+    `largest_on_cap` (10,)."""
     starts: Ints1
-    """Where the intervals of each side start in the stack (2,)."""
+    """First row of each side's intervals in the stack (2,)."""
 
 
 def make_pair_scratch() -> PairScratch:
@@ -492,7 +491,7 @@ def make_pair_scratch() -> PairScratch:
 
 @merged
 def _keep(best, value, front, g, v1, v2, e1, e2):
-    """Remember a direction that is better than all before."""
+    """Keep a direction if it is better than all before."""
     if value > best[0]:
         best[0], best[1] = value, front
         best[2], best[3], best[4] = g
@@ -501,10 +500,10 @@ def _keep(best, value, front, g, v1, v2, e1, e2):
 
 @part
 def _examined(side, front, per_finger, cosine, sine, reduction, factor, best):
-    """(bound, value) of |u|^2 for an interval of psi, and in its middle.
+    """(bound, value) of |u|^2: the bound over an interval of psi, the value at its middle.
 
-    inf as bound where rays of the outer cone never arrive. The value is 0 where it is not needed,
-    since the bound decides the interval; otherwise `best` is updated.
+    The bound is inf if rays of the outer cone never arrive. Where the bound alone decides the
+    interval, the value is 0; otherwise `best` is updated.
     """
     bound, g = 0.0, side.normal
     for outer in (True, False):
@@ -535,7 +534,7 @@ def _examined(side, front, per_finger, cosine, sine, reduction, factor, best):
 
 @merged
 def _divided(side, front, per_finger, middle, half, parts, factor, scratch, size, largest):
-    """Examine the parts of an interval, and stack those that are not decided.
+    """Examine the parts of an interval, and stack the undecided ones.
 
     Returns:
         (size of the stack, largest bound of decided intervals).
@@ -564,7 +563,7 @@ def _divided(side, front, per_finger, middle, half, parts, factor, scratch, size
 
 @merged
 def _parts(bound, value, goal):
-    """In how many parts an interval is divided, as bounds approach values by the square."""
+    """Number of parts of an interval, as bounds approach values with the square of the width."""
     if bound == math.inf or value >= goal:
         return np.int64(2)
     parts = math.ceil(math.sqrt((bound - value) / (goal - value)))
@@ -573,7 +572,7 @@ def _parts(bound, value, goal):
 
 @part
 def _searched(side, front, per_finger, factor, first, size, largest, scratch):
-    """Divide the stacked intervals of a side; (whether all are decided, largest bound)."""
+    """Divide the stacked intervals of a side; return (whether all are decided, largest bound)."""
     intervals, best = scratch.intervals, scratch.best
     count = 0
     while size > first:
@@ -595,17 +594,17 @@ def _searched(side, front, per_finger, factor, first, size, largest, scratch):
 
 @part
 def _nearly_symmetric(sides, angles, spherical, per_finger, factor, scratch):
-    """(largest bound of |u|^2, whether that is near enough) where a pair is nearly symmetric.
+    """(largest bound of |u|^2, whether it is close enough) for a nearly symmetric pair.
 
-    A cone holds that about the line whose half-angle is less by the normal's angle to it, and a
-    centre of mass a from the line changes epsilon by at most the factor (a + sqrt(a^2 + 4)) / 2
-    (see `quality.uncertain_epsilon`). About the line all psi are alike.
+    A cone contains a cone about the line whose half-angle is smaller by the angle of the normal to
+    the line. A centre of mass at a distance a from the line changes epsilon by a factor of at most
+    (a + sqrt(a^2 + 4)) / 2 (see `quality.uncertain_epsilon`). About the line all psi are alike.
     """
     best, largest = scratch.best, 0.0
     for f in range(2):
         front, back = angles[f], angles[1 - f]
         aligned = aligned_side(sides[f], front[1] - front[0], back[1] - back[0], spherical)
-        best[0] = 0.0  # only the bound is of use
+        best[0] = 0.0  # only the bound is needed
         bound, _ = _examined(aligned, 0.0, per_finger, 1.0, 0.0, 1.0, 1.0, best)
         largest = max(largest, bound)
     best[0] = 0.0
@@ -624,7 +623,7 @@ def _angles_of(d, normal, cone):
 
 @merged
 def _is_regular(form, angles):
-    """Whether the families of directions of this module are all there are."""
+    """Whether this module's families of directions are the only ones."""
     kind, spherical, _, _ = form
     one, two = angles[0][0] + angles[0][1], angles[1][0] + angles[1][1]
     if kind == PER_FINGER:
@@ -634,11 +633,11 @@ def _is_regular(form, angles):
 
 @part
 def _separated(frames, points, normals, cones, spherical, direction):
-    """Write a direction (6,) in which no wrench has a positive component; whether there is one.
+    """Find a direction (6,) in which no wrench has a positive component; return whether one exists.
 
-    Where neither sense of the line lies in one of the cones, what that contact sees may be across
-    the line, on the side away from its normal, and the other sees nothing. Where the cones of both
-    hold the same sense, each sees its reversed normal.
+    If neither sense of the line lies in one of the cones, that contact can see a direction across
+    the line, away from its normal, while the other sees nothing. If the cones of both hold the same
+    sense, each contact sees its reversed normal.
     """
     zero = (0.0, 0.0)
     for f in range(2):
@@ -662,7 +661,7 @@ def _separated(frames, points, normals, cones, spherical, direction):
 
 @merged
 def _largest_square(sides, angles, spherical, per_finger, factor, scratch):
-    """(whether it was found, bound of the largest |u|^2); `scratch.best` holds the best u."""
+    """(whether found, bound of the largest |u|^2); writes the best u to `scratch.best`."""
     asymmetry = sides[0].arm + max(
         angles[0][0] / math.tan(angles[0][1]), angles[1][0] / math.tan(angles[1][1])
     )
@@ -689,7 +688,7 @@ def _largest_square(sides, angles, spherical, per_finger, factor, scratch):
 
 @part
 def _epsilon(form, frames, points, normals, cones, angles, rtol, scratch, direction):
-    """(whether it was found, lower, upper) of one force-closed pair; writes its direction (6,)."""
+    """(whether found, lower, upper) of one force-closed pair; writes its direction (6,)."""
     kind, spherical, _, _ = form
     per_finger, best = kind == PER_FINGER, scratch.best
     best[9] = 0.0
@@ -755,7 +754,7 @@ def pair_epsilons(form, wrenches, tangential, cones, rtol, scratch, results, lef
             decided = inside < -CLEAR_ANGLE and _separated(
                 frames, points, normals, cones[g], form[1], results.direction[g]
             )
-        # The tolerances of hulls decide where force closure is as small as rounding errors.
+        # Where force closure is within rounding errors, the tolerances of hulls decide.
         if not decided or (closed and lower <= CLOSED * _largest_wrench(points)):
             continue
         left[g] = False

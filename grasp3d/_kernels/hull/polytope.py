@@ -1,17 +1,17 @@
 """The polytope that the growing hull works on, and the horizon of a new vertex.
 
 It is convex, with simplicial facets. A facet in d dimensions has d vertices (its corners) and d
-neighbours; it shares a ridge, the face of d - 1 vertices without one corner, with each neighbour.
+neighbours. It shares a ridge with each neighbour: the face of d - 1 vertices that lacks one corner.
 
-A new vertex sees the facets whose planes it lies above. The ridges between them and the facets that
-stay are the horizon; each of them with the new vertex makes a new facet.
+A new vertex sees the facets whose planes it lies above. The ridges between these and the facets
+that stay are the horizon; each of them forms a new facet with the new vertex.
 
-Two new facets are neighbours where their horizon ridges share a face of d - 2 vertices. They are
-found for 64 ridges at once: the bits of a word for each vertex are set for the ridges that contain
-it, and the words of the vertices of a face have one bit in common beside that of the ridge itself.
-Where rounding makes a horizon that touches itself there are several: then the walk about the face,
-through the facets that the vertex sees, decides. Only such a horizon can make two facets with the
-same vertices and several common ridges; from then on the corner opposite identifies a ridge.
+Two new facets are neighbours if their horizon ridges share a face of d - 2 vertices. These pairs
+are found for 64 ridges at once: a word for each vertex has bits set for the ridges that contain it,
+and the words of a face's vertices have one bit in common besides that of the ridge itself. Where
+rounding makes a horizon that touches itself, they have several; then a walk about the face, through
+the facets that the vertex sees, decides. Only such a horizon can make two facets with the same
+vertices and several common ridges; from then on the corner opposite identifies a ridge.
 """
 
 import math
@@ -35,20 +35,20 @@ from grasp3d._kernels.compiling import (
 from grasp3d._kernels.hull.support_functions import task_reach
 
 TOLERANCE = 1e-12
-"""Height above a facet below which a point counts as on it, relative to the largest wrench."""
+"""Height above a facet, relative to the largest wrench, below which a point counts as on it."""
 
 UNKNOWN = np.uint32((1 << 32) - 1)
-"""Neighbour of a new facet that was not linked yet."""
+"""Entry for a new facet's neighbour that is not linked yet."""
 
 SCRATCH_ROWS = 26
-"""Rows of `Polytope.vectors`."""
+"""Number of rows of `Polytope.vectors`."""
 
 
 NEW_FACET = np.uint32(1 << 31)
-"""Flag in the neighbour entry of a removed facet: behind that ridge now lies this new facet."""
+"""Flag in the neighbour entry of a removed facet: this new facet now lies across that ridge."""
 
 WORD = 64
-"""Ridges whose vertices are compared at once."""
+"""Number of ridges whose vertices are compared at once."""
 
 NONE, ONE, ALL = np.uint64(0), np.uint64(1), np.uint64((1 << 64) - 1)
 THREE = np.uint32(3)
@@ -56,17 +56,17 @@ SEVEN = np.uint32(7)
 
 
 class Polytope(NamedTuple):
-    """Arrays for a polytope of at most p vertices and f facets; reused from grasp to grasp.
+    """Arrays for a polytope of at most p vertices and f facets, reused for all grasps.
 
     Ridges are encoded as 8 * facet + corner, where `corner` is the position, 0 to 5, of the one
     corner that is not on the ridge. Rows of `planes` that are multiples of 4096 bytes apart would
-    share the few lines of a cache: capacities are 8 more than a multiple of 512 facets.
+    share a few cache lines, so capacities are 8 more than a multiple of 512 facets.
     """
 
     points: Floats2
     """Vertices (p, 6)."""
     vertex_forces: Floats2
-    """Contact force of each vertex's wrench, in its contact's axes, then zeros (p, 6)."""
+    """Contact force of each vertex's wrench, in its contact's axes, padded with zeros (p, 6)."""
     owners: Ints1
     """Contact or row of each vertex (p,)."""
     identifiers: Ints1
@@ -74,9 +74,8 @@ class Polytope(NamedTuple):
     planes: Floats2
     """Outward normal (6), distance from the origin and tolerance of each facet's plane, normalised
     in the metric of the wrenches; for a task also the distance relative to the task's reach, inf
-    where it does not reach that way (9, f); distances nan: the facet was removed. Facets are
-    columns, so that the heights of one point above many facets are computed in contiguous,
-    vectorised loops."""
+    if it does not reach that way (9, f). Distances of removed facets are nan. Facets are columns,
+    so the heights of one point above many facets are computed in contiguous, vectorised loops."""
     corners: UInt32s2
     """Vertices of each facet (f, 8)."""
     neighbours: UInt32s2
@@ -90,19 +89,19 @@ class Polytope(NamedTuple):
     free: UInt32s1
     """Columns of removed facets that can be reused (f,)."""
     horizon: UInt32s1
-    """Ridges between a visible and an invisible facet, in the visible one's encoding (8 f,)."""
+    """Ridges between a visible and an invisible facet, encoded from the visible one (8 f,)."""
     added: UInt32s1
     """The facets added last, in the order of the horizon (f,)."""
     combined: Floats2
-    """Normal, height and weight of the planes of the facets being added (f, 8)."""
+    """Normal, height and weight of the planes of facets that are being added (f, 8)."""
     squares: Floats1
     """Squared lengths of their normals in the metric (f,)."""
     factors: Floats1
-    """One over their lengths (f,)."""
+    """Reciprocals of their lengths (f,)."""
     words: UInt64s1
-    """Which of 64 ridges contain each vertex (p,)."""
+    """Bits that mark which of 64 ridges contain each vertex (p,)."""
     following: UInt64s1
-    """Scratch: the ridges that contain all corners of a facet from each on (8,)."""
+    """Scratch, the ridges that contain all corners of a facet from each corner on (8,)."""
     queue: UInt32s1
     """Facets that may be the nearest to the origin, unordered (2 f,)."""
     vectors: Floats2
@@ -156,7 +155,7 @@ def square_in(metric, n0, n1, n2, n3, n4, n5):
 
 @merged
 def set_plane(planes, f, n0, n1, n2, n3, n4, n5, height, factor, task):
-    """Write a plane, all its numbers times a factor which gives the normal length 1."""
+    """Write a plane, multiplied by a factor that gives its normal length 1."""
     n0, n1, n2 = n0 * factor, n1 * factor, n2 * factor
     n3, n4, n5 = n3 * factor, n4 * factor, n5 * factor
     planes[0, f], planes[1, f], planes[2, f] = n0, n1, n2
@@ -167,27 +166,27 @@ def set_plane(planes, f, n0, n1, n2, n3, n4, n5, height, factor, task):
         reach = task_reach(task, (n0, n1, n2, n3, n4, n5))
         if reach > 0.0:
             planes[8, f] = planes[6, f] / reach
-        else:  # beyond it is nothing of the task; but the polytope must contain the origin
+        else:  # the task has nothing beyond it, but the polytope must contain the origin
             planes[8, f] = math.inf if planes[6, f] >= -planes[7, f] else -math.inf
 
 
 @merged
 def set_normalised_plane(planes, f, n, height, metric, task):
-    """Write a plane, its normal scaled to length 1 in the metric."""
+    """Write a plane whose normal is scaled to length 1 in the metric."""
     factor = 1.0 / math.sqrt(square_in(metric, n[0], n[1], n[2], n[3], n[4], n[5]))
     set_plane(planes, f, n[0], n[1], n[2], n[3], n[4], n[5], height, factor, task)
 
 
 @merged
 def distance_of(planes, f, task):
-    """Distance of a facet from the origin, for a task relative to the task's reach beyond it."""
+    """Distance of a facet from the origin; for a task, relative to the task's reach beyond it."""
     if task is None:
         return planes[6, f]
     return planes[8, f]
 
 
 def lowest_bit(word: Any) -> int:
-    """Position of the lowest bit of a word, not 0, that is set."""
+    """Position of the lowest set bit of a non-zero word."""
     return (int(word) & -int(word)).bit_length() - 1
 
 
@@ -215,7 +214,7 @@ def find_visible(polytope, dim, used, point):
     count = ridges = NONE
     for f in range(used):
         heights[f] = height_above(planes, f, point)
-    # Without branches, so that the loops vectorise: rejected entries are overwritten.
+    # Without branches the loops vectorise: rejected entries are overwritten.
     for f in range(used):
         visible[count] = f
         marks[f] = heights[f] > planes[7, f]
@@ -232,8 +231,8 @@ def find_visible(polytope, dim, used, point):
 def flood_visible(polytope, dim, first, stamp, point):
     """Find the facets visible from a point, and their horizon, by flooding from a visible facet.
 
-    The visible facets of a convex polytope are connected. Marks below `stamp` are those of earlier
-    floods, `stamp` itself means tested and not visible, `stamp` + 1 visible.
+    The visible facets of a convex polytope are connected. Marks below `stamp` belong to earlier
+    floods; `stamp` means tested and not visible, `stamp` + 1 visible.
     """
     planes, neighbours, marks = polytope.planes, polytope.neighbours, polytope.marks
     heights, visible, horizon = polytope.heights, polytope.visible, polytope.horizon
@@ -260,9 +259,9 @@ def flood_visible(polytope, dim, first, stamp, point):
 
 @merged
 def _position_of(polytope, dim, facet, other, corner):
-    """Position in a facet of the ridge to another one, which is opposite a corner there.
+    """Position in a facet of its ridge to another facet; `corner` lies opposite the ridge.
 
-    Where facets have the same vertices and several ridges in common, each is opposite one corner.
+    Facets with the same vertices and several ridges in common are told apart by the corner.
     """
     corners, neighbours = polytope.corners, polytope.neighbours
     position = -1
@@ -274,12 +273,12 @@ def _position_of(polytope, dim, facet, other, corner):
 
 @merged
 def join(polytope, dim, ridge, new, vertex, pinched):
-    """Join a ridge of the horizon and the new vertex, its last corner, to a facet.
+    """Join a horizon ridge and the new vertex, its last corner, to form a facet.
 
-    `pinched`: whether facets may have several ridges in common.
+    `pinched` says whether facets may have several ridges in common.
 
     Returns:
-        The facets on both sides of the ridge: (visible, behind it).
+        The facets on both sides of the ridge: (visible, invisible).
     """
     corners, neighbours = polytope.corners, polytope.neighbours
     v, k = ridge >> THREE, ridge & SEVEN
@@ -304,7 +303,7 @@ def join(polytope, dim, ridge, new, vertex, pinched):
 def turn_about_faces(polytope, dim, ridges):
     """Find the neighbours of the facets added last, by turning about the faces that they share.
 
-    Around a face lie only removed facets from the one new facet to the other.
+    Around such a face only removed facets lie between one new facet and the other.
     """
     corners, neighbours, horizon = polytope.corners, polytope.neighbours, polytope.horizon
     for r in range(ridges):
@@ -320,21 +319,21 @@ def turn_about_faces(polytope, dim, ridges):
                 link = neighbours[facet, leaving]
                 if link & NEW_FACET:
                     break
-                # In the next facet leave through the ridge opposite the corner not yet passed.
+                # Leave the next facet through the ridge opposite the corner not yet passed.
                 corner = corners[facet, staying]
                 position = _position_of(polytope, dim, link, facet, corners[facet, leaving])
                 facet, staying = link, np.uint32(position)
                 for c in range(dim):
                     if corners[facet, c] == corner:
                         leaving = np.uint32(c)
-            # The last corner of v is now where the one was that the ridge lacks.
+            # The last corner of v now takes the position of the corner that the ridge lacks.
             slot = np.int64(k) if b == dim - 1 else b
             neighbours[new, slot] = link & ~NEW_FACET
 
 
 @merged
 def _mark_ridges(polytope, dim, first, last, vertices):
-    """Set the bits of some new facets in the words of their vertices."""
+    """Set the bits of a range of new facets in the words of their vertices."""
     corners, added, words = polytope.corners, polytope.added, polytope.words
     for i in range(vertices):
         words[i] = NONE
@@ -348,7 +347,7 @@ def _mark_ridges(polytope, dim, first, last, vertices):
 
 @merged
 def _link_marked(polytope, dim, new, own, first):
-    """Link a new facet to its neighbours among those marked; returns the bits of ambiguous ones."""
+    """Link a new facet to its neighbours among those marked; return the bits of ambiguous ones."""
     corners, neighbours, words = polytope.corners, polytope.neighbours, polytope.words
     added, after = polytope.added, polytope.following
     several = NONE
@@ -369,13 +368,13 @@ def _link_marked(polytope, dim, new, own, first):
 
 @merged
 def link_new_facets(polytope, dim, ridges, vertices):
-    """Find the neighbours of the facets added last; see the module.
+    """Find the neighbours of the facets added last; see the module's description.
 
     Args:
         polytope: `Polytope`.
-        dim: Its dimension.
-        ridges: Number of the ridges of the horizon, and of new facets.
-        vertices: Number of vertices, with that of the new facets.
+        dim: Dimension of the polytope.
+        ridges: Number of ridges of the horizon, and of new facets.
+        vertices: Number of vertices, including that of the new facets.
 
     Returns:
         Whether the horizon touches itself.

@@ -9,9 +9,9 @@ circular cone, or of a soft finger's elliptic limit surface (Howe & Cutkosky 199
 
 Support functions of tasks: how far the wrenches that a grasp must resist reach.
 
-A task is a sum of convex sets, its terms, each a row of numbers: kind, first and last row of its
-points, size, direction (3), cosine and sine of an angle. Forces are in one unit; torques are about
-the centre of mass, in that unit times the contacts' unit of length.
+A task is a sum of convex sets, its terms. Each term is a row of numbers: kind, first and last row
+of its points, size, direction (3), cosine and sine of an angle. Forces share one unit; torques are
+about the centre of mass, in that unit times the contacts' unit of length.
 """
 
 import math
@@ -27,10 +27,10 @@ TINY = 1e-300
 """Smallest divisor."""
 
 NO_TWIST = 1e-12
-"""Relative size of a torsional component that is a rounding error."""
+"""Relative size of a torsional component up to which it is a rounding error."""
 
 NEWTON_STEPS, ROUNDING = 40, 4e-16
-"""Most steps of Newton's method, and the error at which it ends."""
+"""Most steps of Newton's method, and the error at which they end."""
 
 ROWS, TOTAL, PER_FINGER = 0, 1, 2
 """Kinds of grasp wrench spaces: given wrenches, the hull of all contacts' wrenches (total force
@@ -38,7 +38,7 @@ bounded), or the Minkowski sum over the contacts (force per finger bounded)."""
 
 
 SIX = (0, 0, 0, 0, 0, 0)
-"""A tuple as long as the most common rank, for which loops are compiled with fixed lengths."""
+"""A tuple as long as the most common rank; loops over it are compiled with a fixed length."""
 
 
 class WrenchSpace(NamedTuple):
@@ -47,7 +47,7 @@ class WrenchSpace(NamedTuple):
     kind: int
     """ROWS, TOTAL or PER_FINGER."""
     spherical: bool
-    """Whether the length of a contact force is bounded by 1, instead of its normal component."""
+    """Whether the length of a contact force is bounded by 1, rather than its normal component."""
     soft: bool
     """Whether any finger resists a torsional moment."""
     axes: npt.NDArray[np.float64]
@@ -55,14 +55,14 @@ class WrenchSpace(NamedTuple):
     cones: npt.NDArray[np.float64]
     """Normal and tangential part of a force on the rim of each contact's cone (n, 2)."""
     group: int = 1
-    """PER_FINGER: number of contacts, one after the other, that are points of one finger and share
-    the bound of its force. ROWS: 1, the space is the hull of all; else it is the Minkowski sum of
-    the hulls of so many wrenches, one after the other, each with 0."""
+    """PER_FINGER: number of consecutive contacts that are points of one finger and share the bound
+    of its force. ROWS: 1 for the hull of all wrenches; otherwise the space is the Minkowski sum of
+    hulls, each of that many consecutive wrenches and 0."""
 
 
 @merged
 def _farthest_row(rows, start, stop, u):
-    """Support of some of given wrenches, and the index of the farthest one."""
+    """Support of a range of the given wrenches, and the index of the farthest one."""
     best, row = -math.inf, start
     for j in range(start, stop):
         height = (rows[0, j] * u[0] + rows[1, j] * u[1]) + (rows[2, j] * u[2] + rows[3, j] * u[3])
@@ -74,7 +74,7 @@ def _farthest_row(rows, start, stop, u):
 
 @merged
 def _farthest_sum(rows, group, u, point):
-    """Support of the sum of hulls of groups of wrenches, which is written to `point`."""
+    """Support of the sum of hulls of groups of wrenches; writes the wrench to `point`."""
     total = 0.0
     clear6(point)
     for start in range(0, rows.shape[1], group):
@@ -88,12 +88,12 @@ def _farthest_sum(rows, group, u, point):
 
 @merged
 def _cosine_and_sine_of_torsion(friction, z0, tangent, twist):
-    """Cosine and sine of where the elliptic limit surface meets the unit ball farthest.
+    """Cosine and sine of the point where the elliptic limit surface meets the unit ball farthest.
 
-    On it a force has the tangential part mu s and the torsion c per normal force, c^2 + s^2 = 1.
-    The farthest one satisfies mu g / s - (1 + mu^2) |w| / c = mu^2 z0: the point of an ellipse
-    nearest to another point. With m the second term, s = mu g / (m + mu^2 z0), and c^2 + s^2 falls
-    with m and is convex, so that Newton's method reaches 1 from below.
+    On the surface a force has the tangential part mu s and the torsion c per normal force, with
+    c^2 + s^2 = 1. The farthest one satisfies mu g / s - (1 + mu^2) |w| / c = mu^2 z0, as does the
+    point of an ellipse nearest to another point. With m the second term, s = mu g / (m + mu^2 z0),
+    and c^2 + s^2 is convex and falls with m: Newton's method reaches 1 from below.
     """
     pull, brake, bend = friction * tangent, (1.0 + friction * friction) * twist, friction**2 * z0
     size = abs(pull) + abs(brake) + abs(bend)
@@ -114,7 +114,7 @@ def _cosine_and_sine_of_torsion(friction, z0, tangent, twist):
 
 @part
 def _farthest_elliptic(spherical, friction, z0, z1, z2, z3):
-    """(support, force) of a contact with the elliptic limit surface; as `_farthest_force`."""
+    """(support, force) of a contact with the elliptic limit surface; see `_farthest_force`."""
     tangent, twist = math.sqrt(z1 * z1 + z2 * z2), abs(z3)
     if spherical:
         c, s = _cosine_and_sine_of_torsion(friction, z0, tangent, twist)
@@ -130,7 +130,7 @@ def _farthest_elliptic(spherical, friction, z0, z1, z2, z3):
 
 @merged
 def _farthest_force(space, i, u):
-    """(support, force) of one contact: not clipped at 0; force along its axes."""
+    """(support, not clipped at 0, and force along its axes) of one contact."""
     axes = space.axes[i]
     z0, z1, z2 = dot6(axes[0], u), dot6(axes[1], u), dot6(axes[2], u)
     normal, tangential = space.cones[i, 0], space.cones[i, 1]
@@ -151,9 +151,9 @@ def _farthest_force(space, i, u):
 
 @merged
 def _farthest_of_finger(space, start, u, force):
-    """(support, contact) of the points of one finger, and that contact's force along its axes.
+    """(support, contact) of the points of one finger; writes that contact's force along its axes.
 
-    The contact is -1 where none pushes that way: a finger may also apply no force.
+    The contact is -1 if none pushes that way: a finger may also apply no force.
     """
     best, owner = 0.0, -1
     for i in range(start, start + space.group):
@@ -166,7 +166,7 @@ def _farthest_of_finger(space, start, u, force):
 
 @merged
 def farthest(space, u, point, force):
-    """Farthest wrench of a grasp wrench space in a direction.
+    """Find the farthest wrench of a grasp wrench space in a direction.
 
     With g = u_f + (u_tau x p) / rho at a contact and phi the angle between g and its normal, the
     circular cone reaches |g| cos(max(0, phi - beta)).
@@ -175,13 +175,13 @@ def farthest(space, u, point, force):
         space: `WrenchSpace`.
         u: Direction (6,).
         point: Written, the wrench (6,).
-        force: Written, the contact force of that wrench, in its contact's axes (4,); of PER_FINGER
-            that of some contact.
+        force: Written, the contact force of that wrench in its contact's axes (4,); for PER_FINGER,
+            that of one of the contacts.
 
     Returns:
-        (height, identifier, owner): the support, negative where all wrenches of ROWS or TOTAL have
-        negative components; a number that identifies the vertex (-1: none, as on circular cones);
-        the index of its row or contact.
+        (height, identifier, owner): the support, negative if all wrenches of ROWS or TOTAL have
+        negative components; a number that identifies the vertex (-1 if none, as on circular
+        cones); the index of its row or contact.
     """
     axes = space.axes
     if space.kind == ROWS:
@@ -222,7 +222,7 @@ def farthest(space, u, point, force):
 
 @scratch_kernel()
 def support(space, u, point, force):
-    """`farthest` as a function of its own."""
+    """`farthest` as a separate function."""
     return farthest(space, u, point, force)
 
 
@@ -245,21 +245,21 @@ def contact_forces(space, u, weight, force, forces):
 
 
 ANY_DIRECTION, WITHIN, POINTS = 0, 1, 2
-"""Kinds of terms: a force in any direction, or within an angle of a direction, at the centre of
-mass; the convex hull of given wrenches."""
+"""Kinds of terms: a force at the centre of mass in any direction, or within an angle of a
+direction; the convex hull of given wrenches."""
 
 TERM, SIZE = 9, 3
-"""Numbers of a term, and which is the size of a force."""
+"""Length of a term, and position of the size of its force."""
 
 NEGLIGIBLE = 1e-12
-"""Reach relative to the task's extent along the coordinates below which it is a rounding error."""
+"""Reach, relative to the task's extent along the coordinates, that is a rounding error."""
 
 
 class TaskInSpan(NamedTuple):
     """A task in the balanced coordinates of a grasp's span."""
 
     frame: npt.NDArray[np.float64]
-    """Direction, for forces and torques in the contacts' units, of each coordinate (6, 6)."""
+    """Direction of each coordinate, for forces and torques in the contacts' units (6, 6)."""
     rank: int
     """Number of coordinates."""
     extents: npt.NDArray[np.float64]
@@ -267,12 +267,12 @@ class TaskInSpan(NamedTuple):
     terms: npt.NDArray[np.float64]
     """Terms (t, TERM)."""
     points: npt.NDArray[np.float64]
-    """Wrenches of the terms that have some (p, 6)."""
+    """Wrenches of the POINTS terms (p, 6)."""
 
 
 @merged
 def _force_within(term, fx, fy, fz):
-    """Sup of f . u_f over forces of one size within an angle of a direction."""
+    """Supremum of f . u_f over forces of one size within an angle of a direction."""
     gx, gy, gz, cosine, sine = term[4], term[5], term[6], term[7], term[8]
     length = math.sqrt((fx * fx + fy * fy) + fz * fz)
     along = (fx * gx + fy * gy) + fz * gz
@@ -311,13 +311,13 @@ def reach(terms, points, fx, fy, fz, tx, ty, tz):
 
 @part
 def task_reach(task, direction):
-    """How far a task's opposite reaches along a direction in balanced coordinates; not below 0.
+    """Reach of a task's opposite along a direction in balanced coordinates, at least 0.
 
     The contacts must apply the opposite of each wrench of the task.
 
     Args:
         task: `TaskInSpan`.
-        direction: At least as many numbers as its rank.
+        direction: At least as many numbers as the task's rank.
     """
     u0 = u1 = u2 = u3 = u4 = u5 = extent = 0.0
     for k in range(task.rank):

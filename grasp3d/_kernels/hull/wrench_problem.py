@@ -1,8 +1,8 @@
 """Batches of grasps: from the contacts' wrenches to epsilon, force closure and critical angles.
 
-A grasp is *closed* where its hull contains a ball about the origin that rounding errors cannot have
-moved there: of `CLOSED` times the largest wrench. It is *open* where the hull has found a direction
-in which no wrench reaches farther than rounding errors do. What lies between is undecided.
+A grasp is *closed* if its hull contains a ball about the origin, of `CLOSED` times the largest
+wrench, that rounding errors cannot have moved there. It is *open* if the hull finds a direction in
+which no wrench reaches farther than rounding errors do. Anything between is undecided.
 
 The critical friction angle is bracketed by the same tests: closed at one end, open at the other.
 """
@@ -36,27 +36,27 @@ CLOSED = 1e-8
 """Radius of the ball about the origin that proves force closure, relative to the largest wrench."""
 
 CLOSER = 1e-9
-"""Angle by which all friction cones of a closed grasp may be narrower: its forces change by less
-than `CLOSED` [rad]."""
+"""Angle [rad] by which all friction cones of a closed grasp may shrink: its forces change by less
+than `CLOSED`."""
 
 BALL_RTOL = 1e-3
-"""Gap between the bounds, relative to the upper one, where a hull must contain a larger ball."""
+"""Relative gap between the bounds where a hull must contain a larger ball."""
 
 SIGN = (0.0, 1e-12, CLOSED)
-"""Goal of a closure test: (rtol, atol, cutoff) as of `grow`, the latter two relative to the largest
-wrench."""
+"""Goal of a closure test: (rtol, atol, cutoff) as for `grow`, the latter two relative to the
+largest wrench."""
 
 OTHER_RANK = 5
-"""Status, in the kernels only: the grasp has a rank from 1 to 5, below the least one wanted."""
+"""Status used only in the kernels: the rank is 1 to 5 and below the least one wanted."""
 
 
 class Workspace(NamedTuple):
     """Scratch arrays for one grasp in the coordinates of its span; n contacts or rows."""
 
     rows: Floats2
-    """Wrenches with the span of the grasp (4 n, 6); or the n rows (n, 6)."""
+    """Wrenches that span those of the grasp (4 n, 6); or the n rows (n, 6)."""
     scratch: Floats2
-    """Scratch of that shape."""
+    """Scratch of the same shape."""
     basis: Floats2
     """Basis of the span (6, 6)."""
     axes: Floats3
@@ -66,7 +66,7 @@ class Workspace(NamedTuple):
     metric: Floats1
     """As in `grow` (6,)."""
     dims: Ints1
-    """Its first `rank` entries are passed as `dims` of `grow` (6,)."""
+    """Array whose first `rank` entries are passed as `dims` to `grow` (6,)."""
 
 
 class Results(NamedTuple):
@@ -78,32 +78,32 @@ class Results(NamedTuple):
     status: Bytes1
     closed: Bools1
     direction: Floats2
-    """Direction of `upper`, or a separating one: no wrench has a positive component (b, 6)."""
+    """Direction of `upper`, or one that separates: no wrench has a positive component (b, 6)."""
     forces: Floats3
-    """Equilibrium forces of a hull, no sum, in the contacts' axes (b, n, 4), nan where there is
-    none; (0, n, 4) where none are asked for."""
+    """Equilibrium forces of a hull (not of a sum) in the contacts' axes (b, n, 4), nan if there are
+    none; (0, n, 4) if not requested."""
 
 
 class Bracket(NamedTuple):
     """Intervals that contain the critical friction angles of grasps (b, ...), to be narrowed.
 
-    Empty arrays: none is, and each grasp is evaluated once, with the cones that it has.
+    With empty arrays each grasp is evaluated once, with its own cones.
     """
 
     low: Floats1
-    """Least angle that is tested; written, angle up to which the grasp is open, or less [rad]
+    """Least angle to test; written, an angle up to which the grasp is certainly open [rad]
     (b,)."""
     high: Floats1
-    """Angle from which it is closed [rad] (b,); written."""
+    """Angle from which the grasp is closed; written [rad] (b,)."""
     first: Floats1
-    """Angle that is tested first [rad] (b,)."""
+    """Angle to test first [rad] (b,)."""
     width: Floats1
-    """Width up to which the intervals are narrowed [rad] (b,)."""
+    """Width to which the intervals are narrowed [rad] (b,)."""
     wider: Floats2
-    """Half-angles of the cones less the friction angle [rad] (b, n)."""
+    """Half-angles of the cones minus the friction angle [rad] (b, n)."""
     radius: Floats1
-    """Radius of the ball that the hull of a closed grasp contains at least, in all six dimensions
-    where it is above 0 (b,)."""
+    """Radius of the ball that the hull of a closed grasp must contain; if positive, the hull must
+    also have all six dimensions (b,)."""
 
 
 def make_workspace(kind: int, count: int) -> Workspace:
@@ -127,7 +127,7 @@ def _load_contacts(axes, tangential, soft, workspace):
     for i in range(axes.shape[0]):
         for j in range(4):
             factor = 1.0
-            # Without friction, or without torsion, the axis does not belong to the span.
+            # Without friction, or without torsion, the axis is not part of the span.
             if 1 <= j <= 2:
                 factor = tangential[i]
             elif j == 3 and not soft:
@@ -138,7 +138,7 @@ def _load_contacts(axes, tangential, soft, workspace):
 
 @merged
 def load(form, wrenches, tangential, workspace):
-    """Write the wrenches of a grasp, as `epsilons` takes them, and their span; returns its rank."""
+    """Write a grasp's wrenches, given as for `epsilons`, and their span; return its rank."""
     kind, soft = form[0], form[2]
     if kind == ROWS:
         for i in range(wrenches.shape[0]):
@@ -150,7 +150,7 @@ def load(form, wrenches, tangential, workspace):
 
 @merged
 def _coordinate(basis, is_unit_basis, k, wrench):
-    """Coordinate of a wrench along a row of the basis, which may be the unit vectors."""
+    """Coordinate of a wrench along a row of the basis, which may consist of the unit vectors."""
     if is_unit_basis:
         return wrench[k]
     value = 0.0
@@ -165,10 +165,10 @@ def project(kind, fingers, source, workspace, rank):
 
     Args:
         kind: As in `WrenchSpace`.
-        fingers: Number of wrenches that are added up: 1 where the space is one hull.
-        source: As `wrenches` of `epsilons`.
+        fingers: Number of wrenches that are added up; 1 if the space is a single hull.
+        source: Wrenches, as for `epsilons`.
         workspace: `Workspace`; written.
-        rank: Their rank.
+        rank: Rank of the wrenches.
     """
     basis, extents, metric = workspace.basis, workspace.extents, workspace.metric
     count = source.shape[0]
@@ -192,13 +192,13 @@ def project(kind, fingers, source, workspace, rank):
                     workspace.axes[0, k, i] = value
                 else:
                     workspace.axes[i, j, k] = value
-    # From scale factors of wrenches to weights of the squared components of directions.
+    # Turn scale factors of wrenches into weights of the squared components of directions.
     for k in range(6):
         metric[k] *= metric[k]
 
 
 def _grow(space, dims, rank, metric, goal, polytope):
-    """Grow the hull in the dimension of the span: that of a tuple, or the given one of an array."""
+    """Grow the hull in the dimension of the span: that of a tuple, or the rank for an array."""
     dims = dims if isinstance(dims, tuple) else dims[:rank]
     return grow(space, dims, metric, None, AROUND_ORIGIN, goal, polytope)
 
@@ -220,7 +220,7 @@ def _grow_in(space, dims, rank, metric, goal, polytope):  # noqa: ARG001 - Numba
 
 @merged
 def write_direction(rank, workspace, vector, out):
-    """Write a direction of balanced coordinates as a unit vector in the wrench space."""
+    """Write a direction given in balanced coordinates as a unit vector in the wrench space."""
     # Directions are dual to wrenches: they are divided by the scale, not multiplied.
     square = 0.0
     for k in range(6):
@@ -262,7 +262,7 @@ def _reset_result(results, g):
 
 @merged
 def _narrowest(cones):
-    """(least normal, least tangential) component of a force on the rim of any cone."""
+    """(least normal, least tangential) component of forces on the rims of the cones."""
     normal = tangential = math.inf
     for i in range(cones.shape[0]):
         normal, tangential = min(normal, cones[i, 0]), min(tangential, cones[i, 1])
@@ -271,7 +271,7 @@ def _narrowest(cones):
 
 @merged
 def _set_cones(angle, wider, cones):
-    """Write cones of half-angles that are wider than a friction angle."""
+    """Write cones whose half-angles exceed a friction angle by `wider`."""
     for i in range(cones.shape[0]):
         half = max(angle + wider[i], 0.0)
         cones[i, 0], cones[i, 1] = math.cos(half), math.sin(half)
@@ -281,8 +281,8 @@ def _set_cones(angle, wider, cones):
 def _separated_up_to(axes, wider, rank, u):
     """Friction angle up to which a direction separates a grasp of hard contacts [rad].
 
-    Up to that angle the contacts' velocities are at least 90 degrees from the cones. A contact that
-    does not move, up to rounding errors, does not matter.
+    Up to that angle the contacts' velocities are at least 90 degrees from the cones. Contacts whose
+    velocities are rounding errors do not count.
     """
     least, still = math.inf, 0.0
     for k in range(rank):
@@ -309,22 +309,22 @@ def epsilons(
         form: (kind, spherical, soft, group) of `WrenchSpace`.
         wrenches: Axes of contacts (b, n, 4, 6), or rows (b, n, 1, 6).
         tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
-        cones: As in `WrenchSpace` (b, n, 2); with a negative tangential part, which tilts leave
-            that exceed friction, nothing is decided.
-        goal: As in `grow`, with atol and cutoff relative to the largest wrench. Without rtol both
-            bounds are the same where the hull has converged, up to rounding.
+        cones: As in `WrenchSpace` (b, n, 2). With a negative tangential part, from a tilt that
+            exceeds friction, nothing is decided.
+        goal: As in `grow`, with atol and cutoff relative to the largest wrench. If rtol is 0, both
+            bounds agree up to rounding once the hull has converged.
         first: Index of the first grasp to compute.
-        least_rank: 6, or 1: grasps of lower rank are left out.
-        dims: `SIX` where that is 6, so that the lengths of loops are known; else the workspace's
-            array, with which grasps of rank 6 take up to an eighth longer.
+        least_rank: 6, or 1. Grasps of lower rank are left out.
+        dims: `SIX` if the least rank is 6, so that loops have known lengths; otherwise the
+            workspace's array, with which grasps of rank 6 take up to an eighth longer.
         bracket: `Bracket`; where it is not empty the goal is SIGN, and the cones are written.
         workspace: `Workspace`.
         polytope: `Polytope`.
         results: `Results`.
 
     Returns:
-        The first grasp for which the polytope was too small, whose bounds hold, or that has the
-        status OTHER_RANK; b if none.
+        The first grasp for which the polytope was too small (its bounds are valid) or that has the
+        status OTHER_RANK; b if there is none.
     """
     kind, spherical, soft, group = form
     fingers = 1
@@ -351,7 +351,7 @@ def epsilons(
         gap = rtol
         if searching:
             angle, begin, high = bracket.first[g], bracket.low[g], bracket.high[g]
-            low = begin - bracket.width[g]  # so that the least angle is tested, if that decides
+            low = begin - bracket.width[g]  # so that the least angle is tested if that decides
             not_closed, not_open = low, high
             if bracket.radius[g] > 0.0:
                 least = max(least, bracket.radius[g]) if rank == 6 else math.inf
@@ -367,16 +367,16 @@ def epsilons(
             closed = not is_open and least < lower < math.inf
             if not searching or (status == EXHAUSTED and not closed):
                 break
-            # Whatever the direction, it separates the grasp up to some angle.
+            # Any direction separates the grasp up to some angle.
             proven = _separated_up_to(workspace.axes, bracket.wider[g], rank, polytope.vectors[16])
             if closed:
                 high = max(angle - CLOSER, 0.0)
                 not_open = min(not_open, high)
             elif is_open:
                 proven = max(proven, angle)
-                if not_open <= angle:  # what was undecided at a smaller angle is open, too
+                if not_open <= angle:  # what was undecided at a smaller angle is also open
                     not_open = high
-            else:  # from here on closure and its opposite are looked for on either side
+            else:  # from now on closure and separation are sought on either side
                 not_closed, not_open = max(not_closed, angle), min(not_open, angle)
             low = max(low, min(proven, not_open))
             not_closed = max(not_closed, low)
@@ -398,7 +398,7 @@ def epsilons(
             return g
         if searching:
             bracket.low[g], bracket.high[g] = low, high
-        # Cones of 90 degrees or more are not convex: sums of forces inside them may lie outside.
+        # Cones of 90 degrees or more are not convex: sums of forces inside may lie outside.
         elif closed and len(results.forces) and (kind == ROWS or normal > 0.0):
             equilibrium(space, workspace.dims[:rank], polytope, vertices, used, results.forces[g])
     return wrenches.shape[0]

@@ -1,23 +1,22 @@
 """The forces that a grasp can apply at the centre of mass without any torque.
 
-They are a slice, in three dimensions, of the grasp wrench space. A task of forces in all directions
-at the centre of mass, as weight is, needs only this slice: a polytope in it has few facets where
-one in six dimensions has thousands. Its boundary is found along rays, by `resist`, which also
-proves that the task needs at least so much.
+These forces form a three-dimensional slice of the grasp wrench space. A task of forces in all
+directions at the centre of mass, such as weight, needs only this slice: a polytope in it has few
+facets where one in six dimensions has thousands. `resist` finds the slice's boundary along rays and
+proves a lower bound on the force that the task needs.
 
 Equilibria: balanced contact forces computed from a polytope that contains the origin.
 
 The force that resists one wrench: where a ray leaves the grasp wrench space.
 
 With K the space of forces bounded by 1, the smallest bound t for which a wrench c lies in t K is
-1 / s, where the ray along c leaves K at s c. That is a linear program over all points of K, of
-which a basis of as many wrenches as the rank is kept: c is a non-negative combination of them with
-weights x, and t <= the sum of x. The plane through them has the normal u; the support h(u) proves
-t >= u . c / h(u), and its wrench replaces one of the basis (the simplex method, with columns made
-as they are needed). Asking for the support between u and the best direction so far needs a third
-fewer steps, as is known of cutting planes. The basis starts with short wrenches along the
-coordinates, which K may lack: where some of them stay, K does not reach c, or only with a large
-force.
+1 / s, where the ray along c leaves K at s c. That is a linear program over all points of K. A basis
+of as many wrenches as the rank is kept: c is a non-negative combination of them with weights x, and
+t <= the sum of x. The plane through them has the normal u. The support h(u) proves t >= u . c /
+h(u), and its wrench replaces one of the basis (the simplex method with column generation). Taking
+the support between u and the best direction so far saves a third of the steps, as is known from
+cutting planes. The basis starts with short wrenches along the coordinates, which K may lack: if
+some of them remain, K does not reach c, or only with a large force.
 """
 
 import math
@@ -42,15 +41,15 @@ from grasp3d._kernels.hull.support_functions import (
 from grasp3d._kernels.surface.vectors import add6, clear6, copy6, dot6
 
 PASSES = 3
-"""How often the residual is balanced: later times what ties and rounding left of it."""
+"""How often the residual is balanced; later passes remove what ties and rounding leave."""
 
 TIE = 1e-9
-"""Relative rounding error in deciding which facet a ray intersects, and of its weights."""
+"""Relative rounding error in the choice of the facet that a ray intersects, and of its weights."""
 
 
 @part
 def solve(matrix, x, dim):
-    """Solve matrix @ x = column 6 of `matrix` by elimination; 0 for singular pivots."""
+    """Solve matrix @ x = column 6 of `matrix` by elimination; x is 0 at singular pivots."""
     for c in range(dim):
         pivot = c
         for r in range(c + 1, dim):
@@ -80,7 +79,7 @@ def _normal_component(planes, f, x):
 
 @part
 def _balance_residual(dim, polytope, used, residual, matrix, x, forces):
-    """Add what balances a wrench, the residual, to forces: the vertices of one facet."""
+    """Add forces that balance a wrench, the residual: those of the vertices of one facet."""
     points, planes, corners = polytope.points, polytope.planes, polytope.corners
     # The polytope contains the origin, so the ray along the residual leaves it through a facet.
     distances, nearest = polytope.heights, math.inf
@@ -121,16 +120,16 @@ def _balance_residual(dim, polytope, used, residual, matrix, x, forces):
 def equilibrium(space, dims, polytope, vertices, used, forces):
     """Write balanced contact forces, all strictly inside their friction cones.
 
-    All vertices of the polytope and every contact's unit normal force, or every row, sum up to a
-    wrench. The facet that the ray along the opposite wrench intersects balances it, by a
-    non-negative combination of the facet's vertices.
+    The sum of all vertices of the polytope and of every contact's unit normal force, or of every
+    row, is a wrench. The ray along its opposite intersects a facet, and a non-negative combination
+    of that facet's vertices balances the wrench.
 
     Args:
         space: `WrenchSpace`, not PER_FINGER.
         dims: Sequence as long as the rank.
         polytope: The `Polytope` of a force-closed grasp, as `grow` left it.
-        vertices: Its number of vertices.
-        used: Its number of facets.
+        vertices: Number of vertices of the polytope.
+        used: Number of facets of the polytope.
         forces: Written, each contact's force in its axes, or each row's weight in the first column
             (n, 4).
     """
@@ -148,8 +147,8 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
         else:
             for k in range(dim):
                 residual[k] -= space.axes[0, k, i]
-    # With weight 1 for every vertex, each contact's force is a sum of several vectors of its cone,
-    # together with its normal: hence non-zero and strictly inside.
+    # With weight 1 for every vertex, each contact's force sums several vectors of its cone and its
+    # normal, so it is non-zero and strictly inside.
     for i in range(vertices):
         for k in range(4):
             forces[polytope.owners[i], k] += polytope.vertex_forces[i, k]
@@ -159,31 +158,31 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
 
 
 RESISTED, UNREACHED, UNFINISHED = 0, 1, 2
-"""How the search ended: a force was found; none was; or the steps did not suffice."""
+"""How the search ended: with a force; without one; or out of steps."""
 
 SHORT, SHORTEST = 1e-3, 1e-8
-"""Lengths of the wrenches of the first basis that are tried, in coordinates in which the space
-reaches about 1: the longer ones are replaced in fewer steps."""
+"""Longest and shortest wrenches tried for the first basis, in coordinates in which the space
+reaches about 1; longer ones are replaced in fewer steps."""
 
 STEPS = 500
-"""Most steps."""
+"""Most steps of the search."""
 
 TOWARD_BEST = 0.4
-"""Where the support is asked for: this part of the way from u to the best direction so far."""
+"""Fraction of the way from u to the best direction so far at which the support is evaluated."""
 
 TOLERANCE = 1e-12
 """Relative size of rounding errors."""
 
 LOOSE = 1e-3
-"""Part by which the forces may exceed the bound that the search found."""
+"""Relative amount by which the forces may exceed the bound that the search found."""
 
 LEFT = 1e-10
-"""Weight of a wrench of the first basis, relative to the largest, that is a rounding error."""
+"""Weight, relative to the largest, up to which a first basis wrench is a rounding error."""
 
 
 @merged
 def _start(dims, goal, length, inverse, directions, x):
-    """Write the first basis: its inverse (6, 6), no directions (6, 8), and the weights."""
+    """Write the first basis: its inverse (6, 6), zero directions (6, 8), and the weights."""
     dim = len(dims)
     for i in range(dim):
         for k in range(6):
@@ -195,7 +194,7 @@ def _start(dims, goal, length, inverse, directions, x):
 
 @merged
 def _leaving(dims, inverse, point, x, y):
-    """Which basis vector a wrench replaces: the one whose weight vanishes first; writes B^-1 p."""
+    """Choose the basis vector to replace: the one whose weight vanishes first; write B^-1 p."""
     dim = len(dims)
     leaving, least = -1, math.inf
     for i in range(dim):
@@ -207,7 +206,7 @@ def _leaving(dims, inverse, point, x, y):
 
 @merged
 def _replace(dims, inverse, x, y, leaving, least, u):
-    """Update the inverse of the basis, the weights, and the normal u, the sum of the inverse."""
+    """Update the inverse of the basis, the weights, and the normal u; return the sum of weights."""
     dim = len(dims)
     factor = 1.0 / y[leaving]
     for k in range(6):
@@ -227,7 +226,7 @@ def _replace(dims, inverse, x, y, leaving, least, u):
 
 @merged
 def _search(space, dims, goal, rtol, length, vectors):
-    """Replace basis vectors until the bounds meet; returns (status, lower, upper)."""
+    """Replace basis vectors until the bounds meet; return (status, lower, upper)."""
     dim = len(dims)
     inverse, directions, columns, best = vectors[0:6], vectors[6:12], vectors[20:26], vectors[16]
     x, y, u, point, query = vectors[12], vectors[13], vectors[14], vectors[15], vectors[18]
@@ -242,7 +241,7 @@ def _search(space, dims, goal, rtol, length, vectors):
     between = True
     for _ in range(STEPS):
         height, _, _ = farthest(space, query, point, y)
-        # query . goal is the upper bound, as u . goal is: so that their mixtures have it as well.
+        # Both query . goal and u . goal equal the upper bound; hence their mixtures do, too.
         if height > 0.0 and upper > lower * height:
             lower = upper / height
             copy6(query, best)
@@ -273,19 +272,19 @@ def _search(space, dims, goal, rtol, length, vectors):
 
 @part
 def resist(space, dims, goal, rtol, vectors, forces):
-    """Find the smallest bound on the contact forces that apply a wrench.
+    """Find the smallest bound on contact forces that can apply a wrench.
 
     Args:
         space: `WrenchSpace`.
         dims: Sequence as long as the grasp's rank.
         goal: The wrench that the contacts must apply, not 0, in the space's coordinates (6,).
         rtol: Largest gap between the bounds, relative to the upper one.
-        vectors: Scratch (>= 26, 8); row 16 is written, the direction that proves the lower bound.
-        forces: Written, contact forces of that wrench in the contacts' axes (n, 4); without rows,
-            as of ROWS, they are not computed.
+        vectors: Scratch (>= 26, 8). The direction that proves the lower bound is written to row 16.
+        forces: Written, contact forces of that wrench in the contacts' axes (n, 4). If n is 0, as
+            for ROWS, they are not computed.
 
     Returns:
-        (status, lower, upper): RESISTED with bounds; otherwise they need not hold.
+        (status, lower, upper): bounds if RESISTED; otherwise they may be invalid.
     """
     status, lower, upper = UNFINISHED, 0.0, 0.0
     length = SHORT
@@ -294,7 +293,7 @@ def resist(space, dims, goal, rtol, vectors, forces):
         if status == RESISTED:
             found = upper
             status, upper = _combine(space, len(dims), goal, vectors, forces)
-            if upper > found * (1.0 + LOOSE):  # a wrench of the first basis stands for others
+            if upper > found * (1.0 + LOOSE):  # a wrench of the first basis replaces others
                 status = UNREACHED
         if status != UNREACHED:
             break
@@ -304,12 +303,12 @@ def resist(space, dims, goal, rtol, vectors, forces):
 
 @part
 def _combine(space, dim, goal, vectors, forces):
-    """Combine the wrenches of the basis, and their forces, with weights that are solved for anew.
+    """Combine the wrenches of the basis, and their forces, with newly solved weights.
 
-    Those that were updated from step to step have the rounding errors of all steps.
+    The weights updated in each step have accumulated the rounding errors of all steps.
 
     Returns:
-        (status, upper): UNREACHED where a wrench of the first basis is left.
+        (status, upper): UNREACHED if a wrench of the first basis is left.
     """
     matrix, directions, columns, x = vectors[0:6], vectors[6:12], vectors[20:26], vectors[12]
     for i in range(forces.shape[0]):
@@ -339,7 +338,7 @@ def _combine(space, dim, goal, vectors, forces):
 
 @scratch_kernel("Floats3, Floats2, Ints1, Ints1, float, Floats2, Floats2, Floats1")
 def least_multiples(rows, goals, ranks, dims, rtol, vectors, empty, multiples):
-    """The least multiple of the convex hull of rows about 0 in which a wrench is, of each grasp.
+    """Find, for each grasp, the least multiple of the convex hull of rows that contains a wrench.
 
     Args:
         rows: Wrenches in columns, zeros beyond the rank (b, 6, n).
@@ -349,7 +348,7 @@ def least_multiples(rows, goals, ranks, dims, rtol, vectors, empty, multiples):
         rtol: As in `resist`.
         vectors: As in `resist`.
         empty: No rows of two numbers (0, 2).
-        multiples: Written; nan where none is found (b,).
+        multiples: Written; nan if none is found (b,).
     """
     for g in range(rows.shape[0]):
         if dot6(goals[g], goals[g]) == 0.0:
@@ -376,13 +375,13 @@ class ForceSlice(NamedTuple):
     vectors: npt.NDArray[np.float64]
     """Scratch of `resist`."""
     best: npt.NDArray[np.float64]
-    """Written: the direction, in balanced coordinates, with the smallest support relative to the
-    task's reach so far, and that ratio (7,)."""
+    """Written: the direction, in balanced coordinates, with the smallest ratio so far of support to
+    the task's reach, and that ratio (7,)."""
 
 
 @part
 def _boundary(slice_, u, point):
-    """Where the ray along u leaves the slice; see `farthest_point`."""
+    """Find where the ray along u leaves the slice; see `farthest_point`."""
     goal, best = slice_.vectors[17], slice_.best
     length = math.sqrt((u[0] * u[0] + u[1] * u[1]) + u[2] * u[2])
     for k in range(6):
@@ -409,8 +408,8 @@ def _boundary(slice_, u, point):
 def farthest_point(space, u, point, force):
     """Farthest wrench of a `WrenchSpace` in a direction, or boundary point of a `ForceSlice`.
 
-    As `support`. The height of a boundary point is that at which the task is proven to need the
-    force, not less than the point's own; 0 where no force reaches that way.
+    Arguments are those of `support`. The height of a boundary point is that at which the task
+    provably needs the force, at least the point's own; 0 if no force reaches that way.
     """
     if isinstance(space, ForceSlice):
         return _boundary(space, u, point)

@@ -1,6 +1,6 @@
 """The wrenches that contacts apply along their axes, and the span of a grasp's wrenches.
 
-The axes of a contact are wrenches of unit forces along the normal and the tangents, and of torsion.
+The axes of a contact are the wrenches of unit forces along its normal and tangents, and of torsion.
 The tangents are those of `contact.friction_cones.tangents`.
 """
 
@@ -12,12 +12,12 @@ from grasp3d._kernels.surface.vectors import add6, copy6, dot6, scale6
 
 @scratch_kernel("Floats3, Floats2, Floats1")
 def centre(points, means, sizes):
-    """Move contacts about their mean, and divide them by their size.
+    """Shift contacts so that their mean is 0, and divide them by their size.
 
     Args:
         points: Changed (b, n, 3).
         means: Written (b, 3).
-        sizes: Written, the largest distance from the mean; 1 where that is 0 (b,).
+        sizes: Written, the largest distance from the mean, or 1 if that is 0 (b,).
     """
     count = points.shape[1]
     for g in range(points.shape[0]):
@@ -41,7 +41,7 @@ def centre(points, means, sizes):
 
 @merged
 def _write_wrench(axis, point, f0, f1, f2, scale):
-    """Write the wrench of a force at a point, its torque divided by the torque scale."""
+    """Write the wrench of a force at a point, with the torque divided by the torque scale."""
     axis[0], axis[1], axis[2] = f0, f1, f2
     axis[3] = (point[1] * f2 - point[2] * f1) / scale
     axis[4] = (point[2] * f0 - point[0] * f2) / scale
@@ -55,15 +55,15 @@ def write_axes(points, normals, torsion_radius, scale, near_x_axis, axes):
     Args:
         points: Relative to the centre of mass (c, 3).
         normals: Inward unit normals (c, 3).
-        torsion_radius: (c,).
+        torsion_radius: Torsion radius of each contact (c,).
         scale: The torque scale.
         near_x_axis: Absolute x-component of a normal above which its tangents come from the y-axis.
-        axes: Written, those of each contact (c, 4, 6).
+        axes: Written, the axes of each contact (c, 4, 6).
     """
     for i in range(points.shape[0]):
         point, own = points[i], axes[i]
         n0, n1, n2 = normals[i, 0], normals[i, 1], normals[i, 2]
-        # The first tangent is the normal x the axis.
+        # The first tangent is the normal x that axis.
         if abs(n0) > near_x_axis:
             t0, t1, t2 = -n2, 0.0, n0
         else:
@@ -82,19 +82,19 @@ def write_axes(points, normals, torsion_radius, scale, near_x_axis, axes):
 
 RANK_TOLERANCE = 1e-12
 """Length of a wrench's part orthogonal to the span so far, with forces and torques each relative to
-their largest, below which rounding explains it, as it explains heights of `polytope.TOLERANCE`.
+their largest, that rounding can explain, as it explains heights up to `polytope.TOLERANCE`.
 Contacts that are farther from one line, but less than force closure needs, are undecided."""
 
 NEGLIGIBLE = 1e-13
-"""Size relative to the largest wrench below which all forces, or torques, are rounding errors."""
+"""Size, relative to the largest wrench, below which all forces or torques are rounding errors."""
 
 CLEARLY_INDEPENDENT = 1e-3
-"""Length of the orthogonal part from which a wrench surely adds a dimension."""
+"""Length of the orthogonal part from which a wrench certainly adds a dimension."""
 
 
 @merged
 def _balance(rows, scratch):
-    """Copy wrenches with forces and torques each divided by their largest."""
+    """Copy wrenches, with forces and torques each divided by the largest one."""
     force = torque = 0.0
     for i in range(rows.shape[0]):
         r = rows[i]
@@ -131,7 +131,7 @@ def _is_clearly_full(scratch, basis):
 
 @merged
 def _orthonormalise(scratch, basis, max_rank, tolerance):
-    """Gram-Schmidt, the longest remainder first; returns the number of basis rows written."""
+    """Gram-Schmidt, longest remainder first; return the number of basis rows written."""
     for size in range(max_rank):
         longest, row = tolerance * tolerance, -1
         for i in range(scratch.shape[0]):
@@ -147,7 +147,7 @@ def _orthonormalise(scratch, basis, max_rank, tolerance):
             add6(b, -component, basis[j])
         factor = 1.0 / math.sqrt(dot6(b, b))
         scale6(b, factor)
-        # Twice: one subtraction leaves rounding errors along b where nearly all cancels.
+        # Twice: where nearly all cancels, one subtraction leaves rounding errors along b.
         for i in range(scratch.shape[0]):
             for _ in range(2):
                 component = dot6(b, scratch[i])
@@ -162,18 +162,18 @@ def span(rows, scratch, basis):
     Args:
         rows: Wrenches (n, 6).
         scratch: Scratch (n, 6).
-        basis: Written, an orthonormal basis of the span, a row per dimension, the direction in
-            which the wrenches extend least last (6, 6); the unit vectors where they clearly span
-            all six dimensions.
+        basis: Written, an orthonormal basis of the span, one row per dimension, ending with the
+            direction in which the wrenches extend least (6, 6); the unit vectors if the wrenches
+            clearly span all six dimensions.
 
     Returns:
         The rank.
     """
-    # The rank is decided on balanced wrenches: it must not depend on the unit of length.
+    # Balanced wrenches decide the rank, which must not depend on the unit of length.
     _balance(rows, scratch)
     full = _is_clearly_full(scratch, basis)
     rank = 6
-    # The basis is then taken from the wrenches themselves, as epsilon is measured in their metric.
+    # The basis comes from the wrenches themselves, as epsilon is measured in their metric.
     if not full:
         rank = _orthonormalise(scratch, basis, 6, RANK_TOLERANCE)
         for i in range(rows.shape[0]):

@@ -1,13 +1,13 @@
 """Approach angles at which parts of a gripper meet a surface, and those that are free.
 
 The closing axis x is fixed; the approach direction turns about it. Each part is a box, swept
-backward along the approach direction where its bottom is -inf, and round tips are cylinders that
-end in balls. A face meets a box if what of it lies between the box's two planes across x, seen
-along x, meets a rectangle that turns: tests in the plane, exact up to rounding.
+backward along the approach direction if its bottom is -inf; round tips are cylinders that end in
+balls. A face meets a box if its part between the box's two planes across x, seen along x, meets a
+rotating rectangle. These tests take place in the plane and are exact up to rounding.
 
-Up to 64 angles are the bits of a mask. That at which a similar grasp is free comes first: often it
-is enough. Points of the surface inside a box then block most of the others; each that is left is
-tested alone, by one traversal of the tree, and a face that is met there blocks others too.
+Up to 64 angles are the bits of a mask. The angle at which a similar grasp is free comes first and
+often suffices. Points of the surface inside a box then block most other angles. Each angle left is
+tested alone, by one traversal of the tree; a face that is met there blocks further angles.
 """
 
 import math
@@ -36,15 +36,15 @@ from grasp3d._kernels.surface.face_tree import GO_ON, NO_NODE, STOP, below, walk
 from grasp3d._kernels.surface.vectors import copy, difference, dot, triple
 
 POINTS = 256
-"""Corners of faces, spread over the surface, that are tested at all angles at once."""
+"""Number of face corners, spread over the surface, that are tested at all angles at once."""
 
 INSIDE = 1e-12
-"""How far such a point must be inside a part: farther than rounding."""
+"""Depth inside a part beyond which such a point is inside despite rounding."""
 
 
 @part
 def _clip(source, count, axis, bound, sign, target):
-    """Clip a polygon to sign * (coordinate - bound) <= 0; returns its new number of corners."""
+    """Clip a polygon to sign * (coordinate - bound) <= 0; return its new number of corners."""
     kept = 0
     for i in range(count):
         j = i + 1 if i + 1 < count else 0
@@ -63,7 +63,7 @@ def _clip(source, count, axis, bound, sign, target):
 
 @part
 def _meets_box(polygon, count, c, s, half, bottom, top):
-    """Whether a polygon, seen along x, meets the rectangle turned by an angle."""
+    """Whether a polygon, seen along x, meets a rectangle rotated by an angle."""
     least, largest = math.inf, -math.inf
     y0 = c * polygon[count - 1, 1] + s * polygon[count - 1, 2]
     z0 = c * polygon[count - 1, 2] - s * polygon[count - 1, 1]
@@ -72,7 +72,7 @@ def _meets_box(polygon, count, c, s, half, bottom, top):
         z1 = c * polygon[i, 2] - s * polygon[i, 1]
         if -half <= y1 <= half:
             least, largest = min(least, z1), max(largest, z1)
-        # The extremes within the strip are at corners, or where edges cross its borders.
+        # The extremes within the strip are at corners or where edges cross its borders.
         if (y0 < -half) != (y1 < -half):
             z = z0 + (-half - y0) / (y1 - y0) * (z1 - z0)
             least, largest = min(least, z), max(largest, z)
@@ -87,7 +87,7 @@ def _meets_box(polygon, count, c, s, half, bottom, top):
 
 @merged
 def _edge_distance(x, y, dx, dy, px):
-    """Squared distance of (px, 0) from the edge of a start (x, y) and a vector (dx, dy)."""
+    """Squared distance of (px, 0) from the edge that starts at (x, y) with the vector (dx, dy)."""
     square = dx * dx + dy * dy
     t = ((px - x) * dx - y * dy) / square if square > 0.0 else 0.0
     t = min(max(t, 0.0), 1.0)
@@ -96,12 +96,12 @@ def _edge_distance(x, y, dx, dy, px):
 
 @part
 def _meets_cylinder(corners, c, s, part):
-    """Whether a face meets the cylinder behind a round tip, also between its two positions."""
+    """Whether a face meets the cylinder behind a round tip at either position or between them."""
     radius, top = part[HALF_WIDTH], part[TOP]
     low, high = min(part[AXIS], part[OUTER_AXIS]), max(part[AXIS], part[OUTER_AXIS])
     least, positive, negative, count = math.inf, False, False, 0
     last_x, last_y, first_x, first_y = 0.0, 0.0, 0.0, 0.0
-    # The corners of the face clipped to z <= top, and at the end the first one again.
+    # The corners of the face clipped to z <= top, with the first one repeated at the end.
     for i in range(7):
         if i == 6:
             if count == 0:
@@ -142,16 +142,16 @@ def _meets_cylinder(corners, c, s, part):
 
 @merged
 def _overlaps(part, low, high):
-    """Whether an interval along x meets the part's."""
+    """Whether an interval along x meets that of a part."""
     return low <= part[HIGH] and high >= part[LOW] and part[LOW] <= part[HIGH]
 
 
 @merged
 def _interval(box, frame, x):
-    """Bounds along x of the faces of a node, whose box has its centre at x."""
+    """Bounds along x of the faces of a node whose box is centred at x."""
     one, two, three = frame[1, 0], frame[1, 1], frame[1, 2]
     size = abs(one) * box[3] + abs(two) * box[4] + abs(three) * box[5]
-    # The slab across the mean normal: thin where the normal is nearly along x.
+    # The slab across the mean normal is thin along x where that normal is nearly along x.
     nx, ny, nz = box[NORMAL], box[NORMAL + 1], box[NORMAL + 2]
     along = one * nx + two * ny + three * nz
     across = math.sqrt(
@@ -164,7 +164,7 @@ def _interval(box, frame, x):
 
 @merged
 def _turn_face(triangle, workspace):
-    """Write a face as x, y and z at angle 0; returns its bounds along x."""
+    """Write a face as x, y and z at angle 0; return its bounds along x."""
     frame, corners = workspace.frame, workspace.corners
     low, high = math.inf, -math.inf
     for i in range(3):
@@ -179,7 +179,7 @@ def _turn_face(triangle, workspace):
 
 @part
 def _blocked_by_face(triangle, possible, workspace):
-    """Mask of those of the possible angles at which a face meets a part."""
+    """Mask of the possible angles at which a face meets a part."""
     parts, corners = workspace.parts, workspace.corners
     cosines, sines = workspace.cosines, workspace.sines
     low, high = _turn_face(triangle, workspace)
@@ -225,7 +225,7 @@ def _blocked_by_face(triangle, possible, workspace):
 
 @part
 def _blocked_by_points(blocked, everything, tree, workspace):
-    """Add to a mask the angles at which some corners of faces are inside a box."""
+    """Add the angles at which sampled corners of faces are inside a box to a mask."""
     frame, parts = workspace.frame, workspace.parts
     cosines, sines = workspace.cosines, workspace.sines
     rows = tree.triangles.shape[0]
@@ -243,7 +243,7 @@ def _blocked_by_points(blocked, everything, tree, workspace):
             if not parts[j, LOW] + INSIDE < x < parts[j, HIGH] - INSIDE:
                 continue
             if top < 0.0 and square < top * top:
-                continue  # in front of it at every angle
+                continue  # in front of the box at every angle
             for k in range(cosines.shape[0]):
                 c, s = cosines[k], sines[k]
                 across, along = abs(c * y + s * z), c * z - s * y
@@ -274,7 +274,7 @@ def _may_meet(box, workspace):
 
 @merged
 def _visit(node, _position, _stale, state):
-    """Visit a node of the tree; the walk ends at a face that meets a part."""
+    """Visit a node of the tree; end the walk at a face that meets a part."""
     k, tree, workspace = state
     if not _may_meet(tree.boxes[node], workspace):
         return NO_NODE, NO_NODE, GO_ON
@@ -289,7 +289,7 @@ def _visit(node, _position, _stale, state):
 
 @part
 def is_free_at(k, tree, workspace):
-    """Whether no face meets a part at an angle; else `workspace.last` has the row of one."""
+    """Whether no face meets a part at an angle; if one does, write its row to `workspace.last`."""
     frame, axes = workspace.frame, workspace.axes
     c, s = workspace.cosines[k], workspace.sines[k]
     copy(frame[1], axes[0])
@@ -309,7 +309,7 @@ def free_angles(blocked, one, tree, workspace):
 
     Args:
         blocked: Mask of the angles that are not allowed.
-        one: Whether one that is free is enough.
+        one: Whether a single free angle is enough.
         tree: `BoxTree`.
         workspace: `ReachWorkspace` with its frame and parts.
     """

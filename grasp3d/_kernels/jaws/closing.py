@@ -1,4 +1,4 @@
-"""Jaws of a parallel gripper that close on a surface, which may move.
+"""Parallel jaws that close on a surface, which may move.
 
 Positions are in the mesh's normalised frame (centred, size 1); normals point into the object.
 """
@@ -33,25 +33,25 @@ from grasp3d._kernels.surface.face_tree import STACK
 from grasp3d._kernels.surface.vectors import copy_rows
 
 NONE, TOUCHES, INSIDE, LEFT = 0, 1, 2, 3
-"""What becomes of a jaw: it meets no surface, it touches it, it starts in the object, or the object
-slides out of the jaws."""
+"""Outcome for a jaw: it meets no surface, it touches the surface, it starts inside the object, or
+the object slides out of the jaws."""
 
 
 class ClosedOn(NamedTuple):
-    """Results, a row for each pose and a column for each jaw."""
+    """Results, with a row for each pose and a column for each jaw."""
 
     poses: Floats3
-    """Rotation and translation from the gripper's frame when the jaws are closed (k, 3, 4)."""
+    """Rotation and translation from the gripper's frame once the jaws are closed (k, 3, 4)."""
     outcome: Ints2
     """NONE, TOUCHES, INSIDE or LEFT (k, 2)."""
     position: Floats2
-    """Along x of the gripper, of each pad or foremost point of a ball at its first touch (k, 2)."""
+    """Position along the gripper's x at first touch: of each pad or a ball's front point (k, 2)."""
     points: Floats3
     """Centroids of the patches (k, 2, 3)."""
     normals: Floats3
     """Mean inward unit normals (k, 2, 3)."""
     area: Floats2
-    """Of the patches (k, 2)."""
+    """Areas of the patches (k, 2)."""
     bounds: Floats3
     """Smallest y and z, largest y and z of the patches, in the gripper's frame (k, 2, 4)."""
     corners: Floats4
@@ -64,13 +64,13 @@ def close_on(surface, tree, poses, opening, friction, jaw, first_pose, last_pose
 
     Args:
         surface: `Surface`.
-        tree: Its `FaceTree`.
+        tree: The surface's `FaceTree`.
         poses: Rotation and translation from the gripper's frame (k, 3, 4).
         opening: Distance of the jaws at the start (k,).
-        friction: Coulomb coefficient with which the object moves; negative: it does not.
+        friction: Coulomb coefficient for a free object; negative if the object is fixed.
         jaw: `Jaw`.
         first_pose: First pose to compute.
-        last_pose: The one after the last.
+        last_pose: One past the last pose.
         found: Written, `ClosedOn`.
     """
     size = surface.faces.shape[0]
@@ -100,7 +100,7 @@ def close_on(surface, tree, poses, opening, friction, jaw, first_pose, last_pose
 
 @part
 def _close(surface, count, pose, opening, settled, jaw, k, faces, scratch, patch, found):
-    """Close the jaws on the faces gathered of a surface that does not move; see `close_on`."""
+    """Close the jaws on the gathered faces of a fixed surface; see `close_on`."""
     start = -0.5 * opening
     for finger in range(2):
         side = 1.0 - 2.0 * finger
@@ -116,7 +116,7 @@ def _close(surface, count, pose, opening, settled, jaw, k, faces, scratch, patch
         limit = position + max(jaw.compliance, MIN_DEPTH)
         add_patch(faces, count, side, jaw, start, limit, surface, scratch, patch)
         touched = patch.moments[0]
-        if touched == 0.0:  # a part too small to have an area
+        if touched == 0.0:  # the part touched is too small to have an area
             add_mean(scratch.row, 1.0, faces.numbers[face], surface, patch)
             extend(patch, scratch.row[0], scratch.row[1], scratch.row[2])
         _write(patch, touched, side, pose, k, finger, found)
@@ -145,7 +145,7 @@ def _write(patch, touched, side, pose, k, finger, found):
 
 @part
 def put(pose, x, y, z, point):
-    """Write a point of the gripper's frame in that of the pose (3, 4)."""
+    """Transform a point from the gripper's frame by a pose (3, 4) and write it."""
     for i in range(3):
         point[i] = pose[i, 0] * x + pose[i, 1] * y + pose[i, 2] * z + pose[i, 3]
 

@@ -1,4 +1,4 @@
-"""What a grasp is tested against: the gripper's shape and parts, limits of the approach, a table.
+"""What a grasp is tested against: the gripper's shape and parts, approach limits, and a table.
 
 Lengths are in the surface's normalised frame (centred, size 1). The table and the limits of the
 approach are in closed form.
@@ -14,23 +14,23 @@ from grasp3d._kernels.surface.face_tree import STACK
 from grasp3d._kernels.surface.vectors import dot
 
 TOUCHING = 1e-9
-"""Overlap that counts as touching, which is free."""
+"""Overlap that counts as touching, which is allowed."""
 
 REACHED, WIDTH, TIP, DIRECTION, TABLE, BLOCKED = range(6)
-"""Results of a test: reached, or why not."""
+"""Results of a test: reached, or the reason why not."""
 
 FINGER_1, FINGER_2, PALM, TIP_1, TIP_2 = range(5)
 PARTS = 5
-"""Parts of a gripper: rows of `ReachWorkspace.parts`."""
+"""Number of parts of a gripper, the rows of `ReachWorkspace.parts`."""
 
 LOW, HIGH, HALF_WIDTH, BOTTOM, TOP, AXIS, OUTER_AXIS = range(7)
-"""Columns of `ReachWorkspace.parts`; HIGH below LOW: the part is left out."""
+"""Columns of `ReachWorkspace.parts`; a part with HIGH below LOW is left out."""
 
 NO_GRASP = 6
-"""There is no grasp that could be tested."""
+"""Result if there is no grasp to test."""
 
 MARGIN, OPENING, PREGRASP, DEPTH, RESULTS = 16, 17, 18, 19, 20
-"""Entries of a result behind the 4x4 pose, row by row; and their number."""
+"""Entries of a result after the 4x4 pose, which is stored row by row; and the total number."""
 
 
 ONE, NONE = np.uint64(1), np.uint64(0)
@@ -46,9 +46,9 @@ class GripperShape(NamedTuple):
     finger_width: float
     finger_length: float
     pad_height: float
-    """Size of a flat pad along z; 0: round tips."""
+    """Size of a flat pad along z; 0 for round tips."""
     tip_radius: float
-    """Radius of round tips; 0: flat pads."""
+    """Radius of round tips; 0 for flat pads."""
     palm_thickness: float
     palm_width: float
     palm_length: float
@@ -57,39 +57,39 @@ class GripperShape(NamedTuple):
 
 
 class ApproachLimits(NamedTuple):
-    """What else limits the approach: allowed directions, and a table."""
+    """Further limits of the approach: allowed directions, and a table."""
 
     direction: Floats1
-    """Preferred approach direction, zero: none (3,)."""
+    """Preferred approach direction, zero for none (3,)."""
     least_cosine: float
-    """Least cosine of the angle between it and an approach direction; below -1: any."""
+    """Least cosine of the angle between that and an approach direction; below -1 for no limit."""
     table_normal: Floats1
     """Unit vector out of the table (3,)."""
     table_offset: float
-    """Height of the table along it; -inf: there is none."""
+    """Height of the table along that vector; -inf for no table."""
 
 
 class ReachWorkspace(NamedTuple):
-    """Scratch arrays of one thread, for a number n of approach angles."""
+    """Scratch arrays of one thread, for n approach angles."""
 
     cosines: Floats1
-    """Of the approach angles (n,)."""
+    """Cosines of the approach angles (n,)."""
     sines: Floats1
     frame: Floats2
     """Origin midway between the contacts, x, and y and z at angle 0 (4, 3)."""
     parts: Floats2
-    """Of each part: from LOW to HIGH along x, from -HALF_WIDTH to HALF_WIDTH along y, from BOTTOM
-    to TOP along z; of round tips also the x of their axis at the grasp and before it (PARTS, 7)."""
+    """Each part extends from LOW to HIGH along x, -HALF_WIDTH to HALF_WIDTH along y, and BOTTOM to
+    TOP along z; for round tips, also x of their axis at the grasp and before it (PARTS, 7)."""
     clipped: Floats2
     """A face between the planes of a part, as x, y and z at angle 0 (8, 3)."""
     clipped_too: Floats2
-    """A second one (8, 3)."""
+    """A second such face (8, 3)."""
     corners: Floats2
     """A face as x, y and z at angle 0 (3, 3)."""
     axes: Floats2
     """The axes at one angle, and their absolute components (6, 3)."""
     last: Ints1
-    """Row of the face that was met last, and the angle that was free last (2,)."""
+    """Row of the face met last, and the last free angle (2,)."""
     nodes: Ints1
 
 
@@ -97,15 +97,15 @@ class ReachResults(NamedTuple):
     """Results of tests, a row per grasp; written in place."""
 
     codes: Bytes1
-    """REACHED, why not, or NO_GRASP (n,)."""
+    """REACHED, the reason why not, or NO_GRASP (n,)."""
     free: UInt64s1
     """Mask of the free angles (n,)."""
     found: Floats2
-    """Where reached, else nan (n, RESULTS)."""
+    """Pose and numbers if reached, else nan (n, RESULTS)."""
 
 
 def no_results(count: int) -> ReachResults:
-    """Results before any test."""
+    """Initial results, before any test."""
     return ReachResults(
         codes=np.full(count, NO_GRASP, dtype=np.uint8),
         free=np.zeros(count, dtype=np.uint64),
@@ -132,21 +132,21 @@ def make_workspace(angles: int) -> ReachWorkspace:
 
 @merged
 def all_angles(count):
-    """The mask of so many angles, at least 1 and at most 64."""
+    """Mask of the given number of angles, 1 to 64."""
     return ~NONE >> np.uint64(64 - count)
 
 
 @merged
 def bit(k):
-    """The bit of an angle."""
+    """Mask of a single angle."""
     return ONE << np.uint64(k)
 
 
 RADIUS = 0.5
-"""Of the ball about the origin of the normalised frame that contains the object."""
+"""Radius of the ball about the origin of the normalised frame that contains the object."""
 
 MIN_LENGTH = 1e-3
-"""Length of the part of a reference direction across x from which it is used."""
+"""Length of a reference direction's part across x above which the direction is used."""
 
 
 @part
@@ -156,13 +156,13 @@ def write_closing_axis(points, normals, sign, shape, frame):
     Args:
         points: Contacts (2, 3).
         normals: Inward unit normals (2, 3).
-        sign: +1 external grasp, -1 internal.
+        sign: +1 for an external grasp, -1 for an internal one.
         shape: `GripperShape`.
-        frame: Written in its rows 0 and 1 (4, 3).
+        frame: Rows 0 and 1 are written (4, 3).
 
     Returns:
-        (opening, distance of the centres of round tips or of the contacts): the opening is negative
-        where the fingers would overlap.
+        (opening, distance between the centres of round tips or the contacts). The opening is
+        negative if the fingers would overlap.
     """
     radius = shape.tip_radius
     length, product = 0.0, 0.0
@@ -183,7 +183,7 @@ def write_closing_axis(points, normals, sign, shape, frame):
 
 @merged
 def opening_fits(opening, sign, shape):
-    """Whether an opening is within the stroke, before the fingers close too."""
+    """Whether the openings at the grasp and before it are within the stroke."""
     before = opening + 2.0 * sign * shape.clearance
     low, high = min(opening, before), max(opening, before)
     return shape.min_opening - TOUCHING <= low and high <= shape.max_opening + TOUCHING
@@ -193,13 +193,13 @@ def opening_fits(opening, sign, shape):
 def write_parts(opening, sign, top, behind, shape, parts):
     """Write the boxes of the fingers and the palm, and the cylinders of round tips.
 
-    Boxes are smaller than the gripper by TOUCHING on every side.
+    Boxes are smaller than the gripper by TOUCHING on each side.
 
     Args:
-        opening: Distance between the inner faces of the fingers, or of round tips.
-        sign: +1 the fingers come from outside, -1 from inside, 0 there is no clearance.
+        opening: Distance between the inner faces of the fingers or of round tips.
+        sign: +1 if the fingers come from outside, -1 from inside, 0 for no clearance.
         top: z of the fingers' ends.
-        behind: Swept length; inf: without end; 0: the final position only.
+        behind: Length of the sweep; inf if unlimited, 0 for the final position only.
         shape: `GripperShape`.
         parts: Written (PARTS, 7).
     """
@@ -207,7 +207,7 @@ def write_parts(opening, sign, top, behind, shape, parts):
     axis = 0.5 * opening + radius
     inner = axis - 0.5 * thick if radius > 0.0 else axis
     outer = inner + thick
-    # The object may press into pads and tips.
+    # The object may press into pads and round tips.
     if sign < 0:
         outer = min(outer, axis + (radius if radius > 0.0 else thick) - shape.compliance)
         inner -= shape.clearance
@@ -242,7 +242,7 @@ def write_parts(opening, sign, top, behind, shape, parts):
 
 @part
 def _write_across(direction, frame):
-    """Write z as a direction's part across x; whether it is long enough."""
+    """Write a direction's part across x as z; return whether it is long enough."""
     along = 0.0
     for k in range(3):
         along += direction[k] * frame[1, k]
@@ -260,16 +260,16 @@ def _write_across(direction, frame):
 
 @part
 def write_reference(normals, limits, frame):
-    """Write y and z of a grasp's frame at angle 0, which turn with object and surroundings.
+    """Write y and z of a grasp's frame at angle 0, which turn with the object and its surroundings.
 
     z is the part across x of the first of these that is long enough: the preferred approach
-    direction, the direction into the table, from the grasp to the centre of the object, the sum of
-    the contact normals; and for grasps as regular as a ball's an axis of the mesh's frame.
+    direction, the direction into the table, that from the grasp to the object's centre, the sum of
+    the contact normals; and, for grasps as regular as a ball's, an axis of the mesh's frame.
 
     Args:
         normals: Contact normals (2, 3).
         limits: `ApproachLimits`.
-        frame: Its rows 2 and 3 are written (4, 3).
+        frame: Rows 2 and 3 are written (4, 3).
     """
     vector = frame[2]
     done = _write_across(limits.direction, frame)
@@ -319,14 +319,14 @@ def in_table(origin, nx, ny, nz, top, way, shape, limits, parts):
 
     Args:
         origin: Origin of the gripper's frame (3,).
-        nx: The table's normal in the frame of the gripper.
-        ny: Its second component.
-        nz: Its third one.
+        nx: First component of the table's normal in the gripper's frame.
+        ny: Second component.
+        nz: Third component.
         top: z of the fingers' ends.
         way: Length of the straight approach that must be free.
         shape: `GripperShape`.
         limits: `ApproachLimits`.
-        parts: As `write_parts` writes them.
+        parts: As written by `write_parts`.
     """
     height = dot(origin, limits.table_normal) - limits.table_offset
     for i in range(PARTS):
@@ -348,7 +348,7 @@ def in_table(origin, nx, ny, nz, top, way, shape, limits, parts):
 
 @part
 def in_table_angles(top, shape, limits, workspace):
-    """Mask of the angles at which a part enters the table, on the way from outside too.
+    """Mask of the angles at which a part enters the table at the grasp or on the way in.
 
     Args:
         top: z of the fingers' ends.
@@ -365,7 +365,7 @@ def in_table_angles(top, shape, limits, workspace):
     oy, oz = dot(frame[0], frame[2]), dot(frame[0], frame[3])
     for k in range(workspace.cosines.shape[0]):
         c, s = workspace.cosines[k], workspace.sines[k]
-        # Until the front of the gripper has left the ball about the object.
+        # The way ends when the front of the gripper has left the ball about the object.
         way = max(top + shape.tip_radius + (c * oz - s * oy) + RADIUS, 0.0)
         if in_table(
             frame[0], nx, c * y + s * z, c * z - s * y, top, way, shape, limits, workspace.parts
@@ -376,14 +376,14 @@ def in_table_angles(top, shape, limits, workspace):
 
 @part
 def widest_arc(free, count):
-    """The widest run of free angles, the one nearest to angle 0 of equally wide ones.
+    """Find the widest run of free angles; among equally wide ones, the one nearest to angle 0.
 
     Args:
         free: Mask of the free angles, not empty.
         count: Number of angles.
 
     Returns:
-        (middle, length): the middle of an even run is the angle nearer to angle 0.
+        (middle, length); the middle of an even run is the angle nearer to angle 0.
     """
     start = -1
     for k in range(count):
@@ -399,7 +399,7 @@ def widest_arc(free, count):
             run += 1
             continue
         if run > 0:
-            # Twice the middle, between two angles where the run is even.
+            # Twice the middle, as that of an even run is between two angles.
             twice = (2 * (start + i - run) + run - 1) % (2 * count)
             away = min(twice, 2 * count - twice)
             if run > longest or (run == longest and away < nearest):
@@ -412,7 +412,7 @@ def widest_arc(free, count):
 
 @merged
 def margin_of(length, count):
-    """Turn either way from the middle of a run within which every tested angle is free [rad]."""
+    """Angle [rad] either way from the middle of a run within which every tested angle is free."""
     if length == count:
         return math.pi
     return np.float64((length - 1) // 2) * (2.0 * math.pi / count)

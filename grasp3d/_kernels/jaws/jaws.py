@@ -1,4 +1,4 @@
-"""The jaws of a gripper, and the faces of a surface between them, in the frame of the gripper."""
+"""The jaws of a gripper and the faces of a surface between them, in the gripper's frame."""
 
 import math
 from typing import NamedTuple
@@ -15,36 +15,36 @@ ROUNDING = 1e-9
 """Distance, in object sizes, that counts as none: pads that only graze an edge do not touch it."""
 
 EDGE_ON = 1e-9
-"""Largest x of the unit normal of a face that counts as parallel to x, which is not touched."""
+"""Largest x of a face's unit normal at which it counts as parallel to x and is not touched."""
 
 
 class Jaw(NamedTuple):
     """Shape of a jaw, in object sizes."""
 
     planes: Floats2
-    """Faces of its inner side: each is at x = a + b y + c z, a <= 0 behind the foremost (m, 3)."""
+    """Faces of its inner side, each at x = a + b y + c z; a <= 0 is behind the foremost (m, 3)."""
     edges: Floats3
     """Sides of each face: edges[..., 0] y + edges[..., 1] z <= edges[..., 2] (m, e, 3)."""
     bounds: Floats1
-    """Smallest y and z, largest y and z of all of them (4,)."""
+    """Smallest y and z, largest y and z of all these faces (4,)."""
     radius: float
-    """Radius of a round tip; 0: flat pad."""
+    """Radius of a round tip; 0 for a flat pad."""
     depth: float
-    """Distance of the rearmost part of its inner side from the foremost."""
+    """Distance from the foremost to the rearmost part of the inner side."""
     thickness: float
-    """Of the finger behind its inner side; -inf: what is behind that does not count."""
+    """Thickness of the finger behind its inner side; -inf if what lies behind is ignored."""
     compliance: float
     """Depth to which the surface may press into the jaw."""
     footprint: float
-    """Depth to which the surface opposite the jaw makes the normal of a free object; 0: no more
-    than what is touched."""
+    """Depth of the surface opposite the jaw that determines the normal of a free object; 0 to use
+    only what is touched."""
 
 
 class Faces(NamedTuple):
     """Faces that a jaw might touch, in the first rows; see `gather`."""
 
     numbers: npt.NDArray[np.int64]
-    """Face of the mesh (F,)."""
+    """Index of each face in the mesh (F,)."""
     corners: npt.NDArray[np.float64]
     """Corners in the frame of the gripper (F, 3, 3)."""
     normals: npt.NDArray[np.float64]
@@ -54,7 +54,7 @@ class Faces(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Memory for one jaw."""
+    """Scratch arrays for one jaw."""
 
     polygon: npt.NDArray[np.float64]
     spare: npt.NDArray[np.float64]
@@ -64,7 +64,7 @@ class Scratch(NamedTuple):
 
 @kernel()
 def make_faces(size):
-    """Allocate the memory for faces."""
+    """Allocate arrays for faces."""
     return Faces(
         np.empty(size, np.int64),
         np.empty((size, 3, 3)),
@@ -75,13 +75,13 @@ def make_faces(size):
 
 @kernel()
 def make_scratch():
-    """Allocate the memory for one jaw."""
+    """Allocate the scratch arrays for one jaw."""
     return Scratch(np.empty((CORNERS, 6)), np.empty((CORNERS, 6)), np.empty(6), np.empty(6))
 
 
 @kernel()
 def without_back(jaw):
-    """A jaw that passes through what is behind its inner side before it moves."""
+    """A copy of a jaw that ignores what lies behind its inner side at the start."""
     return Jaw(
         jaw.planes,
         jaw.edges,
@@ -96,9 +96,9 @@ def without_back(jaw):
 
 @part
 def start_before(opening, width, jaw):
-    """Position from which jaws that are closed to a width close again after a small motion.
+    """Start position for jaws, closed to a width, that close again after a small motion.
 
-    What they have passed is behind them.
+    What they have already passed is then behind them.
     """
     gap = jaw.radius if jaw.radius > 0.0 else 0.5 * jaw.thickness
     return -min(0.5 * opening, 0.5 * width + gap)
@@ -106,13 +106,13 @@ def start_before(opening, width, jaw):
 
 @part
 def nearest(corners, side):
-    """Smallest x of a triangle; no jaw touches it at a smaller position."""
+    """Smallest x of a triangle; at smaller positions no jaw touches it."""
     return min(side * corners[0, 0], side * corners[1, 0], side * corners[2, 0])
 
 
 @part
 def nearest_to(corners, side, plane):
-    """The same for a face of the jaw that is inclined."""
+    """Like `nearest`, for an inclined face of the jaw."""
     low = math.inf
     for c in range(3):
         x = plane[0] + plane[1] * corners[c, 1] + plane[2] * corners[c, 2]
@@ -122,7 +122,7 @@ def nearest_to(corners, side, plane):
 
 @part
 def edge_and_normal(corners, side):
-    """First edge of a triangle, and its normal, not scaled."""
+    """First edge of a triangle, and its unscaled normal."""
     ux, uy = side * (corners[1, 0] - corners[0, 0]), corners[1, 1] - corners[0, 1]
     uz = corners[1, 2] - corners[0, 2]
     vx, vy = side * (corners[2, 0] - corners[0, 0]), corners[2, 1] - corners[0, 1]
@@ -131,7 +131,7 @@ def edge_and_normal(corners, side):
 
 
 TURNED_AWAY = 0.2
-"""Largest x of a face's normal with which it may face a jaw after a small motion."""
+"""Largest x of a face's normal at which it may face a jaw after a small motion."""
 
 
 ANYWHERE = -math.inf, math.inf, math.inf
@@ -140,16 +140,16 @@ ANYWHERE = -math.inf, math.inf, math.inf
 
 @merged
 def span_of(touches, start, margin, jaw):
-    """Where faces are that a jaw may touch, or start in, after a small motion of the object.
+    """Find the span of faces that a jaw may touch, or start in, after a small motion of the object.
 
     Args:
         touches: As in `Settling` (2, 7).
         start: Position from which the jaws close, as in `first_touch`.
-        margin: Distance by which no point of the faces near the jaws moves more.
+        margin: Upper bound of the motion of any point of the faces near the jaws.
         jaw: `Jaw`.
 
     Returns:
-        (what is behind, ahead of finger 1, ahead of finger 2), positions along x of each finger.
+        (behind, ahead of finger 1, ahead of finger 2), as positions along the x of each finger.
     """
     ahead = jaw.depth + margin
     return start - jaw.thickness - margin, touches[0, 5] + ahead, ahead - touches[1, 5]
@@ -161,12 +161,12 @@ def gather(surface, tree, pose, jaw, margin, span, nodes, faces):
 
     Args:
         surface: `Surface`.
-        tree: Its `FaceTree`.
+        tree: The surface's `FaceTree`.
         pose: Rotation and translation from the gripper's frame (3, 4).
         jaw: `Jaw`.
-        margin: Distance beyond the jaws' bounds up to which faces are written, too.
-        span: What `span_of` returns: most faces outside of it are left out.
-        nodes: Memory of `walk`.
+        margin: Distance beyond the jaws' bounds within which faces are also written.
+        span: As returned by `span_of`; most faces outside are left out.
+        nodes: Scratch of `walk`.
         faces: Written.
 
     Returns:
@@ -211,7 +211,7 @@ def _near(ball, pose, jaw, margin, span):
 
 @part
 def _write_face(surface, face, pose, jaw, margin, row, faces):
-    """Write a face in the gripper's frame; returns whether it is within the jaws' bounds."""
+    """Write a face in the gripper's frame; return whether it is within the jaws' bounds."""
     corners, normal = faces.corners[row], faces.normals[row]
     for i in range(3):
         vertex = surface.faces[face, i]
@@ -235,7 +235,7 @@ def _write_face(surface, face, pose, jaw, margin, row, faces):
 
 @part
 def is_between(corners, jaw, margin):
-    """Whether a triangle reaches into the height and width of the jaws, up to a margin."""
+    """Whether a triangle comes within a margin of the height and width of the jaws."""
     for k in range(1, 3):
         low = min(corners[0, k], corners[1, k], corners[2, k])
         high = max(corners[0, k], corners[1, k], corners[2, k])
@@ -246,14 +246,14 @@ def is_between(corners, jaw, margin):
 
 @part
 def move(faces, count, motion, jaw, margin, moved):
-    """Write the faces, moved with the object, that are within the height and width of the jaws.
+    """Move faces with the object, and write those within the height and width of the jaws.
 
     Args:
         faces: `Faces`.
-        count: Number of them.
+        count: Number of faces.
         motion: Rotation and translation in the gripper's frame (3, 4).
         jaw: `Jaw`.
-        margin: Distance beyond the jaws' bounds up to which faces are written, too.
+        margin: Distance beyond the jaws' bounds within which faces are also written.
         moved: Written, `Faces`.
 
     Returns:
@@ -272,7 +272,7 @@ def move(faces, count, motion, jaw, margin, moved):
 
 @merged
 def move_face(corners, normal, motion, first, last, moved, turned):
-    """Write coordinates from one axis to another of a face's corners and normal after a motion."""
+    """Write a range of the coordinates of a face's corners and normal after a motion."""
     for k in range(first, last):
         a, b, c, d = motion[k, 0], motion[k, 1], motion[k, 2], motion[k, 3]
         for i in range(3):
@@ -286,10 +286,10 @@ def keep_near(faces, count, span, start, margin, jaw):
 
     Args:
         faces: `Faces`; those kept are moved to the front.
-        count: Number of them.
-        span: What `span_of` returns.
+        count: Number of faces.
+        span: As returned by `span_of`.
         start: Position from which the jaws close, as in `first_touch`.
-        margin: Distance by which no point of the faces near the jaws moves more.
+        margin: Upper bound of the motion of any point of the faces near the jaws.
         jaw: `Jaw`.
 
     Returns:
@@ -305,7 +305,7 @@ def keep_near(faces, count, span, start, margin, jaw):
             first, last = (low, high) if finger == 0 else (-high, -low)
             if last > span[0] and first < span[1 + finger]:
                 ahead = first >= start - jaw.compliance + margin
-                # What is ahead is met only by its front, which a turn may not hide.
+                # A face ahead is met only by its front, which a turn must not hide.
                 wanted |= not ahead or side * faces.normals[f, 0] < TURNED_AWAY
         if not wanted:
             continue
@@ -325,15 +325,15 @@ def _copy(faces, source, target):
 
 @part
 def put_first(faces, count, numbers):
-    """Reorder the faces so that those with the given numbers are the first ones.
+    """Reorder the faces to begin with those with the given numbers.
 
-    What the jaws have touched last is probably near what they touch next, so that most of the
-    others are seen to be farther away.
+    The jaws will probably touch next near what they touched last. Trying that first shows that most
+    other faces are farther away.
 
     Args:
         faces: `Faces`.
-        count: Number of them.
-        numbers: Faces of the mesh (2,).
+        count: Number of faces.
+        numbers: Indices in the mesh (2,).
     """
     front = 0
     for f in range(count):
@@ -359,8 +359,8 @@ def starts_inside(faces, count, side, start, jaw):
     """Whether the middle of a jaw is in the object before it moves.
 
     Args:
-        faces: `Faces` that contain all those on the axis.
-        count: Number of them.
+        faces: `Faces` that include all on the axis.
+        count: Number of faces.
         side: +1 or -1.
         start: Position of the jaw.
         jaw: `Jaw`.
@@ -373,12 +373,12 @@ def starts_inside(faces, count, side, start, jaw):
 def inside(faces, count, start):
     """Whether the point (start, 0, 0) is in the object.
 
-    Rays along x and against it must both leave the object more often than they enter it, so that
-    nothing is inside an open surface that only one of them meets.
+    Rays along x and against it must both leave the object more often than they enter it. Hence
+    nothing is inside an open surface that only one of the rays meets.
 
     Args:
-        faces: `Faces` that contain all those on the axis.
-        count: Number of them.
+        faces: `Faces` that include all on the axis.
+        count: Number of faces.
         start: Position on the axis.
     """
     return _leaving(faces, count, 1.0, start) > 0 and _leaving(faces, count, -1.0, -start) > 0
@@ -386,9 +386,9 @@ def inside(faces, count, start):
 
 @part
 def _leaving(faces, count, side, start):
-    """How many more faces a ray from `start` leaves the object by than it enters.
+    """Number of times a ray from `start` leaves the object minus the number it enters.
 
-    Each edge counts for one of its faces only, so that a ray through an edge or a vertex crosses
+    Each edge counts for only one of its faces, so that a ray through an edge or a vertex crosses
     the surface once.
     """
     total = 0

@@ -1,4 +1,4 @@
-"""Whether a gripper reaches a grasp, or a pose: width, tips, approach, table, collisions."""
+"""Whether a gripper reaches a grasp or a pose: width, tips, approach, table, collisions."""
 
 import math
 
@@ -38,7 +38,7 @@ from grasp3d._kernels.jaws.gripper_parts import (
 from grasp3d._kernels.surface.box_tree import ball_is_free, capsule_is_free
 
 PREFERRED = (0.0, -0.25, -0.4)
-"""Displacements of flat pads along z, in pad heights: the first that is free is chosen."""
+"""Displacements of flat pads along z, in pad heights; the first free one is chosen."""
 
 ONE = True
 """One free angle is enough."""
@@ -46,7 +46,7 @@ ONE = True
 
 @part
 def tip_fits(point, normal, shape, tree, nodes):
-    """Whether a round tip that touches at a contact touches nothing else, beyond its compliance.
+    """Whether a round tip at a contact touches nothing else beyond its compliance.
 
     Args:
         point: The contact (3,).
@@ -68,11 +68,11 @@ def tip_fits(point, normal, shape, tree, nodes):
 
 @part
 def tips_open(axis, sign, shape, tree, workspace):
-    """Whether round tips touch nothing on their way between a grasp and their clearance.
+    """Whether round tips touch nothing while they move from a grasp by their clearance.
 
     Args:
-        axis: Distance of their centres from the origin, at the grasp.
-        sign: +1 external grasp, -1 internal.
+        axis: Distance of their centres from the origin at the grasp.
+        sign: +1 for an external grasp, -1 for an internal one.
         shape: `GripperShape`.
         tree: `BoxTree`.
         workspace: `ReachWorkspace` with the origin and x of its frame.
@@ -90,7 +90,7 @@ def tips_open(axis, sign, shape, tree, workspace):
 
 @part
 def _write_result(k, offset, top, opening, sign, margin, shape, workspace, found):
-    """Write the pose at an angle, and the numbers behind it."""
+    """Write the pose at an angle and the numbers that follow it."""
     frame = workspace.frame
     c, s = workspace.cosines[k], workspace.sines[k]
     for i in range(3):
@@ -108,10 +108,10 @@ def _write_result(k, offset, top, opening, sign, margin, shape, workspace, found
 
 @part
 def _free_at(displacement, one, opening, sign, outside, shape, limits, tree, workspace):
-    """Place the parts at a displacement along z, in pad heights; see `free_angles`.
+    """Find the free angles with the parts displaced along z by a number of pad heights.
 
     Returns:
-        (mask of free angles, mask of those at which a part enters the table).
+        (mask of free angles, mask of angles at which a part enters the table).
     """
     top = 0.5 * shape.pad_height + displacement * shape.pad_height
     write_parts(opening, sign, top, math.inf, shape, workspace.parts)
@@ -121,10 +121,10 @@ def _free_at(displacement, one, opening, sign, outside, shape, limits, tree, wor
 
 @part
 def _begin(points, normals, sign, shape, limits, tree, workspace):
-    """Write the frame of a grasp, and test what does not depend on the approach angle.
+    """Write the frame of a grasp, and test all that does not depend on the approach angle.
 
     Returns:
-        (REACHED or why not, opening, mask of the angles that are not allowed).
+        (REACHED or the reason why not, opening, mask of the angles that are not allowed).
     """
     opening, distance = write_closing_axis(points, normals, sign, shape, workspace.frame)
     if not opening_fits(opening, sign, shape):
@@ -143,9 +143,9 @@ def _begin(points, normals, sign, shape, limits, tree, workspace):
 
 @part
 def can_reach(points, normals, sign, shape, limits, tree, workspace):
-    """Whether `reach_pair` reaches a grasp, which takes less than all angles: see there.
+    """Whether `reach_pair` would reach a grasp, tested faster.
 
-    What blocks shallow fingers blocks deeper ones too, so that only these are tested.
+    What blocks shallow fingers also blocks deeper ones, so only the shallowest are tested.
     """
     code, opening, outside = _begin(points, normals, sign, shape, limits, tree, workspace)
     if code != REACHED:
@@ -161,16 +161,16 @@ def reach_pair(points, normals, sign, shape, limits, tree, workspace, found):
     Args:
         points: Contacts in the normalised frame (2, 3).
         normals: Inward unit normals (2, 3).
-        sign: +1 external grasp, -1 internal.
+        sign: +1 for an external grasp, -1 for an internal one.
         shape: `GripperShape`.
         limits: `ApproachLimits`.
         tree: `BoxTree`.
-        workspace: `ReachWorkspace`; its frame stays that of this grasp.
-        found: Written where the grasp is reached: the pose row by row, then MARGIN, OPENING,
+        workspace: `ReachWorkspace`; its frame is left as that of this grasp.
+        found: Written if the grasp is reached: the pose row by row, then MARGIN, OPENING,
             PREGRASP, DEPTH (RESULTS,).
 
     Returns:
-        (code, mask of the free angles at the displacement chosen).
+        (code, mask of the free angles at the chosen displacement).
     """
     code, opening, outside = _begin(points, normals, sign, shape, limits, tree, workspace)
     if code != REACHED:
@@ -198,19 +198,19 @@ def reach_pair(points, normals, sign, shape, limits, tree, workspace, found):
     "Bytes1, UInt64s1, Floats2"
 )
 def reach_pairs(points, normals, signs, shape, limits, tree, workspace, codes, free, found):
-    """Test many grasps of a parallel gripper, one after the other.
+    """Test grasps of a parallel gripper one by one.
 
     Args:
         points: Contacts in the normalised frame (b, 2, 3).
         normals: Inward unit normals (b, 2, 3).
-        signs: +1 external grasp, -1 internal (b,).
+        signs: +1 for an external grasp, -1 for an internal one (b,).
         shape: `GripperShape`.
         limits: `ApproachLimits`.
         tree: `BoxTree`.
         workspace: `ReachWorkspace` of this thread.
-        codes: Written, REACHED or why not (b,).
+        codes: Written, REACHED or the reason why not (b,).
         free: Written, mask of the free angles (b,).
-        found: Written where reached (b, RESULTS).
+        found: Written if reached (b, RESULTS).
     """
     for i in range(points.shape[0]):
         codes[i], free[i] = reach_pair(
@@ -219,19 +219,19 @@ def reach_pairs(points, normals, signs, shape, limits, tree, workspace, codes, f
 
 
 INSIDE = 0.5
-"""Winding number from which a point is inside the object."""
+"""Winding number above which a point is inside the object."""
 
 
 @part
 def winding_number(px, py, pz, triangles):
     """Winding number of a surface about a point: 1 inside a solid, 0 outside.
 
-    The sum of the faces' signed solid angles (Van Oosterom & Strackee 1983) over 4 pi.
+    It is the sum of the faces' signed solid angles (Van Oosterom & Strackee 1983) over 4 pi.
 
     Args:
-        px: The point.
-        py: Its second coordinate.
-        pz: Its third one.
+        px: First coordinate of the point.
+        py: Second coordinate.
+        pz: Third coordinate.
         triangles: Corners of the faces, counter-clockwise from outside (F, 9).
     """
     total = 0.0
@@ -271,7 +271,7 @@ def _tips_inside(axis, frame, triangles):
 
 @part
 def _boxes_inside(frame, parts, triangles):
-    """Whether a box is inside the object; as none meets a face, its centre decides."""
+    """Whether a box is inside the object; since no box meets a face, its centre decides."""
     for i in range(PALM + 1):
         x, z = 0.5 * (parts[i, LOW] + parts[i, HIGH]), 0.5 * (parts[i, BOTTOM] + parts[i, TOP])
         if _inside(x, z, frame, triangles):
@@ -323,14 +323,14 @@ def _pose_collides(pose, opening, sign, swept, only, shape, limits, tree, worksp
     "Bools1"
 )
 def collide_poses(poses, openings, signs, swept, only, shape, limits, tree, workspace, collides):
-    """Test grippers at given poses, one after the other.
+    """Test for collisions of grippers at given poses, one by one.
 
     Args:
-        poses: From the gripper's frame to the surface's (b, 4, 4).
+        poses: Transforms from the gripper's frame to the surface's (b, 4, 4).
         openings: Distance between the inner faces of the fingers or of round tips (b,).
-        signs: +1 external grasp, -1 internal, which says where the clearance is (b,).
-        swept: Whether the approach and the opening are tested too, else the final pose only.
-        only: FINGER_1, FINGER_2 or PALM: the only part that is tested, without the table; -1: all.
+        signs: +1 for an external grasp, -1 for an internal one, for the clearance (b,).
+        swept: Whether to test the approach and the opening too, not just the final pose.
+        only: FINGER_1, FINGER_2 or PALM to test just that part, without the table; -1 for all.
         shape: `GripperShape`.
         limits: `ApproachLimits`; only its table counts.
         tree: `BoxTree`.

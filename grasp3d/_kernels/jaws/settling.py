@@ -1,19 +1,19 @@
 """A free object that settles between the jaws of a gripper.
 
-The jaws squeeze the object. It is in equilibrium where forces within the friction cones of what
-touches balance each other. By duality that is where every small motion opens the jaws at which the
-contacts do not slide along each other, but part at the angle of friction from their common plane: a
+The jaws squeeze the object. It is in equilibrium if forces within the friction cones of its
+contacts balance each other. By duality, that is so if every small motion opens the jaws when the
+contacts do not slide along each other, but part at the friction angle from their common plane: a
 slip by s on a face of slope t opens a jaw by s (tan t - tan(t - phi)) more than one without
-friction, which is mu s where the face is flush with the jaw. Without friction the object is in
+friction, which is mu s if the face is flush with the jaw. Without friction the object is in
 equilibrium where the opening is locally smallest.
 
-Everything is in the frame of the gripper, in object sizes. Motions that change what the jaws touch
-are turns about y and z, about a point midway between the contacts or about either contact, which
-then does not slip, and shifts along y and z: two variables (u, v) at a time. Of those that pay, the
-one that friction would be the last to prevent happens first. The opening is the maximum of smooth
-functions of them, one for each feature that a jaw may touch. It is minimised with planes that agree
-with it where it was computed (Kelley 1960), within a square that shrinks where they promise too
-much.
+Everything is in the gripper's frame, in object sizes. Motions that change what the jaws touch are
+shifts along y and z, and turns about y and z: about a point midway between the contacts, or about
+either contact, which then does not slip. Each kind has two variables (u, v). Of the motions that
+pay, that is, close the jaws in spite of friction, the one that friction would prevent last happens
+first. The opening is the maximum of smooth functions of (u, v), one for each feature that a jaw may
+touch. It is minimised with planes that agree with it where it was computed (Kelley 1960), within a
+square that shrinks where they promise too much.
 """
 
 import math
@@ -44,10 +44,10 @@ from grasp3d._kernels.jaws.touching import slopes, touch_face
 from grasp3d._kernels.surface.vectors import copy_rows, cross, difference, dot, norm
 
 PARALLEL = 1e-14
-"""Determinant, relative to the squares of slopes, below which lines do not meet."""
+"""Determinant, relative to the squares of slopes, below which lines count as parallel."""
 
 EQUALLY_LOW = 1e-13
-"""Difference of heights that rounding makes: of points that are equally low the first counts."""
+"""Difference of heights due to rounding; among equally low points the first one counts."""
 
 
 @part
@@ -55,8 +55,8 @@ def lowest_point(planes, number, reach, slope):
     """Minimise max over planes of (a + b u + c v) + slope * |(u, v)| for |u|, |v| <= reach.
 
     The smallest value is at a corner of the square, down a plane from the origin, on a side of the
-    square or the line where two planes meet (where they meet each other, or where the cone balances
-    the slope along them), where three planes meet, or at the origin.
+    square or the line where two planes meet (where these cross, or where the cone balances the
+    slope along them), where three planes meet, or at the origin.
 
     Args:
         planes: Values at the origin a, and slopes b and c (at least `number`, 3).
@@ -86,7 +86,7 @@ def lowest_point(planes, number, reach, slope):
 
 @part
 def _height(planes, number, slope, u, v):
-    """The function that is minimised."""
+    """Value of the function that is minimised."""
     height = -math.inf
     for i in range(number):
         height = max(height, planes[i, 0] + planes[i, 1] * u + planes[i, 2] * v)
@@ -95,7 +95,7 @@ def _height(planes, number, slope, u, v):
 
 @part
 def _lower(planes, number, slope, u, v, reach, best):
-    """The lower of the best point and another one, if that is in the square."""
+    """The lower of the best point and another one, if the other is in the square."""
     if not (abs(u) <= reach and abs(v) <= reach):
         return best
     height = _height(planes, number, slope, u, v)
@@ -104,9 +104,9 @@ def _lower(planes, number, slope, u, v, reach, best):
 
 @part
 def _balanced(along, slope, distance):
-    """Where the cone balances a slope along a line, from the point of it nearest to the origin.
+    """Where the cone balances a slope along a line, measured from its point nearest to the origin.
 
-    inf: nowhere.
+    Return inf if nowhere.
     """
     if slope <= abs(along):
         return math.inf
@@ -147,8 +147,8 @@ def _at_corner(planes, number, slope, a, b, c, i, k, reach, best):
 
 
 TURN, ROLL_ON_1, ROLL_ON_2, SHIFT, MOTIONS = 0, 1, 2, 3, 4
-"""Motions of the object: about the point midway between the contacts, about the contact of either
-jaw, and along y and z; their number."""
+"""Kinds of motions of the object: turns about the point midway between the contacts or about the
+contact of either jaw, and shifts along y and z; and their number."""
 
 
 @part
@@ -158,28 +158,28 @@ def jaw_size(jaw):
 
 
 FRICTIONLESS, JAMMED = 1e-9, 1e3
-"""Least friction that is computed with, and most that a slip may open a jaw, relative to it."""
+"""Least friction used in computations, and most that a jaw opens per unit of slip."""
 
 AIMING = (0.4, 0.2, 0.1, 0.05, 0.025)
-"""Turns of a direction in the search for that in which friction prevents a motion last [rad]."""
+"""Turns [rad] of a direction in the search for the one in which friction prevents motion last."""
 
 
 @part
 def squared_sine(friction):
-    """Of the angle of friction."""
+    """Squared sine of the friction angle."""
     mu = max(friction, FRICTIONLESS)
     return mu * mu / (1.0 + mu * mu)
 
 
 @part
 def _parting(row, dy, dz, sine_squared):
-    """How far a jaw opens beyond what a frictionless slip takes where contacts part.
+    """How much farther a jaw opens if its contact parts instead of slipping without friction.
 
     Args:
-        row: What it touches, as in `Settling`.
+        row: What the jaw touches, as in `Settling`.
         dy: Slip of the object along y.
         dz: Slip along z.
-        sine_squared: Squared sine of the angle of friction.
+        sine_squared: Squared sine of the friction angle.
     """
     along = row[3] * dy + row[4] * dz
     slip = dy * dy + dz * dz
@@ -194,7 +194,7 @@ def _parting(row, dy, dz, sine_squared):
 
 @part
 def _parting_of(kind, u, v, size, touches, pivot, sine_squared):
-    """How far both jaws open so per unit of a motion in a direction (u, v)."""
+    """How far both jaws open in this way, per unit of a motion in a direction (u, v)."""
     total = 0.0
     for finger in range(2):
         row = touches[finger]
@@ -206,19 +206,19 @@ def _parting_of(kind, u, v, size, touches, pivot, sine_squared):
 
 @part
 def resistance(kind, size, touches, pivot, plane, sine_squared):
-    """How friction resists motions of a kind.
+    """Find how friction resists motions of one kind.
 
     Args:
-        kind: The motion.
+        kind: Kind of motion.
         size: Half the diagonal of a jaw.
         touches: As in `Settling` (2, 7).
         pivot: Point about which the object turns (3,).
-        plane: The opening there as in `write_plane` (3,).
-        sine_squared: Squared sine of the angle of friction.
+        plane: The opening there, as from `write_plane` (3,).
+        sine_squared: Squared sine of the friction angle.
 
     Returns:
-        (least that the jaws open per unit of a motion in directions about that of the plane;
-        largest slope of the plane relative to what they open).
+        (least opening of the jaws per unit of motion, over directions near the plane's descent;
+        largest slope of the plane relative to that opening).
     """
     angle, least, best = math.atan2(-plane[2], -plane[1]), math.inf, 0.0
     for step in (0.0, *AIMING):
@@ -235,7 +235,7 @@ def resistance(kind, size, touches, pivot, plane, sine_squared):
 
 @part
 def set_pivot(kind, touches, pivot):
-    """Write the point that stays where it is."""
+    """Write the point that a motion leaves in place."""
     for k in range(3):
         if kind == ROLL_ON_1:
             pivot[k] = touches[0, k]
@@ -286,7 +286,7 @@ def write_plane(kind, width, u, v, size, touches, pivot, plane):
 
 @part
 def apply_motion(motion, pose, total):
-    """Move the object: its motion since faces were written, and the gripper's pose on it."""
+    """Move the object: update its motion since the faces were gathered, and the gripper's pose."""
     for j in range(4):
         a, b, c = total[0, j], total[1, j], total[2, j]
         for i in range(3):
@@ -302,24 +302,24 @@ def apply_motion(motion, pose, total):
 
 
 class Touching(NamedTuple):
-    """Memory for two jaws."""
+    """Arrays for two jaws."""
 
     corners: npt.NDArray[np.float64]
     """Corners of a face that has moved (3, 3)."""
     normal: npt.NDArray[np.float64]
-    """Its normal (3,)."""
+    """Normal of that face (3,)."""
     rows: npt.NDArray[np.float64]
     """What each jaw touches, as rows of a polygon (2, 6)."""
     positions: npt.NDArray[np.float64]
     """Position of each jaw (2,)."""
     features: npt.NDArray[np.int64]
-    """Of each jaw: index of the face it touches, -1 none, and of its own face (2, 2)."""
+    """For each jaw, the index of the face it touches (-1 for none) and of its own face (2, 2)."""
     scratch: Scratch
 
 
 @kernel()
 def make_touching():
-    """Allocate the memory for two jaws."""
+    """Allocate the arrays for two jaws."""
     return Touching(
         np.empty((3, 3)),
         np.empty(3),
@@ -336,15 +336,15 @@ def touch(faces, count, motion, jaw, start, memory, touches):
 
     Args:
         faces: `Faces` before the motion.
-        count: Number of them.
+        count: Number of faces.
         motion: Rotation and translation in the gripper's frame (3, 4).
         jaw: `Jaw`.
         start: Position from which both jaws move.
-        memory: `Touching`.
+        memory: `Touching`, scratch.
         touches: Written, as in `Settling` (2, 7).
 
     Returns:
-        (0, opening), (-1, inf): a jaw touches nothing, (-2, inf): it starts in the object.
+        (0, opening); (-1, inf) if a jaw touches nothing, (-2, inf) if it starts in the object.
     """
     corners, normal, positions = memory.corners, memory.normal, memory.positions
     positions[:], memory.features[:] = math.inf, -1
@@ -376,7 +376,7 @@ def touch(faces, count, motion, jaw, start, memory, touches):
 
 @part
 def _write_touches(faces, motion, jaw, memory, touches):
-    """Write what was found; returns as `touch`."""
+    """Write what both jaws touch; return values as for `touch`."""
     corners, normal, width = memory.corners, memory.normal, 0.0
     for finger in range(2):
         f, part = memory.features[finger]
@@ -393,24 +393,24 @@ def _write_touches(faces, motion, jaw, memory, touches):
 
 
 RESTS, LEAVES, CLEAR = 0, 1, 2
-"""What becomes of the object: it comes to rest, it slides out of the jaws, or it does not move, as
-they start in it or do not both touch it."""
+"""Outcome for the object: it comes to rest, it slides out of the jaws, or it does not move because
+the jaws start in it or do not both touch it."""
 
 MOVED, PROVEN, LOST, SHORTER = 0, 1, 2, 3
-"""What becomes of one minimisation: the object has moved; no such motion pays; beyond the motion
-that promises most the object is out of the jaws; the planes promise too much within this square."""
+"""Outcome of one minimisation: the object has moved; no such motion pays; the most promising motion
+takes the object out of the jaws; the planes promise too much within this square."""
 
 LARGEST_TURN, SMALLEST_TURN = math.radians(3.0), math.radians(0.05)
-"""Half-width of the square of motions at first, and at the end [rad]; shifts are in jaw sizes."""
+"""First and last half-width of the square of motions [rad]; shifts are in jaw sizes."""
 
 SHRINKING = 0.3
-"""Factor of the half-width where no motion pays."""
+"""Factor by which the half-width shrinks where no motion pays."""
 
 GATHERED = 1.2
-"""Largest motions for which faces around the jaws are looked for at once."""
+"""Largest motion for which faces are gathered at once, in largest turns."""
 
 PLANES = 12
-"""Most planes of one minimisation."""
+"""Most planes in one minimisation."""
 
 TOLERANCE = 1e-8
 """Decrease of the opening, in object sizes, that counts as none."""
@@ -419,52 +419,52 @@ PINCHED = 1e-5
 """Opening, in object sizes, at which jaws that are not on both sides of a sheet pinch an edge."""
 
 TIED = 1e-9
-"""Relative difference of rates that rounding makes: of a symmetric object's motions the same one
-happens first whatever it is."""
+"""Relative difference of rates due to rounding: among the equal motions of a symmetric object the
+same one always happens first."""
 
 MOST_MOVES = 100
-"""Motions after which the object is taken to slide out: it moves on by ever smaller ones where the
-jaws close on an edge or a corner of it."""
+"""Number of motions after which the object is taken to slide out: its motions become ever smaller
+if the jaws close on an edge or a corner."""
 
 
 class Settling(NamedTuple):
-    """Memory for one pose."""
+    """Arrays for one pose."""
 
     near: Faces
-    """Faces around the jaws, at the pose at which they were last looked for."""
+    """Faces around the jaws, at the pose at which they were last gathered."""
     faces: Faces
-    """Those that matter next, at the pose reached so far."""
+    """Faces that matter for the next motion, at the pose reached so far."""
     touches: npt.NDArray[np.float64]
-    """Of each jaw: the point it touches, d position / dy and / dz as the object moves, its
+    """For each jaw: the point it touches, d position / dy and / dz as the object moves, its
     position, and the face it touches (2, 7)."""
     tried: npt.NDArray[np.float64]
-    """The same after a motion that is tried (2, 7)."""
+    """The same after a trial motion (2, 7)."""
     best: npt.NDArray[np.float64]
     """The same after the best motion of one kind (2, 7)."""
     chosen: npt.NDArray[np.float64]
     """The same after the best motion of all kinds (2, 7)."""
     motion: npt.NDArray[np.float64]
-    """Rotation and translation of the object (3, 4)."""
+    """Rotation and translation of the object in a trial motion (3, 4)."""
     best_motion: npt.NDArray[np.float64]
-    """The best one of a kind (3, 4)."""
+    """The best motion of one kind (3, 4)."""
     chosen_motion: npt.NDArray[np.float64]
-    """The best one of all kinds (3, 4)."""
+    """The best motion of all kinds (3, 4)."""
     pivot: npt.NDArray[np.float64]
-    """Point about which it turns (3,)."""
+    """Point about which the object turns (3,)."""
     total: npt.NDArray[np.float64]
-    """Motion of the object since the faces around the jaws were looked for (3, 4)."""
+    """Motion of the object since the faces around the jaws were gathered (3, 4)."""
     planes: npt.NDArray[np.float64]
     """As in `lowest_point` (PLANES, 3)."""
     promises: npt.NDArray[np.float64]
     """Rate of each motion at its start, as in `_minimise` (MOTIONS,)."""
     proven: npt.NDArray[np.bool_]
-    """Whether each motion does not pay (MOTIONS,)."""
+    """Whether each motion is known not to pay (MOTIONS,)."""
     touching: Touching
 
 
 @kernel()
 def make_settling(size):
-    """Allocate the memory for a surface of `size` faces."""
+    """Allocate the arrays for a surface of `size` faces."""
     return Settling(
         make_faces(size),
         make_faces(size + 1),
@@ -490,13 +490,13 @@ def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
 
     Args:
         surface: `Surface`.
-        tree: Its `FaceTree`.
+        tree: The surface's `FaceTree`.
         pose: Rotation and translation from the gripper's frame to the object's (3, 4); replaced by
-            the one in equilibrium, with the jaws symmetric about the TCP.
+            those in equilibrium, with the jaws symmetric about the TCP.
         opening: Distance of the jaws at the start.
         friction: Coulomb coefficient between object and jaws.
         jaw: `Jaw`.
-        nodes: Memory, as in `gather`.
+        nodes: Scratch, as in `gather`.
         memory: `Settling`.
 
     Returns:
@@ -520,7 +520,7 @@ def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
         _centre(pose, total, memory.touches)
         start = start_before(opening, width, jaw)
         margin = _farthest(math.sqrt(2.0) * reach, size, start)
-        if left < margin:  # faces that have not been written may have come near
+        if left < margin:  # faces not gathered may have come near
             left = GATHERED * _farthest(math.sqrt(2.0) * LARGEST_TURN, size, start)
             span = span_of(memory.touches, start, left, jaw)
             near = gather(surface, tree, pose, jaw, left, span, nodes, memory.near)
@@ -534,7 +534,7 @@ def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
         fastest, reached, length, lost, shorter = 0.0, width, 0.0, False, False
         for _ in range(MOTIONS):
             kind = _first_of_largest(memory.promises)
-            # No motion pays more than it promises at its start.
+            # No motion's rate exceeds the one at its start.
             if memory.promises[kind] <= max(1.0, fastest):
                 break
             memory.promises[kind] = 0.0
@@ -557,7 +557,7 @@ def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
             apply_motion(memory.chosen_motion, pose, total)
             copy_rows(memory.chosen, memory.touches)
             proven[:] = False
-            if width - reached > margin:  # a jaw may have passed what had not been kept
+            if width - reached > margin:  # a jaw may have passed a face that was not kept
                 left = -1.0
                 near = gather(surface, tree, pose, jaw, 0.0, ANYWHERE, nodes, memory.near)
                 write_motion(SHIFT, 0.0, 0.0, size, memory.pivot, total)
@@ -580,7 +580,7 @@ def settle(surface, tree, pose, opening, friction, jaw, nodes, memory):
 
 @part
 def _parts(surface, touches, friction):
-    """Whether the faces that both jaws touch are inclined by more than friction holds together."""
+    """Whether the two touched faces are inclined by more than friction can hold together."""
     one = _normal_of(surface, np.int64(touches[0, 6]))
     two = _normal_of(surface, np.int64(touches[1, 6]))
     twice = 1.0 - 2.0 * squared_sine(friction)  # the cosine of twice the angle of friction
@@ -589,7 +589,7 @@ def _parts(surface, touches, friction):
 
 @part
 def _normal_of(surface, face):
-    """Normal of a face, not scaled."""
+    """Unscaled normal of a face."""
     corner = surface.points[surface.faces[face, 0]]
     one = difference(surface.points[surface.faces[face, 1]], corner)
     return cross(one, difference(surface.points[surface.faces[face, 2]], corner))
@@ -609,9 +609,9 @@ def _centre(pose, total, touches):
 
 @part
 def _farthest(length, size, start):
-    """Largest distance by which a motion moves a point between the jaws.
+    """Largest distance that a motion moves a point between the jaws.
 
-    That is the angle times its distance from the pivot, which is between the jaws, too.
+    It is the angle times the distance from the pivot, which is between the jaws, too.
     """
     return length * math.hypot(2.0 * start, 2.0 * size)
 
@@ -630,7 +630,7 @@ def _write_promises(width, size, friction, memory):
 
 @part
 def _first_of_largest(promises):
-    """Index of the first of the largest numbers."""
+    """Index of the first among the largest numbers."""
     largest = 0.0
     for kind in range(MOTIONS):
         largest = max(largest, promises[kind])
@@ -644,8 +644,8 @@ def _first_of_largest(promises):
 def _minimise(kind, width, opening, friction, reach, count, jaw, memory):
     """Try motions of one kind, and write the best one.
 
-    Returns (outcome, opening, rate, length of the motion). The rate is that of closing relative to
-    the one that friction prevents just so.
+    Returns (outcome, opening, rate, length of the motion). The rate is the closing of the jaws
+    relative to that which friction just prevents.
     """
     planes, size = memory.planes, jaw_size(jaw)
     set_pivot(kind, memory.touches, memory.pivot)
@@ -676,7 +676,7 @@ def _minimise(kind, width, opening, friction, reach, count, jaw, memory):
         if tried + slope * math.hypot(u, v) < lowest - tolerance and tried < width:
             length, found = math.hypot(u, v), tried
             rate = (width - tried) / (slope * length)
-            # Friction at the end of the motion says whether it goes on.
+            # Friction at the end of the motion decides whether it continues.
             slope = _parting_of(kind, u, v, size, memory.tried, memory.pivot, sine_squared)
             slope /= length
             copy_rows(memory.tried, memory.best)

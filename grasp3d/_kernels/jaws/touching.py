@@ -1,8 +1,8 @@
-"""What a pad or round tip that moves along x touches: where it does first, and which patch.
+"""What a pad or round tip that moves along x touches: the first point, and a patch.
 
-Everything is in the frame of the gripper, with x multiplied by the side of the jaw (+1 finger 1,
--1 finger 2), so that both jaws move toward larger x. A *position* of a jaw is the x of its pad's
-plane, or of the foremost point of its ball. Faces touch it whose outward normal has a negative x.
+Everything is in the gripper's frame, with x multiplied by the side of the jaw (+1 finger 1,
+-1 finger 2), so that both jaws move toward larger x. The *position* of a jaw is the x of its pad's
+plane or of its ball's foremost point. It touches faces whose outward normal has a negative x.
 """
 
 import math
@@ -25,9 +25,9 @@ from grasp3d._kernels.surface.vectors import copy6
 
 @part
 def ball_position(corners, normal, side, jaw, start, scratch):
-    """(whether a ball overlaps a face at its start, position at which it touches it, inf: never).
+    """(whether a ball overlaps a face at the start, position at which it touches it or inf).
 
-    The point touched is written to `scratch.mean`.
+    The touched point is written to `scratch.mean`.
     """
     radius = jaw.radius
     if jaw.thickness > 0.0:
@@ -41,7 +41,7 @@ def ball_position(corners, normal, side, jaw, start, scratch):
             if other < position:
                 position = other
                 _write_on_edge(corners, i, t, side, scratch.mean)
-    # A face that the ball does not meet at its start is ahead of it or behind it as a whole.
+    # A face that the ball does not meet at the start is completely ahead of it or behind it.
     if position < start - jaw.compliance - ROUNDING:
         return False, math.inf
     return False, position
@@ -60,9 +60,9 @@ def _write_on_edge(corners, i, t, side, row):
 
 @part
 def _touching_plane(corners, normal, side, radius, row):
-    """Position at which a ball touches the inside of a face, inf if it does not; writes the point.
+    """Position at which a ball touches a face's interior, inf if never; writes the point.
 
-    The ball touches a plane with the point of its surface that faces it.
+    A ball touches a plane at the point of its surface nearest to the plane.
     """
     if side * normal[0] > -EDGE_ON:
         return math.inf
@@ -83,10 +83,10 @@ def _touching_plane(corners, normal, side, radius, row):
 
 @part
 def _touching_edge(corners, i, side, radius):
-    """(position at which a ball touches an edge, inf: never; fraction of the edge there).
+    """(position at which a ball touches an edge, inf if never; fraction of the edge there).
 
-    Along the edge the position is convex, so its smallest value is at the nearest end where it has
-    none between them.
+    The position is convex along the edge: without a minimum between the ends, its smallest value is
+    at the nearest end.
     """
     a, b = corners[i], corners[(i + 1) % 3]
     dx, dy, dz = side * (b[0] - a[0]), b[1] - a[1], b[2] - a[2]
@@ -130,31 +130,31 @@ def _distance(corners, side, x):
 
 
 ON_SIDE = 1e-9
-"""Barycentric coordinate, or sine of an angle, below which features are not distinguished."""
+"""Barycentric coordinate, or sine of an angle, below which features count as the same."""
 
 ALONG = 1e-5
-"""Sine of the angle between a side of the jaw and an edge below which they are parallel."""
+"""Sine of the angle below which a side of the jaw and an edge count as parallel."""
 
 TIED = 1e-10
-"""Difference of positions, in object sizes, that rounding makes: it must not choose what is touched
+"""Difference of positions, in object sizes, due to rounding, which must not decide what is touched
 of a face that lies flat on a pad."""
 
 
 @part
 def first_touch(faces, count, side, jaw, start, scratch):
-    """Smallest position at which a jaw touches a face.
+    """Find the smallest position at which a jaw touches a face.
 
     Args:
-        faces: The `Faces`.
-        count: Number of them.
+        faces: `Faces`.
+        count: Number of faces.
         side: +1 or -1.
         jaw: Shape of the jaw.
-        start: Position from which it moves, to its mirror image.
-        scratch: Memory; `row` is written: the point touched first, as a row of a polygon.
+        start: Position from which the jaw moves to its mirror image.
+        scratch: Scratch; `row` is written: the point touched first, as a row of a polygon.
 
     Returns:
-        (face, position): index among the faces, -1 none, -2: the jaw meets the surface at its start
-        already.
+        (face, position): index among the faces; -1 if none, -2 if the jaw meets the surface
+        already at its start.
     """
     found, first = -1, math.inf
     for i in range(count):
@@ -174,21 +174,21 @@ def first_touch(faces, count, side, jaw, start, scratch):
 
 @part
 def touch_face(corners, normal, side, jaw, start, first, scratch, row):
-    """Position at which a jaw touches one face.
+    """Find the position at which a jaw touches one face.
 
     Args:
-        corners: Its corners (3, 3).
+        corners: Corners of the face (3, 3).
         normal: Its outward unit normal.
         side: +1 or -1.
         jaw: Shape of the jaw.
-        start: Position from which it moves, to its mirror image.
-        first: Position at which it touches another face. Of faces that it touches together, up to
-            rounding, it is the first that counts.
-        scratch: Memory.
-        row: Written if it touches this face before: the point touched, as a row of a polygon.
+        start: Position from which the jaw moves to its mirror image.
+        first: Position at which the jaw touches another face, which takes precedence if both are
+            touched together, up to rounding.
+        scratch: Scratch.
+        row: Written if this face is touched before the other: the point, as a row of a polygon.
 
     Returns:
-        (whether the jaw meets the face at its start, position, inf: not before the other; index
+        (whether the jaw meets the face at its start; position, inf if not before the other; index
         among the jaw's own faces).
     """
     found, part, facing = math.inf, 0, side * normal[0] < -EDGE_ON
@@ -209,19 +209,19 @@ def touch_face(corners, normal, side, jaw, start, first, scratch, row):
 
 @part
 def slopes(corners, normal, part, side, jaw, position, row):
-    """How the position of a jaw changes as the object that it touches moves along y and z.
+    """Rates at which the position of a jaw changes as the touched object moves along y and z.
 
     Vertices of the object slide on a face of the jaw, corners of the jaw on a face of the object,
-    and edges on sides; round tips roll on what they touch.
+    and edges on sides; round tips roll.
 
     Args:
         corners: Corners of the face touched (3, 3).
-        normal: Its outward unit normal.
+        normal: Outward unit normal of the face.
         part: Face of the jaw that touches it.
         side: +1 or -1.
         jaw: Shape of the jaw.
-        position: Its position.
-        row: The point touched, as a row of a polygon.
+        position: Position of the jaw.
+        row: The touched point, as a row of a polygon.
 
     Returns:
         (d position / dy, d position / dz); along x it is `side`.
@@ -250,15 +250,15 @@ def slopes(corners, normal, part, side, jaw, position, row):
         x = uy * tz - uz * ty
         if abs(x) > ALONG * (abs(uy) + abs(uz)):
             return (uz * tx - ux * tz) / x, (ux * ty - uy * tx) / x
-    # A corner of the jaw, or its side where the object's edge or vertex is about to leave it.
+    # A corner of the jaw, or its side where the object's edge or vertex is about to leave the jaw.
     return side * normal[1] / normal[0], side * normal[2] / normal[0]
 
 
 @part
 def _pad_position(corners, side, jaw, part, start, scratch):
-    """(whether the pad overlaps a face at its start, position at which it touches it, inf: never).
+    """(whether the pad overlaps a face at the start, position at which it touches it or inf).
 
-    The point touched is written to `scratch.mean`.
+    The touched point is written to `scratch.mean`.
     """
     polygon, plane, edges = scratch.polygon, jaw.planes[part], jaw.edges[part]
     count = clip_to_polygon(corners, side, plane, edges, polygon, scratch.spare)
@@ -279,28 +279,28 @@ def _pad_position(corners, side, jaw, part, start, scratch):
 
 
 MIN_DEPTH = 1e-7
-"""Smallest depth of a patch, in object sizes: rigid pads touch with the shape of the surface in the
-limit of a small depth, so that also vertices and edges have a normal."""
+"""Smallest depth of a patch, in object sizes. Rigid pads touch the shape that the surface has at
+a vanishing depth; so vertices and edges have a normal, too."""
 
 
 class Patch(NamedTuple):
     """Sums over what a jaw touches; see `clear`."""
 
     moments: npt.NDArray[np.float64]
-    """Area, and the integral of the position over it (4,)."""
+    """Area, and the integral of position over it (4,)."""
     normal: npt.NDArray[np.float64]
     """Integral of the inward normals, in the mesh's frame (3,)."""
     reach: npt.NDArray[np.float64]
-    """How far it reaches in the `DIRECTIONS` (8,)."""
+    """Reach of the patch in the `DIRECTIONS` (8,)."""
     corners: npt.NDArray[np.float64]
-    """Its points farthest in these directions (8, 3)."""
+    """Points of the patch farthest in these directions (8, 3)."""
 
 
 DIRECTIONS = np.array([
     (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (-1.0, 1.0),
     (-1.0, 0.0), (-1.0, -1.0), (0.0, -1.0), (1.0, -1.0),
 ])  # fmt: skip
-"""Directions along y and z in which the outline of a patch is looked for (8, 2)."""
+"""Directions along y and z in which the outline of a patch is sampled (8, 2)."""
 
 SIDE = 1e-7
 """Weight of the coordinate across a direction."""
@@ -316,21 +316,21 @@ def clear(patch):
 
 @part
 def add_patch(faces, count, side, jaw, start, limit, surface, scratch, patch):
-    """Add what a jaw touches: the faces up to a limit.
+    """Add what a jaw touches up to a limit to a patch.
 
-    The area of a flat pad is the one on the pad: each part of it presses along x, whatever the
-    surface below it is like, so steep faces bear little. That of a ball is the surface's own.
+    For a flat pad, the area is measured on the pad: each part of it presses along x, regardless of
+    the surface below, so steep faces bear little. For a ball, it is the surface's own area.
 
     Args:
-        faces: The `Faces`.
-        count: Number of them.
+        faces: `Faces`.
+        count: Number of faces.
         side: +1 or -1.
         jaw: Shape of the jaw.
-        start: Position from which it moved.
+        start: Position from which the jaw moved.
         limit: Position of the jaw when it has pressed into the surface.
         surface: `Surface`, for the normals.
-        scratch: Memory.
-        patch: Added to.
+        scratch: Scratch.
+        patch: Patch to add to.
     """
     for i in range(count):
         facing = side * faces.normals[i, 0] < -EDGE_ON
@@ -347,7 +347,7 @@ def add_patch(faces, count, side, jaw, start, limit, surface, scratch, patch):
 
 @part
 def add_mean(mean, area, face, surface, patch):
-    """Add an area with its mean as a row of a polygon."""
+    """Add an area, with its mean as a row of a polygon, to a patch."""
     patch.moments[0] += area
     for k in range(3):
         patch.moments[1 + k] += area * mean[k]
@@ -365,7 +365,7 @@ def add_mean(mean, area, face, surface, patch):
 
 @part
 def _on_pad(faces, i, side, jaw, part, start, limit, scratch, patch):
-    """Area of a face on a face of the pad up to a depth; writes `scratch.mean` and the bounds."""
+    """Area of a face up to a depth in a pad's face; writes `scratch.mean`, extends the outline."""
     polygon, spare, mean = scratch.polygon, scratch.spare, scratch.mean
     plane = jaw.planes[part]
     count = clip_to_polygon(faces.corners[i], side, plane, jaw.edges[part], polygon, spare)
@@ -387,7 +387,7 @@ def extend(patch, x, y, z):
     """Add a point to the outline of a patch."""
     for k in range(DIRECTIONS.shape[0]):
         across, along = DIRECTIONS[k, 0], DIRECTIONS[k, 1]
-        # Of the points of a side across the direction it is the same end whichever comes first.
+        # Of a side across the direction the same end is kept, in whatever order its points come.
         far = across * y + along * z + SIDE * (across * z - along * y)
         if far > patch.reach[k]:
             patch.reach[k] = far
@@ -396,7 +396,7 @@ def extend(patch, x, y, z):
 
 @part
 def _in_ball(faces, i, side, jaw, limit, scratch, patch):
-    """Area of a face in a ball; writes `scratch.mean` and the bounds."""
+    """Area of a face in a ball; writes `scratch.mean` and extends the outline."""
     corners = faces.corners[i]
     ux, uy, uz, nx, ny, nz = edge_and_normal(corners, side)
     length, width = math.sqrt(nx * nx + ny * ny + nz * nz), math.sqrt(ux * ux + uy * uy + uz * uz)
@@ -442,7 +442,7 @@ def _in_ball(faces, i, side, jaw, limit, scratch, patch):
 
 @part
 def _extend_by_rim(flat, radius, middle, u, v, patch):
-    """Add the extreme points of a disc in the `DIRECTIONS` that lie in a triangle."""
+    """Add a disc's extreme points in the `DIRECTIONS` to a patch, if they lie in a triangle."""
     for k in range(DIRECTIONS.shape[0]):
         along = DIRECTIONS[k, 0] * u[1] + DIRECTIONS[k, 1] * u[2]
         across = DIRECTIONS[k, 0] * v[1] + DIRECTIONS[k, 1] * v[2]

@@ -1,15 +1,12 @@
 """Evaluation of antipodal candidates, and the best grasps found so far at every vertex.
 
-Two fingers are force-closed where the line between the contacts lies inside both friction cones
+Two fingers are force-closed if the line between the contacts lies inside both friction cones
 (Nguyen 1988), so the critical friction angle of a pair is the larger of the two angles between the
 line and the normals. Each vertex keeps its best grasp, over the worst normals of the contacts, and
-a small sorted cache of the best closing directions that differ clearly; a search by rays is refined
-around all of them, since the best direction of a coarse sample need not lead to the best grasp.
+a small sorted cache of the best closing directions that clearly differ. A search by rays is refined
+around all of these, as the best direction of a coarse sample need not lead to the best grasp.
 
-Angles between the line of two contacts and the normals there.
-
-Two fingers are force-closed where the line between the contacts lies inside both friction cones
-(Nguyen 1988).
+The module also computes the angles between the line of two contacts and their normals.
 """
 
 import math
@@ -30,7 +27,7 @@ from grasp3d._kernels.surface.surface_contacts import (
 from grasp3d._kernels.surface.vectors import copy, difference, divided, dot, norm, scaled, triple
 
 TIE = 1e-7
-"""Angle by which a candidate must be better, so that rounding errors do not decide ties [rad]."""
+"""Angle [rad] by which a candidate must be better, so that rounding does not decide ties."""
 
 SMALLEST_OPENING = 1e-6
 """Smallest opening, in object sizes, that 32-bit rays can resolve."""
@@ -40,7 +37,7 @@ FOUND, NO_PARTNER, OPENING = 0, 1, 2
 
 
 class PairLimits(NamedTuple):
-    """Which pairs of contacts are grasps."""
+    """Limits of the opening between which a pair of contacts is a grasp."""
 
     smallest: float
     """Smallest opening."""
@@ -49,37 +46,37 @@ class PairLimits(NamedTuple):
 
 
 class BestPairs(NamedTuple):
-    """The best antipodal grasps found so far, a row per vertex; written in place.
+    """The best antipodal grasps so far, one row per vertex; updated in place.
 
-    All are external, or all internal: fingers squeeze, or expand.
+    Either all are external (fingers squeeze) or all are internal (fingers expand).
     """
 
     worst: Floats1
     """Critical angle over the worst normals and locations [rad]."""
     best: Floats1
-    """Critical angle of the same grasp over the best normals at the perceived locations [rad]."""
+    """Critical angle of that grasp over the best normals at the perceived locations [rad]."""
     closing: Floats2
     """Closing direction (V, 3)."""
     partner: Floats2
     """Second contact (V, 3)."""
     partner_normal: Floats2
-    """Inward unit normal there (V, 3)."""
+    """Inward unit normal at the second contact (V, 3)."""
     faces: Ints1
-    """Face of the second contact, -1 none (V,)."""
+    """Face of the second contact, -1 for none (V,)."""
     weights: Floats2
-    """Its barycentric coordinates (V, 3)."""
+    """Barycentric coordinates of the second contact (V, 3)."""
     reason: Bytes1
     """FOUND, NO_PARTNER or OPENING."""
     starts: Floats3
-    """Cache of the best closing directions that differ clearly, sorted by angle (V, k, 3)."""
+    """Cache of the best closing directions that clearly differ, sorted by angle (V, k, 3)."""
     start_angles: Floats2
     """Their critical angles over the worst normals [rad] (V, k)."""
     distinct_cosine: float
-    """Cosine of the angle from which two closing directions count as different."""
+    """Cosine of the angle above which two closing directions count as different."""
 
 
 def no_pairs(count: int, starts: int = 1, distinct_cosine: float = 1.0) -> BestPairs:
-    """Grasps of a number of vertices before any was found, with so many cached directions."""
+    """Initial state for a number of vertices: no grasps, empty caches of `starts` directions."""
     return BestPairs(
         worst=np.full(count, math.inf),
         best=np.full(count, math.inf),
@@ -97,7 +94,7 @@ def no_pairs(count: int, starts: int = 1, distinct_cosine: float = 1.0) -> BestP
 
 @merged
 def _keep_start(v, direction, angle, grasps):
-    """Insert a closing direction into a vertex's sorted cache of clearly different ones."""
+    """Insert a closing direction into a vertex's sorted cache of clearly different directions."""
     directions, angles = grasps.starts[v], grasps.start_angles[v]
     row = angles.shape[0] - 1
     for k in range(angles.shape[0]):  # replace a similar direction, and only by a better one
@@ -106,7 +103,7 @@ def _keep_start(v, direction, angle, grasps):
             break
     if angle >= angles[row] - TIE:
         return
-    # Insertion sort: worse entries move down, the last one, or the similar one, is dropped.
+    # Insertion sort: worse entries move down; the last one, or the similar one, is dropped.
     while row > 0 and angle < angles[row - 1] - TIE:
         angles[row] = angles[row - 1]
         copy(directions[row - 1], directions[row])
@@ -117,7 +114,7 @@ def _keep_start(v, direction, angle, grasps):
 
 @merged
 def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasps, scratch):
-    """Evaluate the grasp of a vertex and a point on a face; store it if it is the best so far."""
+    """Evaluate the grasp of a vertex and a point on a face; keep it if it is the best so far."""
     start, counts, normals = sets.start, sets.counts, sets.normals
     direction = scaled(sign / opening, difference(partner, surface.points[v]))
     x, y, z = direction
@@ -130,7 +127,7 @@ def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasp
         low = smallest_angle(normals, start[v], counts[v], x, y, z)
     turn += turn_on_face(face, weights, surface.turns)
     count, vertex = write_normals(face, weights, surface, sets, scratch)
-    # The angles at the second contact, against the opposite direction; a vertex has its own set.
+    # Angles at the second contact, against the reversed direction; a vertex has its own set.
     if vertex >= 0:
         first, count = start[vertex], counts[vertex]
         low = max(low, smallest_angle(normals, first, count, -x, -y, -z))
@@ -152,9 +149,9 @@ def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasp
 
 @merged
 def evaluate_on_face(v, sign, face, weights, surface, sets, grasps, scratch):
-    """Evaluate the grasp of a vertex and a point on a face, from its barycentric coordinates.
+    """Evaluate the grasp of a vertex and a point on a face given by barycentric coordinates.
 
-    `scratch` holds normals (2, 3). The contacts must not be at one point.
+    `scratch` holds normals (2, 3). The contacts must not coincide.
     """
     weights = triple(weights, 0)
     partner = point_on_face(face, weights, surface)
@@ -164,20 +161,20 @@ def evaluate_on_face(v, sign, face, weights, surface, sets, grasps, scratch):
 
 @kernel("Floats1, FixedFloats2, FixedFloats2, ContactNormals, Floats1, Floats1, Int8s1")
 def scan(fixed_point, fixed_normals, points, sets, worst, best, signs):
-    """Critical angles of the grasps that one fixed contact makes with every vertex.
+    """Compute the critical angles of the grasps that one fixed contact makes with every vertex.
 
-    Wan & Howe 2018, Sec. III-B: both signs of the line are evaluated, for grasps that squeeze and
-    grasps that expand.
+    Following Wan & Howe 2018, Sec. III-B, both signs of the line are evaluated, for squeezing and
+    for expanding.
 
     Args:
         fixed_point: The fixed contact (3,).
-        fixed_normals: Its normals, as a set (k, 3).
+        fixed_normals: The set of its normals (k, 3).
         points: Positions of the vertices (V, 3).
         sets: `ContactNormals`.
-        worst: Written, critical angle over the worst normals [rad] (V,); inf where the contacts
-            coincide.
-        best: Written, the same over the best normals (V,).
-        signs: Written, +1 squeeze, -1 expand, of the worst (V,).
+        worst: Written, critical angle over the worst normals [rad], inf if the contacts coincide
+            (V,).
+        best: Written, critical angle over the best normals [rad] (V,).
+        signs: Written, sign for the worst: +1 squeeze, -1 expand (V,).
     """
     start, counts, normals = sets.start, sets.counts, sets.normals
     count = fixed_normals.shape[0]
@@ -206,16 +203,16 @@ def scan(fixed_point, fixed_normals, points, sets, worst, best, signs):
 
 @kernel("Floats3, Ints1, Ints1, Floats2, Floats2, Floats2")
 def pair_angles(points, start, counts, normals, largest, smallest):
-    """Angles between the normals of two contacts and the line from the first to the second.
+    """Compute angles between the normals of two contacts and the line from the first to the second.
 
     Args:
         points: Contacts (b, 2, 3).
         start: First row of each contact's normals (2 b,).
-        counts: Number of its normals, 0: every direction (2 b,).
+        counts: Number of each contact's normals; 0 stands for every direction (2 b,).
         normals: Inward unit normals (K, 3).
-        largest: Written, largest angle of the first contact's normals to the line, and of the
-            second one's to the reversed line [rad]; inf where both are at one point (b, 2).
-        smallest: Written, the same of the smallest angles (b, 2).
+        largest: Written, largest angle between the first contact's normals and the line, and
+            between the second's and the reversed line [rad]; inf if they coincide (b, 2).
+        smallest: Written, the smallest such angles (b, 2).
     """
     for g in range(points.shape[0]):
         line = difference(points[g, 1], points[g, 0])

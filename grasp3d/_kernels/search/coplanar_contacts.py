@@ -1,10 +1,10 @@
-"""Force closure of three contacts, in the plane through them.
+"""Force closure of three contacts, tested in the plane through them.
 
-The moment balance about the line through two of the contacts allows the third one no force across
+By the moment balance about the line through two contacts, the third one can exert no force across
 the plane. So three hard contacts that are not collinear are force-closed exactly when each friction
 cone intersects the plane in a planar cone and these three are force-closed in the plane (Ponce &
-Faverjon 1995). A planar cone has two edges (Nguyen 1988): six wrenches of three numbers replace a
-hull in six dimensions.
+Faverjon 1995). A planar cone has two edges (Nguyen 1988), so six wrenches of three numbers replace
+a hull in six dimensions.
 """
 
 import math
@@ -16,32 +16,32 @@ from grasp3d._kernels.compiling import Floats1, Floats2, merged, part, scratch_k
 from grasp3d._kernels.surface.vectors import copy, cross, difference, divided, dot, norm, scaled
 
 COLLINEAR = 1e-6
-"""Sine of the angle between a triangle's shortest and longest sides below which its corners are
-collinear."""
+"""Sine of the angle between a triangle's shortest and longest sides below which its corners count
+as collinear."""
 
 SHORT = 1e-5
-"""Length of a side relative to the longest below which its direction needs care."""
+"""Length of a side, relative to the longest, below which its direction needs care."""
 
 ROUNDING = 1e-13
 """Determinant of three wrenches of size 1 below which they count as coplanar."""
 
 
 class Plane(NamedTuple):
-    """Three contacts projected to the plane through them; scratch arrays."""
+    """Three contacts projected onto the plane through them; scratch arrays."""
 
     frame: Floats2
     """Two unit vectors in the plane and its normal (3, 3)."""
     positions: Floats2
     """Contacts relative to their centroid, scaled to a longest side of 1 (3, 2)."""
     normals: Floats2
-    """Their normals projected to the plane (3, 2)."""
+    """Normals of the contacts projected onto the plane (3, 2)."""
     radii: Floats1
-    """Angle by which each friction cone is narrower [rad] (3,): up to which its normal may differ
-    from the true one."""
+    """Angle by which each friction cone is narrowed, the largest deviation of its normal from the
+    true one [rad] (3,)."""
     edges: Floats2
     """Wrenches (force, moment) of the two edges of each planar cone (6, 3)."""
     separating: Floats1
-    """Separating direction where the cones are not force-closed (3,)."""
+    """Separating direction if the cones are not force-closed (3,)."""
 
 
 def make_plane() -> Plane:
@@ -58,7 +58,7 @@ def make_plane() -> Plane:
 
 @part
 def set_contact_plane(points, plane):
-    """Write the plane through three points (3, 3); returns False where they are collinear."""
+    """Write the plane through three points (3, 3); return False if they are collinear."""
     frame, positions = plane.frame, plane.positions
     a, b = difference(points[1], points[0]), difference(points[2], points[0])
     c = difference(points[2], points[1])
@@ -69,8 +69,8 @@ def set_contact_plane(points, plane):
     if is_last_short:  # the difference of two long sides would lose its direction
         normal = cross(a, c)
     area = norm(normal)
-    # Differences of nearby points are exact: a short side has a direction however short it is, so
-    # that only a flat angle makes the plane uncertain.
+    # Differences of nearby points are exact: even the shortest side has a direction, and only a
+    # flat angle makes the plane uncertain.
     shortest = min(one, two, three)
     if not area > COLLINEAR * math.sqrt(shortest * longest) or not shortest > 0.0:
         return False
@@ -91,7 +91,7 @@ def set_contact_plane(points, plane):
 
 @merged
 def set_normal(normal, radius, i, plane):
-    """Project a contact's normal to the plane; returns the sine of its elevation."""
+    """Project a contact's normal onto the plane; return the sine of its elevation."""
     plane.radii[i] = radius
     for k in range(2):
         plane.normals[i, k] = dot(plane.frame[k], normal)
@@ -107,7 +107,7 @@ def _set_edge(row, i, x, y, plane):
 
 @merged
 def _set_cone(i, cosine, plane):
-    """Write the edges of a contact's planar cone; returns whether its cone intersects the plane.
+    """Write the edges of a contact's planar cone; return whether the cone intersects the plane.
 
     A friction cone of half-angle beta about a normal whose projection has length l meets the plane
     in a cone of half-angle acos(cos(beta) / l) about the projection.
@@ -128,14 +128,14 @@ def _set_cone(i, cosine, plane):
 def cones_force_closed(plane):
     """Whether the six edges' wrenches positively span all planar wrenches.
 
-    If they do not, all lie on one side of a plane through the origin and two of them; its normal is
-    written to `separating`.
+    If they do not, all lie on one side of a plane through the origin and two of them, whose normal
+    is written to `separating`.
     """
     edges = plane.edges
     # A separating plane can be turned about the origin until two of the wrenches lie in it.
     for a in range(1, 6):
         for b in range(a):
-            # u is orthogonal to both wrenches; the other four decide on which side they are.
+            # u is orthogonal to both wrenches; the other four determine the side.
             u = cross(edges[a], edges[b])
             any_below = any_above = False
             for c in range(6):
@@ -153,7 +153,7 @@ def cones_force_closed(plane):
 
 @merged
 def set_cones(angle, plane):
-    """Write the edges of all cones at a friction angle; returns whether all intersect the plane."""
+    """Write the edges of all cones at a friction angle; return whether all intersect the plane."""
     cosine = math.cos(angle)
     for i in range(3):
         radius = plane.radii[i]
@@ -165,13 +165,13 @@ def set_cones(angle, plane):
 
 @merged
 def arc_sine(sine):
-    """Angle of a sine that rounding errors may have moved out of its range [rad]."""
+    """Arcsine [rad] of a value that rounding errors may have moved out of range."""
     return math.asin(min(max(sine, -1.0), 1.0))
 
 
 @merged
 def _proven_angle(plane):
-    """A lower bound of the critical angle [rad]: the direction `separating` proves it."""
+    """Lower bound of the critical angle [rad], proven by the direction `separating`."""
     u, least, angle = plane.separating, 1.0, math.pi
     for i in range(3):
         gx, gy = u[0] - u[2] * plane.positions[i, 1], u[1] + u[2] * plane.positions[i, 0]
@@ -187,14 +187,14 @@ def _proven_angle(plane):
 
 @part
 def critical_of_normals(plane, low, high, tolerance):
-    """Critical friction angle of three contacts with one normal each, projected to their plane.
+    """Find the critical friction angle of three contacts with one normal each, in their plane.
 
     Args:
         plane: `Plane` of the contacts.
-        low: Lower bound [rad]: the largest sum of the elevation of a normal over the plane and its
+        low: Lower bound [rad]: the largest sum of a normal's elevation over the plane and its
             radius.
-        high: Upper bound, at most pi / 2 [rad]; returned where nothing lower is force-closed.
-        tolerance: Width of the bracket [rad] whose upper end is returned.
+        high: Upper bound, at most pi / 2 [rad]; returned if nothing lower is force-closed.
+        tolerance: Width [rad] of the bracket whose upper end is returned.
     """
     while high - low > tolerance:
         middle = 0.5 * (low + high)
@@ -210,15 +210,15 @@ def critical_of_normals(plane, low, high, tolerance):
 
 @scratch_kernel("Floats3, FixedFloats3, float, Plane, Floats1")
 def critical_of_three(points, normals, tolerance, plane, angles):
-    """Critical friction angles of many grasps of three contacts.
+    """Compute the critical friction angles of many grasps of three contacts.
 
     Args:
         points: Contacts (b, 3, 3).
         normals: Inward unit normals (b, 3, 3).
-        tolerance: Width of the bracket [rad] whose upper end is written.
+        tolerance: Width [rad] of the bracket whose upper end is written.
         plane: Scratch arrays.
-        angles: Written, critical angles [rad], pi / 2 where no friction suffices; nan where the
-            contacts are collinear (b,).
+        angles: Written, critical angles [rad], pi / 2 if no friction suffices, nan if the contacts
+            are collinear (b,).
     """
     for g in range(points.shape[0]):
         if not set_contact_plane(points[g], plane):

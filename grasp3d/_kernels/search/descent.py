@@ -1,29 +1,29 @@
-"""Branch and bound for opposing contacts: no direction is left out because no ray went there.
+"""Branch and bound for opposing contacts: no direction is missed for lack of a ray.
 
 Rays sample the directions in which a vertex sees the surface. A good opposing contact on a thin
-feature or near the edge of a flat face is seen under a small solid angle, between the rays. Here a
-tree over the faces bounds from below the critical angle of every grasp of a vertex with its second
-contact on the faces of a node; nodes that cannot improve the vertex's grasp are left out.
+feature or near the edge of a flat face takes up a small solid angle, between the rays. Here a tree
+over the faces bounds from below the critical angle of every grasp of a vertex with its second
+contact on the faces of a node. Nodes that cannot improve the vertex's grasp are left out.
 
-It is for fingers that squeeze: every point where a line leaves the object may be an opposing
-contact, whatever lies between, so that a pair of points is a grasp without tracing a ray.
+The method is for fingers that squeeze: every point where a line leaves the object may be an
+opposing contact, whatever lies between, so no ray has to be traced.
 
-Vertices come in the order of the tree, so that the best face of one is nearly the best of the next:
-with the limit that it gives, most of the search only proves that nothing is better. A node is left
-out where no line to its ball is within the limit of the vertex's normal, or of the reversed normals
-of the node; unlike angles, these cones cost a square root each.
+Vertices come in the order of the tree, so that the best face of one is nearly the best of the next.
+With the limit that this face gives, most of the search only proves that nothing is better. A node
+is left out if no line to its ball is within the limit of the vertex's normal, or of the node's
+reversed normals; unlike angles, these cones cost only a square root each.
 
-The best contact on a face: cutting planes over its barycentric coordinates.
+The best contact on a face is found with cutting planes over its barycentric coordinates.
 
 The contacts of a face at which both angles are at most a limit form a nearly convex region. A
 polygon that contains it is cut at a point inside: along the cone of half-angle `limit` about the
-vertex's normal, and along the tangent of the region in which the other angle is below it. Where the
-point is better than the limit, its angle is the new limit. An empty polygon proves that the face
-has nothing better, for most faces after one point; on others the next point is that of Newton's
-method, or the polygon's centroid.
+vertex's normal, and along the tangent of the region in which the other angle is below the limit. If
+the point is better than the limit, its angle becomes the new limit. An empty polygon proves that
+the face has nothing better, for most faces after one point. Otherwise the next point is that of
+Newton's method, or the polygon's centroid.
 
-The line to a point of the face, and the normal there before it has unit length, are linear in two
-of the point's barycentric coordinates.
+The line to a point of the face, and the normal there before it is scaled to unit length, are linear
+in two of the point's barycentric coordinates.
 """
 
 import math
@@ -68,12 +68,12 @@ from grasp3d._kernels.surface.vectors import (
 
 @part
 def worst_normal(own, line, worst):
-    """Write the vertex's normal that is farthest from a unit vector; returns their cosine.
+    """Write the vertex's normal that is farthest from a unit vector; return their cosine.
 
     Args:
         own: Normals of the vertex (k, 3).
         line: The vector, three numbers.
-        worst: Written (3,), unless there are none.
+        worst: Written (3,), unless there are no normals.
     """
     count = own.shape[0]
     if count == 0:
@@ -89,15 +89,15 @@ def worst_normal(own, line, worst):
 
 @merged
 def own_derivatives(cosine, normal, unit, opening, u, w):
-    """The cosine to the vertex's normal, its two first and its three second derivatives.
+    """Cosine to the vertex's normal, with its two first and three second derivatives.
 
     Args:
         cosine: The cosine.
         normal: The normal (3,).
         unit: Unit vector along the line, three numbers.
-        opening: Its length.
-        u: Derivative of the line by the first coordinate.
-        w: That by the second one.
+        opening: Length of the line.
+        u: Derivative of the line with respect to the first coordinate.
+        w: Derivative of the line with respect to the second one.
     """
     along_u, along_w = dot(unit, u), dot(unit, w)
     a = (dot(normal, u) - cosine * along_u) / opening
@@ -117,22 +117,22 @@ def own_derivatives(cosine, normal, unit, opening, u, w):
 
 @merged
 def other_derivatives(cosine, line, normal, opening, length, u, w, p, q):
-    """The same of the cosine between the reversed line and the face's normal.
+    """Cosine between the reversed line and the face's normal, with its derivatives.
 
     Args:
         cosine: The cosine.
         line: The line, three numbers.
-        normal: The normal, not of unit length.
+        normal: The normal, not scaled to unit length.
         opening: Length of the line.
         length: Length of the normal.
-        u: Derivative of the line by the first coordinate.
-        w: That by the second one.
-        p: Derivative of the normal by the first coordinate.
-        q: That by the second one.
+        u: Derivative of the line with respect to the first coordinate.
+        w: Derivative of the line with respect to the second one.
+        p: Derivative of the normal with respect to the first coordinate.
+        q: Derivative of the normal with respect to the second one.
     """
     du, dw = dot(line, u) / opening, dot(line, w) / opening
     mp, mq = dot(normal, p) / length, dot(normal, q) / length
-    # The cosine is -(line . normal) / r, r being the product of both lengths.
+    # The cosine is -(line . normal) / r, where r is the product of both lengths.
     r = opening * length
     rx, ry = du * length + opening * mp, dw * length + opening * mq
     lines, normals = length / opening, opening / length
@@ -153,13 +153,13 @@ def other_derivatives(cosine, line, normal, opening, length, u, w, p, q):
 
 @merged
 def step_to_equal(a, b):
-    """Newton's step to the largest minimum of two functions; (0, 0): none.
+    """Newton's step to the maximum of the smaller of two functions; (0, 0) if there is none.
 
-    Where both are equal there, each counts so much that the gradients cancel.
+    Where both are equal at the maximum, they are weighted so that the gradients cancel.
 
     Args:
         a: Value, two first and three second derivatives of one function.
-        b: Those of the other one.
+        b: The same of the other function.
     """
     nx, ny = a[1] - b[1], a[2] - b[2]
     square = nx * nx + ny * ny
@@ -186,29 +186,29 @@ def step_to_equal(a, b):
 
 
 RESOLVED = 1e-7
-"""Decrease of an angle that is not searched for [rad]."""
+"""Decrease of an angle [rad] below which the search ends."""
 
 MOST_POINTS = 60
-"""Most points of a face at which its angles are computed."""
+"""Most points of a face at which the angles are computed."""
 
 LOOSE = 1.5
-"""Factor of the decreases that linear bounds leave possible, as angles are not linear."""
+"""Factor on the decreases that linear bounds allow, as angles are not linear."""
 
 BENT = 0.15
-"""Difference of two corners' normals from which a face is divided: there the contacts within a
-limit need not form a convex region."""
+"""Difference of two corners' normals above which a face is divided, as the contacts within a limit
+need not form a convex region there."""
 
 MOST_PARTS = 8
-"""Most parts of an edge of a divided face."""
+"""Most parts of each edge of a divided face."""
 
 ANYWHERE, BEYOND = False, True
-"""Whether only contacts beyond a plane that touches the ball of the smallest opening count."""
+"""Whether only contacts beyond a plane tangent to the ball of the smallest opening count."""
 
 MOST_TANGENTS = 12
-"""Most planes beside the ball of the smallest opening that are tried from each start."""
+"""Most planes tangent to the ball of the smallest opening that are tried from each start."""
 
 ROUNDING = 1e-12
-"""Opening by which contacts in such a plane may be too near."""
+"""Amount by which contacts in such a plane may fall short of the smallest opening."""
 
 
 @merged
@@ -222,11 +222,11 @@ def _farthest(polygon, size, x, y):
 
 @part
 def best_on_face(weights, cosine, lines, normals, own, limits, polygon, nearest):
-    """Find the contact on a face with the smallest critical angle, if that is below a limit.
+    """Find the contact on a face with the smallest critical angle, if it is below a limit.
 
     Args:
-        weights: Barycentric coordinates from which the search starts (3,); those of the best
-            contact are written where one was found.
+        weights: Barycentric coordinates from which the search starts (3,), replaced by those of
+            the best contact if one is found.
         cosine: Cosine of the limit, not below 0.
         lines: Lines from the vertex to the corners (3, 3).
         normals: Normals at the corners (3, 3).
@@ -236,7 +236,7 @@ def best_on_face(weights, cosine, lines, normals, own, limits, polygon, nearest)
         nearest: Scratch (3,).
 
     Returns:
-        Cosine of the smallest critical angle found, or `cosine` where there is none below it.
+        Cosine of the smallest critical angle found, or `cosine` if none is below the limit.
     """
     smallest, limit, others = limits.smallest, cosine, (lines, normals, own)
     cosine = _best_in_region(
@@ -246,9 +246,9 @@ def best_on_face(weights, cosine, lines, normals, own, limits, polygon, nearest)
         return cosine
     if norm(weighted_sum(weights, lines[0], lines[1], lines[2])) >= smallest:
         return cosine
-    # The best contact is too near, and those that are not form no convex region: each part of it
-    # that a plane leaves is searched, and then that beside the best contact there. Every part that
-    # the ball of the smallest opening leaves apart has a corner of the face.
+    # The best contact is too near, and the allowed ones form no convex region. Each part beyond a
+    # tangent plane is searched, then the part beyond the plane at the best contact found. Every
+    # part that the ball of the smallest opening leaves contains a corner of the face.
     found, cosine = triple(weights, 0), 0.0
     for start in range(4):
         if start > 0:
@@ -259,7 +259,7 @@ def best_on_face(weights, cosine, lines, normals, own, limits, polygon, nearest)
             better = _best_in_region(
                 weights, own_cosine, *others, smallest, limits.largest, BEYOND, polygon, nearest
             )
-            gain, own_cosine = better - own_cosine, better  # the cosine of `weights`, to the last
+            gain, own_cosine = better - own_cosine, better  # at the end, the cosine of `weights`
             if not gain > RESOLVED:
                 break
         if own_cosine > cosine:
@@ -272,10 +272,10 @@ def best_on_face(weights, cosine, lines, normals, own, limits, polygon, nearest)
 def _best_in_region(
     weights, cosine, lines, normals, own, smallest, largest, beyond, polygon, nearest
 ):  # fmt: skip
-    """`best_on_face` where contacts within the limits of openings form a convex region.
+    """Like `best_on_face`, if contacts within the limits of openings form a convex region.
 
-    With `beyond`: only of those beyond the plane that touches the ball of the smallest opening in
-    the direction of the starting point.
+    With `beyond`, only contacts beyond the plane count that is tangent to the ball of the smallest
+    opening in the direction of the starting point.
     """
     start, n = triple(lines[0], 0), triple(normals[0], 0)
     u, w = difference(lines[1], start), difference(lines[2], start)
@@ -311,11 +311,11 @@ def _best_in_region(
             if sine < RESOLVED:
                 return cosine
         reach = 1.0
-        # From the vector across the normal: from the cosine, small sines would be rounding errors.
+        # Taken from the vector across the normal: a small sine from the cosine would be rounding.
         across = combined(1.0, unit, -first, own_normal)
         first_sine = norm(across)
         if size > 2 and first < 1.0 and first_sine > 1e-9:
-            # The plane through the vertex that touches the cone about the normal below the point.
+            # The plane through the vertex tangent to the cone about the normal below the point.
             h = combined(cosine / first_sine, across, -sine, own_normal)
             size, least = cut(polygon, size, dot(h, u), dot(h, w), dot(h, start))
             turn = max(min(-LOOSE * least / opening, sine), -1.0)
@@ -357,19 +357,19 @@ def _mix(rows, weights, mixed):
 
 @part
 def best_on_bent_face(weights, cosine, lines, normals, own, limits, parts, polygon, nearest, part):
-    """`best_on_face` of each part of a face whose edges are divided.
+    """Apply `best_on_face` to each part of a face whose edges are divided.
 
     Args:
-        weights: Written (3,) where a contact was found.
-        cosine: See `best_on_face`, as those that are not described here.
-        lines: The same.
-        normals: The same.
-        own: The same.
-        limits: The same.
-        parts: Parts of each edge.
+        weights: Written if a contact is found (3,).
+        cosine: As in `best_on_face`.
+        lines: As in `best_on_face`.
+        normals: As in `best_on_face`.
+        own: As in `best_on_face`.
+        limits: As in `best_on_face`.
+        parts: Number of parts of each edge.
         polygon: Scratch.
         nearest: Scratch.
-        part: Scratch: lines, normals and weights of a part's corners (3, 3) each, weights (3,).
+        part: Scratch: lines, normals and weights of a part's corners (3, 3) each; weights (3,).
 
     Returns:
         Cosine of the smallest critical angle found, or `cosine`.
@@ -401,28 +401,28 @@ def best_on_bent_face(weights, cosine, lines, normals, own, limits, parts, polyg
 
 
 MOST_FACES = 2000
-"""Faces on which a contact is computed, per vertex, before the best one so far is taken: a bound on
-the time where very many are equally good, as at the limit of openings on a ball."""
+"""Most faces per vertex on which a contact is computed before the best one so far is taken. This
+bounds the time where very many are equally good, as at the limit of openings on a ball."""
 
 
 @merged
 def _outside(axis, cosine, sine, line):
-    """Distance of a point from the inside of a cone about a unit vector, negative inside."""
+    """Signed distance of a point from a cone about a unit vector, negative inside."""
     along = dot(axis, line)
     return cosine * math.sqrt(max(dot(line, line) - along * along, 0.0)) - sine * along
 
 
 @merged
 def rank(node, v, own, domain, cosine, sine):
-    """Not negative where no contact of a node is within a limit; else the smaller the more likely.
+    """Rank a node: not negative if none of its contacts is within a limit; smaller if more likely.
 
     Args:
         node: The node.
         v: The vertex.
         own: Normals of the vertex (k, 3).
         domain: `PairDomain`.
-        cosine: Cosine of the limit of the critical angle, not below 0.
-        sine: Its sine.
+        cosine: Cosine of the limit of the critical angle, at least 0.
+        sine: Sine of that limit.
     """
     bounds, limits = domain.tree.bounds[node], domain.limits
     radius, cos_spread, sin_spread = bounds[3], bounds[7], bounds[8]
@@ -431,8 +431,8 @@ def rank(node, v, own, domain, cosine, sine):
     normal, axis = triple(own[0], 0), scaled(-1.0, triple(bounds, 4))
     wide_cosine = cosine * cos_spread - sine * sin_spread
     wide_sine = sine * cos_spread + cosine * sin_spread
-    if cos_spread > 0.0:  # else any normal is possible
-        # Both angles add up to the angle between one normal and the reversed other one.
+    if cos_spread > 0.0:  # otherwise any normal is possible
+        # Both angles together are at least the angle between one normal and the other, reversed.
         least = wide_cosine * cosine - wide_sine * sine
         if wide_sine * cosine + wide_cosine * sine > 0.0 and dot(axis, normal) < least:
             return 0.0
@@ -450,16 +450,16 @@ def rank(node, v, own, domain, cosine, sine):
 def best_of_face(face, v, cosine, own, domain, scratch):
     """Find the best contact of a vertex on a face; see `best_on_face`.
 
-    With location errors it is the best of that for exact locations and of the lattice's points,
-    moved on the face.
+    With location errors, it is the better of the best contact for exact locations and of the points
+    of a lattice, moved on the face.
 
     Args:
         face: The face.
         v: The vertex.
-        cosine: Cosine of the limit, not below 0.
+        cosine: Cosine of the limit, at least 0.
         own: Normals of the vertex (k, 3).
         domain: `PairDomain`.
-        scratch: What `make_scratch` returns; the first array holds the contact's weights.
+        scratch: As returned by `make_scratch`; the contact's weights are in the first array.
 
     Returns:
         Cosine of the smallest critical angle, or `cosine`.
@@ -469,7 +469,7 @@ def best_of_face(face, v, cosine, own, domain, scratch):
     if not aim(face, v, domain.centres, domain.surface, weights):
         return cosine
     read_face(face, v, domain.surface, lines, normals)
-    if turns.error > 0.0:  # what is left of the limit for exact locations
+    if turns.error > 0.0:  # the remaining limit for exact locations
         far = max(norm(lines[0]), norm(lines[1]), norm(lines[2]))
         one, other = turn_at_vertex(v, turns), turns.least[face]
         angle = math.acos(min(max(cosine, -1.0), 1.0)) - line_turn(far, turns)
@@ -491,7 +491,7 @@ def best_of_face(face, v, cosine, own, domain, scratch):
 
 @part
 def _best_of_lattice(face, v, limit, own, domain, scratch):
-    """`best_of_face` with location errors, from its best contact for exact locations."""
+    """Find the `best_of_face` with location errors, from its best contact for exact locations."""
     weights, lines, normals, _, nearest, _ = scratch
     parts = domain.surface.turns.levels[face]
     cosine = cosine_at(triple(weights, 0), v, face, lines, normals, own, domain)
@@ -512,7 +512,7 @@ def _best_of_lattice(face, v, limit, own, domain, scratch):
 
 @kernel()
 def make_scratch():
-    """Scratch arrays of `best_of_face`."""
+    """Allocate the scratch arrays of `best_of_face`."""
     return (
         np.empty(3),
         np.empty((3, 3)),
@@ -525,10 +525,10 @@ def make_scratch():
 
 @merged
 def _visit(node, _position, stale, state):
-    """Visit a node of the tree; the better contacts found lower the limit."""
+    """Visit a node of the tree; better contacts lower the limit."""
     v, own, domain, skipped, limit, best_face, scratch, best = state
     tree, cosine, sine = domain.tree, limit[0], limit[1]
-    # Else it was ranked since a contact was found.
+    # Unless stale, the node was ranked after the last contact was found.
     if stale and rank(node, v, own, domain, cosine, sine) >= 0.0:
         return NO_NODE, NO_NODE, GO_ON
     later, sooner = below(node, tree.depth)
@@ -560,9 +560,9 @@ def _visit(node, _position, stale, state):
 
 @part
 def _keep(v, face, weights, surface, sets, grasps, at_contact):
-    """Evaluate a contact; one beside an edge or corner of its face on that first.
+    """Evaluate a contact; if it is close to an edge or corner of its face, first evaluate that.
 
-    Where the surface is smooth there the two are the same, but for rounding.
+    Where the surface is smooth, both are the same up to rounding.
     """
     inside = weights[0], weights[1], weights[2]
     beside = min(inside) < 2.0 * INSIDE
@@ -582,13 +582,13 @@ def _keep(v, face, weights, surface, sets, grasps, at_contact):
 def descend(vertices, cone, domain, grasps):
     """Find the opposing contact of each vertex with the smallest critical angle.
 
-    That over the worst normals of the vertex, and the worst locations. The result depends on the
-    order of the vertices by less than `RESOLVED`; by more where more than `MOST_FACES` faces are
-    about equally good, and with location errors, which are known at points only.
+    The angle is the one over the vertex's worst normals and the worst locations. The order of the
+    vertices changes the result by less than `RESOLVED`; by more where over `MOST_FACES` faces are
+    about equally good, and with location errors, which are known only at points.
 
     Args:
-        vertices: Vertices (n,), neighbours one after the other.
-        cone: Largest angle that is searched for, at most pi / 2 [rad].
+        vertices: Vertices, with neighbours following each other (n,).
+        cone: Largest angle to search for, at most pi / 2 [rad].
         domain: `PairDomain`.
         grasps: `BestPairs`; written.
 
@@ -599,7 +599,7 @@ def descend(vertices, cone, domain, grasps):
     scratch, nodes = make_scratch(), np.empty(STACK, dtype=np.int64)
     best, at_contact = np.empty(3), np.empty((2, 3))
     limit, best_face = np.empty(2), np.zeros(2, dtype=np.int64)
-    last, tried = domain.tree.order[0], 0  # any face will do for the first vertex
+    last, tried = domain.tree.order[0], 0  # any face serves for the first vertex
     for v in vertices:
         angle = min(cone, grasps.worst[v]) - RESOLVED
         if angle <= 0.0:

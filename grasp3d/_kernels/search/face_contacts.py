@@ -1,6 +1,6 @@
 """Grasps of a vertex with an opposing contact on a face: bounds, angles, and the best points.
 
-Angles are compared by their cosines, which saves most of the time: the larger cosine is better.
+Angles are compared by their cosines, where larger is better; this saves most of the time.
 """
 
 import math
@@ -32,17 +32,17 @@ from grasp3d._kernels.surface.vectors import (
 )
 
 INSIDE = 2e-9
-"""Smallest barycentric coordinate of a candidate: off the edges, where other normals count too."""
+"""Least barycentric coordinate of a candidate, to stay off edges, where other normals count too."""
 
 STEPS = (0.4, 0.25, 0.15, 0.1, 0.05)
-"""Steps of barycentric coordinates by which a contact is moved over its face."""
+"""Steps of barycentric coordinates by which a contact is moved on its face."""
 
 NONE = -2.0
-"""In place of a cosine: no grasp."""
+"""Value that stands for the cosine if there is no grasp."""
 
 
 class PairDomain(NamedTuple):
-    """Where opposing contacts of vertices are searched for."""
+    """Where opposing contacts of vertices are sought."""
 
     surface: Surface
     sets: ContactNormals
@@ -54,7 +54,7 @@ class PairDomain(NamedTuple):
 
 @merged
 def own_cosine(own, line):
-    """Cosine of the angle between a vector and the vertex's worst normal; inf: it has none."""
+    """Cosine of the angle between a vector and the vertex's worst normal; inf if it has none."""
     least = math.inf
     for i in range(own.shape[0]):
         least = min(least, dot(own[i], line))
@@ -68,7 +68,7 @@ def _sine(cosine):
 
 @merged
 def _nearer(cosine, cosine_by, sine_by):
-    """Cosine of an angle that is made smaller by another one, but not below 0."""
+    """Cosine of an angle reduced by another one, but not below 0."""
     return 1.0 if cosine >= cosine_by else cosine * cosine_by + _sine(cosine) * sine_by
 
 
@@ -77,10 +77,10 @@ def upper_bound(node, v, own, domain, least):
     """Upper bound of the cosine of the critical angles of a vertex and a node's faces.
 
     The line to any point in the node's ball is within an angle `ball` of the line to its centre,
-    and any normal within `spread` of the cone's axis. The two angles of a grasp also add up to at
-    least the angle between one normal and the reversed other one. And a line that is not longer
-    than `reach` to a point beyond a plane is within an angle of the plane's normal.
-    Below `least`, the bound is not made tighter.
+    and any normal within `spread` of the cone's axis. The two angles of a grasp add up to at least
+    the angle between one normal and the reversed other one. A line of at most the length `reach` to
+    a point beyond a plane is within an angle of the plane's normal.
+    Once below `least`, the bound is not tightened further.
     """
     bound = _upper_bound_of_normals(node, v, own, domain, least)
     turns, ball = domain.surface.turns, domain.tree.bounds[node]
@@ -95,13 +95,13 @@ def upper_bound(node, v, own, domain, least):
 
 @merged
 def _farther(cosine, angle):
-    """Cosine of an angle that is made larger by another one, but not above pi."""
+    """Cosine of an angle increased by another one, but not above pi."""
     return math.cos(min(math.acos(min(max(cosine, -1.0), 1.0)) + angle, math.pi))
 
 
 @merged
 def _upper_bound_of_normals(node, v, own, domain, least):
-    """`upper_bound` of the angles between lines and normals."""
+    """`upper_bound` from the angles between lines and normals."""
     bounds, point, limits = domain.tree.bounds[node], domain.surface.points[v], domain.limits
     radius, cos_spread, sin_spread = bounds[3], bounds[7], bounds[8]
     axis = triple(bounds, 4)
@@ -124,7 +124,7 @@ def _upper_bound_of_normals(node, v, own, domain, least):
     if distance > radius and bound > least:
         tangent = math.sqrt(square - radius * radius)
         cos_ball, sin_ball = tangent / distance, radius / distance
-        if tangent > limits.largest:  # the lines that touch the ball are too long
+        if tangent > limits.largest:  # the lines tangent to the ball are too long
             cos_ball = (square + reach * reach - radius * radius) / (2.0 * distance * reach)
             sin_ball = _sine(cos_ball)
         bound = min(bound, _nearer(own_cosine(own, line), cos_ball, sin_ball))
@@ -146,7 +146,7 @@ def read_face(face, v, surface, lines, normals):
 
 @merged
 def longest_difference(rows):
-    """Largest distance between any two of three points."""
+    """Largest distance between two of three points."""
     square = 0.0
     for k in range(3):
         square = max(square, squared_distance(rows[k], rows[(k + 1) % 3]))
@@ -157,7 +157,7 @@ def longest_difference(rows):
 def cosine_at(weights, v, face, lines, normals, own, domain):
     """Cosine of the critical angle of a vertex and a point inside a face.
 
-    NONE outside the limits of openings.
+    NONE if the opening is outside the limits.
     """
     limits, turns = domain.limits, domain.surface.turns
     line = weighted_sum(weights, lines[0], lines[1], lines[2])
@@ -175,9 +175,9 @@ def cosine_at(weights, v, face, lines, normals, own, domain):
 
 @part
 def move_on_face(weights, cosine, v, face, lines, normals, own, domain):
-    """Move a contact over its face in ever smaller steps while the angle falls; returns its cosine.
+    """Move a contact on its face in ever smaller steps while the angle falls; return its cosine.
 
-    Each step is the best of the six from one corner toward another, whatever the corners' order.
+    Each step is the best of the six from one corner toward another, in any order of the corners.
 
     Args:
         weights: Barycentric coordinates of the contact (3,); written.
@@ -210,9 +210,9 @@ def move_on_face(weights, cosine, v, face, lines, normals, own, domain):
 
 @merged
 def write_nearest(r, u, w, outward, weights):
-    """Write the place in a triangle that is, in barycentric coordinates, nearest to a point.
+    """Write the point of a triangle that is nearest to another, in barycentric coordinates.
 
-    `r` leads there from one corner, `u` and `w` to the others; `outward` is their product.
+    `r` leads from one corner to that point, `u` and `w` to the other corners; `outward` is u x w.
     """
     square = dot(outward, outward)
     b1, b2 = in_triangle(r, u, w, outward)
@@ -226,10 +226,10 @@ def write_nearest(r, u, w, outward, weights):
 
 @scratch_kernel()
 def aim(face, v, centres, surface, weights):
-    """Write the point of a face from which both normals are equally far; False: no exit there.
+    """Write the point of a face whose line makes equal angles with both normals; False if no exit.
 
-    The best line is along the bisector of the normals; where it misses the face, the nearest point
-    in barycentric coordinates is taken.
+    The best line is along the bisector of the normals; if it misses the face, the nearest point in
+    barycentric coordinates is used.
     """
     points, normals = surface.points, surface.normals
     vertices, rows = surface.faces[face], surface.corners[face]

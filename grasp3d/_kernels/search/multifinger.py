@@ -1,14 +1,13 @@
-"""Search for the best grasps of three fingers and more through the vertices of a surface.
+"""Search for the best grasps of three or more fingers through the vertices of a surface.
 
-The first grasps of three fingers are pairs of candidate points with the vertex; of more fingers,
-those of one finger less. They are improved by moving their fingers, and by exchanging them.
+The first grasps of three fingers combine the vertex with pairs of candidate points; those of more
+fingers extend grasps of one finger less. They are improved by moving and by exchanging fingers.
 
-Steps toward grasps of three fingers that balance without friction.
-
-Three normals balance if they lie in the plane through the contacts and meet in a point: four
-equations for two contacts on a surface, each with two coordinates. So most smooth surfaces have
-such grasps through every point, and Newton's method finds the one near a start in a few steps,
-where random steps would have to become smaller by a constant factor each.
+Grasps of three fingers are also moved by steps toward balance without friction.
+Three normals balance if they lie in the plane through the contacts and meet in a point. These are
+four equations for two contacts on a surface, each with two coordinates. So most smooth surfaces
+have such grasps through every point. Newton's method finds the one near a start in a few steps,
+where random steps would have to shrink by a constant factor each.
 """
 
 import math
@@ -39,31 +38,31 @@ from grasp3d._kernels.surface.surface_contacts import random_fraction
 from grasp3d._kernels.surface.vectors import cross, difference, divided, dot, norm, squared_distance
 
 STEPS = 8
-"""Most steps."""
+"""Most steps toward balance."""
 
 NUDGE = 1e-3
-"""Length of the steps that derivatives are taken over: less than an edge, as normals are smooth
-between creases only."""
+"""Length of the steps for derivatives, less than an edge because normals are smooth only between
+creases."""
 
 DAMPING = 1e-4
-"""Added to the diagonal of the normal equations, relative to their trace: where the surface is flat
-some steps change nothing."""
+"""Term added to the diagonal of the normal equations, relative to their trace: on flat parts of the
+surface some steps change nothing."""
 
 LONGEST = 0.3
 """Longest step of a finger."""
 
 SHORTENING, TRIES = 0.3, 3
-"""Factor by which a step that does not improve the grasp is shortened, and the steps tried."""
+"""Factor by which a step without improvement is shortened, and number of steps tried."""
 
 TINY = 1e-12
 
 
 @merged
 def _write_residuals(candidate, residuals):
-    """Write the elevations of the normals over the plane, and by what they miss a point (4,).
+    """Write the elevations of the normals over the plane and how far they miss a common point (4,).
 
-    The latter is the moment of multiples of the normals that balance as forces, for such multiples
-    and lever arms of about 1.
+    The latter is the moment of multiples of the normals whose forces balance, for multiples and
+    lever arms of about 1.
     """
     points, normals = candidate.points, candidate.normals
     a, b = difference(points[1], points[0]), difference(points[2], points[0])
@@ -79,7 +78,7 @@ def _write_residuals(candidate, residuals):
 
 @merged
 def _write_step(domain, workspace):
-    """Write the step of the two fingers toward balance, by Gauss and Newton, in the last column."""
+    """Write the two fingers' Gauss-Newton step toward balance in the last column."""
     residuals, equations = workspace.residuals, workspace.equations
     _write_residuals(workspace.candidate, residuals[4])
     for c in range(4):
@@ -98,7 +97,7 @@ def _write_step(domain, workspace):
         trace += equations[r, r]
     for r in range(4):
         equations[r, r] += DAMPING * trace + TINY
-    # Positive definite, so no pivots need be sought.
+    # Positive definite, so pivoting is unnecessary.
     for k in range(4):
         for r in range(4):
             if r != k:
@@ -111,7 +110,7 @@ def _write_step(domain, workspace):
 
 @merged
 def may_balance(v, domain):
-    """Whether fingers move freely, and the vertex has one normal: caps do not balance."""
+    """Whether fingers move freely and the vertex has a single normal: caps do not balance."""
     return not domain.on_vertices and domain.radii[v] == 0.0
 
 
@@ -153,15 +152,15 @@ def balance(angle, domain, limits, workspace, plane, hull):
 
 
 MAX_PAIRINGS = 128
-"""Points following a candidate point with which it is paired: any consecutive ones are well spread,
-and the work grows linearly with the number of points."""
+"""Number of following points with which a candidate point is paired: consecutive points are well
+spread, and the work grows linearly with the number of points."""
 
 
 @merged
 def list_reachable(v, most, domain, limits, workspace):
     """List candidate points at allowed distances from a vertex, its own point first.
 
-    Every vertex begins elsewhere among them, so that neighbours find grasps from different points.
+    Each vertex starts elsewhere in the list, so that neighbours find grasps from different points.
 
     Returns:
         Their number, at most `most` + 1.
@@ -182,10 +181,10 @@ def list_reachable(v, most, domain, limits, workspace):
 
 @merged
 def _keep_start(angle, one, two, workspace):
-    """Insert a pair into the sorted list of the best starts, which have no point in common.
+    """Insert a pair into the sorted list of the best starts, which share no points.
 
-    A pair that shares a point with a start replaces it where it is better; starts that differ in
-    both points lead the refinement to different optima.
+    A better pair that shares a point with a start replaces it. Starts that differ in both points
+    lead the refinement to different optima.
     """
     angles, pairs = workspace.angles, workspace.start_points
     row = STARTS - 1
@@ -216,7 +215,7 @@ def seed_pairs(count, most, domain, limits, workspace, plane, hull):
         one = workspace.reachable[a]
         if not set_point_contact(1, one, domain, candidate):
             continue
-        # The vertex's own point, its opposing contact of two fingers, is paired with all others.
+        # The vertex's own point, its opposing contact for two fingers, is paired with all others.
         last = count if a == 0 else min(count, a + 1 + MAX_PAIRINGS)
         for b in range(a + 1, last):
             two = workspace.reachable[b]
@@ -235,7 +234,7 @@ def seed_pairs(count, most, domain, limits, workspace, plane, hull):
 
 @merged
 def first_pair(count, domain, limits, workspace, plane):
-    """Take the first allowed pair of candidate points, where any critical angle is accepted."""
+    """Take the first allowed pair of candidate points, if any critical angle is accepted."""
     candidate = workspace.candidate
     for a in range(count):
         for b in range(a + 1, count):
@@ -251,26 +250,26 @@ def first_pair(count, domain, limits, workspace, plane):
 
 
 STEP_GROWTH, STEP_SHRINKAGE = 1.6, 0.88
-"""Factors of the step length after a step that improved the grasp, and after one that did not."""
+"""Factors of the step length after a step that improves the grasp, and after one that does not."""
 
 SINGLE_FINGER_FRACTION = 0.5
-"""Fraction of the steps that move one finger only."""
+"""Fraction of the steps that move only one finger."""
 
 MAX_EDGES = 8
-"""Most edges that a finger moves along in one step, where contacts are vertices."""
+"""Most edges that a finger moves along in one step if contacts are vertices."""
 
 
 @merged
 def _move_finger(j, step, domain, limits, workspace):
-    """Vary finger j of the current grasp at random, up to two steps; returns as `set_contact`."""
+    """Vary finger j of the current grasp at random, by up to two steps; return as `set_contact`."""
     elements, random_state = workspace.elements, workspace.random_state
     length = 2.0 * step * random_fraction(random_state)
-    # A random walk over edges, or a straight walk in a random direction.
+    # A random walk along edges, or a straight walk in a random direction.
     if not domain.on_vertices:
         angle = 2.0 * math.pi * random_fraction(random_state)
         return walk_finger(j, angle, length, domain, workspace)
     vertex = elements[0, j]
-    # The step in edges: shorter than one edge still moves the finger.
+    # The step in edges: even one shorter than an edge moves the finger.
     hops = min(MAX_EDGES, 1 + int(length / limits.edge_length))
     for _ in range(hops):
         first, last = domain.neighbour_start[vertex], domain.neighbour_start[vertex + 1]
@@ -285,14 +284,14 @@ def refine(n, angle, step, rounds, domain, limits, workspace, plane, hull):
     """Improve the current grasp by random steps of its fingers.
 
     An evolution strategy with success-based step lengths (Rechenberg 1973). The critical angle is a
-    maximum over directions, hence not differentiable: moving one finger at a time would stop at
+    maximum over directions and hence not differentiable: moving one finger at a time would stop at
     creases of the function that only several fingers together can leave.
 
     Returns:
         The critical angle of the refined grasp [rad].
     """
     for _ in range(rounds):
-        # On vertices every step moves a finger by one edge at least, however short it is.
+        # On vertices, every step moves a finger by at least one edge, however short it is.
         if angle <= limits.target or (step < limits.shortest_step and not domain.on_vertices):
             break
         moved = 0  # all fingers
@@ -305,8 +304,8 @@ def refine(n, angle, step, rounds, domain, limits, workspace, plane, hull):
         changed = evaluate_if_allowed(
             fits, n, angle - limits.margin, limits, workspace, plane, hull
         )
-        # The step grows after a success and shrinks after a failure, such that it stays constant
-        # at a success rate of about 1/5, which is nearly optimal (Rechenberg 1973).
+        # The step grows after a success and shrinks after a failure, which keeps it constant at a
+        # success rate of about 1/5, nearly the optimum (Rechenberg 1973).
         better = changed < math.inf
         if better:
             angle = changed
@@ -317,7 +316,7 @@ def refine(n, angle, step, rounds, domain, limits, workspace, plane, hull):
 
 @merged
 def _best_point(i, n, angle, count, domain, limits, workspace, plane, hull):
-    """The candidate point of finger i with the best grasp: (point or NO_CONTACT, angle)."""
+    """Find the candidate point of finger i with the best grasp: (point or NO_CONTACT, angle)."""
     candidate, chosen = workspace.candidate, NO_CONTACT
     for s in range(count):
         point, threshold = workspace.reachable[s], angle - limits.margin
@@ -337,7 +336,7 @@ def _best_point(i, n, angle, count, domain, limits, workspace, plane, hull):
 
 @merged
 def _most_distant_point(i, n, count, domain, limits, workspace):
-    """The reachable point farthest from the other contacts, for a finger that improves nothing."""
+    """Find the reachable point farthest from the other contacts, for a finger without benefit."""
     candidate, chosen, widest = workspace.candidate, NO_CONTACT, 0.0
     for s in range(count):
         point = workspace.reachable[s]
@@ -360,9 +359,9 @@ def exchange_fingers(n, added, angle, count, domain, limits, workspace, plane, h
     """Move one finger after the other to the reachable candidate point with the best grasp.
 
     Args:
-        n: Fingers.
-        added: Whether the last finger is new: it is placed first, even where it improves nothing.
-        angle: Critical angle of the current grasp, without the new finger [rad].
+        n: Number of fingers.
+        added: Whether the last finger is new; it is placed first, even without improvement.
+        angle: Critical angle of the current grasp without the new finger [rad].
         count: Number of reachable candidate points.
         domain: `ContactDomain`.
         limits: `SearchLimits`.
@@ -371,7 +370,7 @@ def exchange_fingers(n, added, angle, count, domain, limits, workspace, plane, h
         hull: As for `evaluate`.
 
     Returns:
-        The critical angle [rad]; inf where the new finger cannot be placed.
+        The critical angle [rad]; inf if the new finger cannot be placed.
     """
     for turn in range(1, n):
         i = turn
@@ -394,10 +393,10 @@ def exchange_fingers(n, added, angle, count, domain, limits, workspace, plane, h
 
 @merged
 def _try_neighbours(v, n, stage, most, domain, limits, previous, grasps, workspace, plane, hull):
-    """Store the best of the other contacts of neighbours' grasps that the last stage has found.
+    """Store the best grasp with the other contacts of grasps that the last stage found nearby.
 
     Returns:
-        Whether one of them is better than the vertex's own, for three fingers after some steps.
+        Whether one improves the vertex's grasp, for three fingers after some steps to balance.
     """
     improved, balancing = False, hull is None and may_balance(v, domain)
     for k in range(domain.neighbour_start[v], domain.neighbour_start[v + 1]):
@@ -420,7 +419,7 @@ def _try_neighbours(v, n, stage, most, domain, limits, previous, grasps, workspa
 
 @merged
 def _seed_random(seed, v, stage, random_state):
-    """Seed the random numbers of a vertex, independently of the order of vertices and threads."""
+    """Seed a vertex's random numbers, independently of the order of vertices and threads."""
     random_state[0] = np.uint64(seed)
     for part in (v, stage):
         random_fraction(random_state)
@@ -430,9 +429,9 @@ def _seed_random(seed, v, stage, random_state):
 
 @merged
 def _initial_grasps(v, n, most, domain, limits, previous, workspace, plane, hull):
-    """Find starts of three fingers, or load the grasp of one finger less; returns their number."""
+    """Find starts of three fingers, or load the grasp of one finger less; return their number."""
     count = list_reachable(v, limits.points_per_vertex, domain, limits, workspace)
-    if hull is None:  # three fingers, in a branch that is not compiled for more
+    if hull is None:  # three fingers; this branch is not compiled for more
         seed_pairs(count, most, domain, limits, workspace, plane, hull)
         if workspace.angles[0] == math.inf and most >= RIGHT_ANGLE:
             first_pair(count, domain, limits, workspace, plane)
@@ -453,45 +452,45 @@ def search_fingers(
 ):  # fmt: skip
     """Search for grasps of several fingers with the first contact at given vertices.
 
-    Of three fingers all pairs of candidate points are evaluated and the best starts refined. Then
+    For three fingers, all pairs of candidate points are evaluated and the best starts refined. Then
     the other fingers of the best grasp are moved one by one to the best of all candidate points,
-    and the result is refined again. Refining is a few steps toward balance, and random ones.
+    and the result is refined again. Refinement takes a few steps toward balance, then random ones.
 
-    Of more, the last finger is added at the best candidate point to the best grasp of one finger
-    less. A force-closed grasp stays so with an additional finger, so a vertex never becomes worse.
+    For more fingers, the last one is added to the best grasp of one finger less at the best
+    candidate point. A force-closed grasp stays so with another finger, so no vertex becomes worse.
 
     Args:
-        stage: 0: start as above; from 1 on: evaluate and refine the grasps of neighbours.
+        stage: 0 to start as above; from 1 on, evaluate and refine the grasps of neighbours.
         vertices: Vertices (m,).
-        fingers: Their number, 3 or more.
+        fingers: Number of fingers, at least 3.
         domain: `ContactDomain`.
         limits: `SearchLimits`.
         seed: Seed of the random numbers.
         step: First step length of the refinement.
-        rounds: Number of its steps.
-        previous: `BestGrasps` at the beginning of the stage; at first of one finger less, if those
-            are at least three.
+        rounds: Number of steps of the refinement.
+        previous: `BestGrasps` at the start of the stage; in stage 0 those of one finger less, if
+            these have at least three.
         grasps: `BestGrasps`; written.
         workspace: `SearchWorkspace`.
         plane: `Plane`.
         hull: `HullScratch`; None for three fingers, for which no hull is compiled.
     """
     n = fingers
-    if hull is None:  # a constant, in the machine code for three fingers
+    if hull is None:  # a constant in the machine code for three fingers
         n = 3
     candidate = workspace.candidate
     for v in vertices:
         if not set_vertex_contact(0, v, domain, candidate):
             continue
-        # Separating directions of another vertex's grasps would make results depend on the order.
+        # Separating directions from another vertex's grasps would make results depend on the order.
         if hull is not None:
             hull.direction_use[0] = hull.direction_use[1] = 0
         _seed_random(seed, v, 16 * stage + n, workspace.random_state)
-        # A wider cone about the centre of the normals may still have one with a good grasp.
+        # Within a wider cone about the centre, one of the normals may still have a good grasp.
         most = limits.max_angle
         if domain.radii[v] > 0.0:
             most = max(most, min(most + 2.0 * domain.radii[v], RIGHT_ANGLE))
-        # Later stages refine the best neighbour's grasp only where it improves this vertex.
+        # Later stages refine the best neighbour's grasp only if it improves this vertex.
         if stage > 0:
             if not _try_neighbours(
                 v, n, stage, most, domain, limits, previous, grasps, workspace, plane, hull

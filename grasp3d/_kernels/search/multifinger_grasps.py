@@ -1,17 +1,17 @@
-"""Grasps of three fingers and more: where fingers are placed, and the best grasps so far.
+"""Grasps of three or more fingers: where fingers are placed, and the best grasps so far.
 
-Evaluation of one candidate grasp: force closure, and its critical friction angle.
+The module evaluates single candidate grasps: force closure and the critical friction angle.
 
-Most candidates are rejected: they are not force-closed at the best critical angle found so far. A
-grasp that is not force-closed has a separating direction, in which none of its wrenches has a
-positive component. The latest separating directions are remembered and tried first, since the next
-candidates share most of their contacts and are often separated by the same direction: that costs a
-few products instead of a hull. Three contacts are evaluated in the plane through them (Ponce &
-Faverjon 1995), without a hull.
+Most candidates are rejected because they are not force-closed at the best critical angle found so
+far. A grasp that is not force-closed has a separating direction, in which none of its wrenches has
+a positive component. The latest separating directions are stored and tried first: the next
+candidates share most contacts and are often separated by the same direction, which costs a few
+products instead of a hull. Three contacts are evaluated in the plane through them (Ponce & Faverjon
+1995), without a hull.
 
-On a crease or at a corner a contact may have any normal of a set, which a cap about its centre
-contains: what the friction cone about the centre, narrower by the cap's radius, can do holds with
-every normal of the set. A location error makes the cap wider by the turn of the contact.
+On a crease or at a corner a contact may have any normal of a set, which is contained in a cap about
+its centre. What the friction cone about the centre, narrowed by the cap's radius, can do is
+possible with every normal of the set. A location error widens the cap by the turn of the contact.
 """
 
 import math
@@ -63,14 +63,14 @@ from grasp3d._kernels.surface.vectors import (
 )
 
 MAX_DIRECTIONS = 24
-"""Separating directions that are remembered."""
+"""Number of separating directions that are stored."""
 
 MAX_FACETS = (1 << 11) + 8
 """Most facets of a closure test's hull; a grasp that needs more counts as not force-closed."""
 
 ROUNDING = 1e-11
-"""Distance of the origin from a hull's facets below which rounding errors may have moved it inside.
-Contacts are apart: there is no need for a proof by balanced forces."""
+"""Distance of the origin from a hull's facets that rounding errors can explain. As contacts are
+apart, no proof by balanced forces is needed."""
 
 RIGHT_ANGLE = 0.5 * math.pi
 
@@ -81,21 +81,21 @@ class Candidate(NamedTuple):
     points: Floats2
     """Contact points (n, 3), scaled so that grasps are about 1 wide."""
     normals: Floats2
-    """Inward unit normals (n, 3), the centre of the set on creases."""
+    """Inward unit normals (n, 3); on creases the centre of the set."""
     radii: Floats1
-    """Largest angle from it to a normal that the contact may have, its turn included [rad] (n,)."""
+    """Largest angle from it to a normal that the contact may have, turn included [rad] (n,)."""
 
 
 class HullScratch(NamedTuple):
-    """Scratch arrays for the evaluation of more contacts."""
+    """Scratch arrays for the evaluation of more than three contacts."""
 
     sines: Floats1
-    """Sine from which a direction separates each contact's forces (n,)."""
+    """Sine above which a direction separates each contact's forces (n,)."""
     directions: Floats2
-    """Separating directions of earlier candidates, moments about the first contact; the one that
-    was successful last comes first (d, 6)."""
+    """Separating directions of earlier candidates, with moments about the first contact, the latest
+    successful one first (d, 6)."""
     direction_use: Ints1
-    """Number of directions, and the row that is overwritten next (2,)."""
+    """Number of directions, and the next row to overwrite (2,)."""
     axes: Floats3
     """As in `WrenchSpace` (n, 4, 6)."""
     cones: Floats2
@@ -106,7 +106,7 @@ class HullScratch(NamedTuple):
 
 
 def make_candidate(contacts: int) -> Candidate:
-    """Allocate a candidate of so many contacts."""
+    """Allocate a candidate with a number of contacts."""
     return Candidate(
         points=np.zeros((contacts, 3)),
         normals=np.zeros((contacts, 3)),
@@ -115,7 +115,7 @@ def make_candidate(contacts: int) -> Candidate:
 
 
 def make_hull_scratch(contacts: int) -> HullScratch:
-    """Allocate the arrays for so many contacts."""
+    """Allocate the arrays for a number of contacts."""
     return HullScratch(
         sines=np.zeros(contacts),
         directions=np.zeros((MAX_DIRECTIONS, 6)),
@@ -129,7 +129,7 @@ def make_hull_scratch(contacts: int) -> HullScratch:
 
 @merged
 def _any_exceeds_elevation(candidate, angle):
-    """Whether the normal of one of three contacts rises over their plane by its cone's half-angle.
+    """Whether one of three normals is as steep above the contacts' plane as its cone is wide.
 
     Balanced forces of three contacts lie in that plane, which such a friction cone does not reach.
     """
@@ -149,7 +149,7 @@ def _any_exceeds_elevation(candidate, angle):
 def _evaluate_three(candidate, plane, threshold, tolerance):
     """Evaluate three contacts; see `evaluate`."""
     normals, radii = candidate.normals, candidate.radii
-    # Most candidates are rejected by the elevation of their normals, which needs no projection.
+    # The elevation of normals rejects most candidates, and needs no projection.
     if _any_exceeds_elevation(candidate, threshold) or not (
         set_contact_plane(candidate.points, plane)
     ):
@@ -158,7 +158,7 @@ def _evaluate_three(candidate, plane, threshold, tolerance):
         set_normal(normals[i], radii[i], i, plane)
     if not (set_cones(threshold, plane) and cones_force_closed(plane)):
         return math.inf
-    # Below the steepest elevation some cone does not intersect the plane.
+    # Below the steepest elevation, at least one cone does not intersect the plane.
     low = 0.0
     for i in range(3):
         low = max(low, arc_sine(abs(dot(plane.frame[2], normals[i]))) + radii[i])
@@ -167,7 +167,7 @@ def _evaluate_three(candidate, plane, threshold, tolerance):
 
 @merged
 def _force_part(points, i, u):
-    """Force part at contact i of a direction: u_f + u_tau x p, with p from the first contact."""
+    """Force part of a direction at contact i: u_f + u_tau x p, with p from the first contact."""
     x, y, z = difference(points[i], points[0])
     return (
         u[0] + u[4] * z - u[5] * y,
@@ -178,7 +178,7 @@ def _force_part(points, i, u):
 
 @merged
 def _separates(candidate, i, u, sine):
-    """Whether a direction separates a contact's forces, or has no force part there."""
+    """Whether a direction separates a contact's forces or has no force part there."""
     force = _force_part(candidate.points, i, u)
     size = norm(force)
     return not size > 0.0 or -dot(candidate.normals[i], force) >= sine * size
@@ -186,14 +186,14 @@ def _separates(candidate, i, u, sine):
 
 @merged
 def _is_separated(candidate, hull, n):
-    """Whether a remembered direction separates the candidate; that is moved to the front."""
+    """Whether a stored direction separates the candidate; if so, it is moved to the front."""
     directions = hull.directions
     for d in range(hull.direction_use[0]):
         u, i = directions[d], 0
         while i < n and _separates(candidate, i, u, hull.sines[i]):
             i += 1
         if i == n:
-            # Move to the front what was successful: the next candidates are similar.
+            # Move a successful direction to the front: the next candidates are similar.
             for k in range(6):
                 last = directions[0, k]
                 directions[0, k] = directions[d, k]
@@ -204,7 +204,7 @@ def _is_separated(candidate, hull, n):
 
 @merged
 def _write_axes(candidate, n, all_axes):
-    """Write the wrenches of the normals and tangents, moments about the first contact."""
+    """Write the wrenches of the normals and tangents, with moments about the first contact."""
     points, normals = candidate.points, candidate.normals
     for i in range(n):
         arm, normal = difference(points[i], points[0]), triple(normals[i], 0)
@@ -225,7 +225,7 @@ def _write_axes(candidate, n, all_axes):
 
 @merged
 def _store_direction(directions, use, u):
-    """Remember a separating direction at the front, in place of the oldest one."""
+    """Store a separating direction at the front, in place of the oldest one."""
     row = use[1]
     for k in range(6):
         directions[row, k] = directions[0, k]
@@ -236,7 +236,7 @@ def _store_direction(directions, use, u):
 
 @merged
 def _hull_force_closed(candidate, hull, n, angle):
-    """Closure test at a friction angle by a hull; remembers the separating direction."""
+    """Test for closure at a friction angle with a hull, and store the separating direction."""
     axes, cones, polytope = hull.axes, hull.cones, hull.polytope
     _write_axes(candidate, n, axes)
     # Unit forces on the rim of circular cones.
@@ -254,7 +254,7 @@ def _hull_force_closed(candidate, hull, n, angle):
 
 @merged
 def _proven_angle(candidate, direction, n):
-    """Lower bound of the critical angle, from the last separating direction [rad]."""
+    """Lower bound of the critical angle [rad] from the last separating direction."""
     least = RIGHT_ANGLE
     for i in range(n):
         force = _force_part(candidate.points, i, direction)
@@ -269,8 +269,8 @@ def _proven_angle(candidate, direction, n):
 def _evaluate_by_hulls(candidate, hull, n, threshold, tolerance):
     """Evaluate more than three contacts; see `evaluate`.
 
-    The first test and the bisection are one loop because every place that calls the growing hull
-    takes as long to compile as the hull.
+    The first test and the bisection share one loop because each call of the growing hull takes as
+    long to compile as the hull.
     """
     low, high, tested = 0.0, math.inf, threshold
     for i in range(n):
@@ -291,19 +291,19 @@ def _evaluate_by_hulls(candidate, hull, n, threshold, tolerance):
 
 @part
 def evaluate(candidate, plane, hull, n, threshold, tolerance):
-    """Critical friction angle of a grasp over the worst of its normals, if below a threshold.
+    """Find a grasp's critical friction angle over its worst normals, if below a threshold.
 
     Args:
         candidate: `Candidate`; no two contacts coincide.
         plane: `Plane`, for three contacts.
-        hull: `HullScratch`; None: there are three contacts, for which no hull is compiled.
-        n: Contacts, 3 or more.
-        threshold: Friction angle at which the grasp must be force-closed [rad], at most pi / 2.
-        tolerance: Width of the bracket whose upper end is returned [rad].
+        hull: `HullScratch`, or None for three contacts, for which no hull is compiled.
+        n: Number of contacts, at least 3.
+        threshold: Friction angle [rad] at which the grasp must be force-closed, at most pi / 2.
+        tolerance: Width [rad] of the bracket whose upper end is returned.
 
     Returns:
-        The angle; inf where the grasp is not force-closed at the threshold, as three collinear
-        contacts never are.
+        The angle; inf if the grasp is not force-closed at the threshold. Three collinear contacts
+        never are.
     """
     if hull is None:
         return _evaluate_three(candidate, plane, threshold, tolerance)
@@ -311,14 +311,14 @@ def evaluate(candidate, plane, hull, n, threshold, tolerance):
 
 
 NO_CONTACT = -1
-"""Element or point of a finger without a contact."""
+"""Element or point of a finger that has no contact."""
 
 
 class CandidatePoints(NamedTuple):
-    """Points that the other fingers are placed at.
+    """Points at which the other fingers are placed.
 
-    First those spread over the surface, of which every beginning is evenly spread, for all
-    vertices; then points that belong to one vertex each.
+    First come points for all vertices, spread over the surface so that any number of the first ones
+    is evenly spread; then points that belong to one vertex each.
     """
 
     common_count: int
@@ -332,7 +332,7 @@ class CandidatePoints(NamedTuple):
     normals: FixedFloats2
     """Inward unit normals (P, 3); unused where contacts are vertices."""
     own: Ints1
-    """The point that belongs to each vertex; NO_CONTACT: none (V,)."""
+    """The point that belongs to each vertex; NO_CONTACT if none (V,)."""
 
 
 class ContactDomain(NamedTuple):
@@ -341,15 +341,15 @@ class ContactDomain(NamedTuple):
     surface: Surface
     sets: ContactNormals
     adjacent_faces: Ints2
-    """Face across the edge opposite each corner (F, 3); -1: none, or several."""
+    """Face across the edge opposite each corner; -1 for none or several (F, 3)."""
     centres: FixedFloats2
     """Centre of each vertex's set of normals (V, 3)."""
     radii: FixedFloats1
-    """Largest angle from the centre to a normal [rad] (V,); negative: there is none."""
+    """Largest angle from the centre to a normal [rad]; negative if there is no normal (V,)."""
     neighbour_start: Ints1
     """First neighbour of each vertex in `neighbours` (V + 1,)."""
     neighbours: Ints1
-    """Vertices around each vertex; on a surface also those around these, and itself."""
+    """Vertices around each vertex; for contacts on faces also those around these, and itself."""
     on_vertices: bool
     """Whether contacts are vertices; an element is then a vertex, otherwise a face."""
     candidates: CandidatePoints
@@ -371,7 +371,7 @@ class SearchLimits(NamedTuple):
     target: float
     """Critical angle below which a grasp is not improved further [rad]."""
     points_per_vertex: int
-    """Candidate points that are paired at each vertex."""
+    """Number of candidate points that are paired at each vertex."""
     edge_length: float
     """Mean edge length."""
     shortest_step: float
@@ -380,7 +380,7 @@ class SearchLimits(NamedTuple):
 
 @merged
 def set_vertex_contact(i, vertex, domain, candidate):
-    """Place contact i of a candidate at a vertex; returns whether the vertex has a normal."""
+    """Place contact i of a candidate at a vertex; return whether the vertex has a normal."""
     candidate.radii[i] = domain.radii[vertex] + turn_at_vertex(vertex, domain.surface.turns)
     copy(domain.surface.points[vertex], candidate.points[i])
     copy(domain.centres[vertex], candidate.normals[i])
@@ -389,7 +389,7 @@ def set_vertex_contact(i, vertex, domain, candidate):
 
 @merged
 def set_face_contact(i, face, weights, domain, candidate, face_normals):
-    """Place contact i of a candidate on a face; returns whether the surface is smooth there."""
+    """Place contact i of a candidate on a face; return whether the surface is smooth there."""
     weights = triple(weights, 0)
     count, vertex = write_normals(face, weights, domain.surface, domain.sets, face_normals)
     candidate.radii[i] = turn_on_face(face, weights, domain.surface.turns)
@@ -400,7 +400,7 @@ def set_face_contact(i, face, weights, domain, candidate, face_normals):
 
 @merged
 def set_contact(i, element, weights, domain, workspace):
-    """Place contact i of a candidate on an element; returns whether a finger may stay there."""
+    """Place contact i of a candidate on an element; return whether a finger may stay there."""
     if domain.on_vertices:
         return set_vertex_contact(i, element, domain, workspace.candidate)
     return set_face_contact(
@@ -410,10 +410,10 @@ def set_contact(i, element, weights, domain, workspace):
 
 @merged
 def set_point_contact(i, point, domain, candidate):
-    """Place contact i of a candidate at a candidate point; returns whether it may stay there."""
+    """Place contact i of a candidate at a candidate point; return whether it may stay there."""
     if domain.on_vertices:
         return set_vertex_contact(i, domain.candidates.elements[point], domain, candidate)
-    # Points are precomputed: neither interpolation nor crease tests in the innermost loops.
+    # Points are precomputed to keep interpolation and crease tests out of the innermost loops.
     element, weights = domain.candidates.elements[point], domain.candidates.weights[point]
     candidate.radii[i] = turn_on_face(element, weights, domain.surface.turns)
     copy(domain.candidates.points[point], candidate.points[i])
@@ -439,27 +439,27 @@ def distances_allowed(candidate, i, n, limits):
 
 
 STARTS = 3
-"""Grasps of a vertex, without a common candidate point, that are refined."""
+"""Number of a vertex's grasps, without a common candidate point, that are refined."""
 
 
 class BestGrasps(NamedTuple):
-    """The best grasps found so far, a row per vertex; written in place."""
+    """The best grasps so far, one row per vertex; updated in place."""
 
     angles: Floats1
-    """Critical angles [rad]; inf: none (V,)."""
+    """Critical angles [rad], inf for none (V,)."""
     elements: Ints2
-    """Face or vertex of every other finger; NO_CONTACT: no grasp (V, n - 1)."""
+    """Face or vertex of every other finger; NO_CONTACT if there is no grasp (V, n - 1)."""
     weights: Floats3
     """Barycentric coordinates on the faces (V, n - 1, 3)."""
     stages: Ints1
-    """Stage of the search in which each was found (V,)."""
+    """Stage of the search in which each grasp was found (V,)."""
 
 
 class SearchWorkspace(NamedTuple):
     """Scratch arrays for one thread.
 
-    Those of `evaluate` are passed beside it: where a kernel reads a tuple, LLVM takes all of it
-    apart, which is most of the time that it needs for kernels with many arrays.
+    The scratch of `evaluate` is passed separately: LLVM splits every tuple that a kernel reads into
+    its parts, which is most of its time for kernels with many arrays.
     """
 
     candidate: Candidate
@@ -474,9 +474,9 @@ class SearchWorkspace(NamedTuple):
     elements: Ints2
     """Faces or vertices of the fingers: row 0 the current grasp, row 1 its variation (2, n)."""
     weights: Floats3
-    """Their barycentric coordinates (2, n, 3)."""
+    """Barycentric coordinates of the fingers (2, n, 3)."""
     residuals: Floats2
-    """Derivatives of what three contacts miss balance by, and that itself (5, 4)."""
+    """Derivatives of the three contacts' residuals of balance, and the residuals (5, 4)."""
     equations: Floats2
     """Linear equations for a step, with their right sides (4, 5)."""
     random_state: UInt64s1
@@ -486,7 +486,7 @@ class SearchWorkspace(NamedTuple):
 
 
 def make_best_grasps(vertices: int, others: int) -> BestGrasps:
-    """Allocate grasps, none found yet, with `others` fingers besides the first."""
+    """Allocate empty grasps with `others` fingers besides the first."""
     return BestGrasps(
         angles=np.full(vertices, math.inf),
         elements=np.full((vertices, others), NO_CONTACT, dtype=np.int64),
@@ -496,7 +496,7 @@ def make_best_grasps(vertices: int, others: int) -> BestGrasps:
 
 
 def make_search_workspace(fingers: int, common_count: int) -> SearchWorkspace:
-    """Allocate scratch arrays for so many fingers and candidate points."""
+    """Allocate scratch arrays for a number of fingers and of candidate points."""
     return SearchWorkspace(
         candidate=make_candidate(fingers),
         face_normals=np.zeros((2, 3)),
@@ -514,13 +514,13 @@ def make_search_workspace(fingers: int, common_count: int) -> SearchWorkspace:
 
 @merged
 def set_current(j, domain, workspace):
-    """Place contact j of the candidate as in the current grasp; returns as `set_contact`."""
+    """Place contact j of the candidate as in the current grasp; return as `set_contact`."""
     return set_contact(j, workspace.elements[0, j], workspace.weights[0, j], domain, workspace)
 
 
 @merged
 def walk_finger(j, angle, length, domain, workspace):
-    """Vary the current grasp by a straight walk of finger j; returns as `set_contact`."""
+    """Vary the current grasp by a straight walk of finger j; return as `set_contact`."""
     elements, weights, surface = workspace.elements, workspace.weights, domain.surface
     copy(weights[0, j], weights[1, j])
     elements[1, j] = walk(
@@ -532,12 +532,12 @@ def walk_finger(j, angle, length, domain, workspace):
 
 @merged
 def keep_or_undo(keep, moved, n, domain, workspace):
-    """Make the variation the current grasp, or the candidate the current grasp again.
+    """Make the variation the current grasp, or reset the candidate to the current grasp.
 
     Args:
         keep: Whether the variation is better.
-        moved: The finger that was moved; 0: all.
-        n: Contacts.
+        moved: The finger that was moved; 0 for all.
+        n: Number of contacts.
         domain: `ContactDomain`.
         workspace: `SearchWorkspace`.
     """
@@ -552,8 +552,8 @@ def keep_or_undo(keep, moved, n, domain, workspace):
 
 @merged
 def evaluate_if_allowed(fits, n, threshold, limits, workspace, plane, hull):
-    """Evaluate the candidate, if all its fingers fit and its distances are within the limits."""
-    for j in range(1, n):  # contacts 0 to j - 1, so every pair once
+    """Evaluate the candidate if all its fingers fit and its distances are within the limits."""
+    for j in range(1, n):  # with contacts 0 to j - 1, so each pair once
         fits = fits and distances_allowed(workspace.candidate, j, j, limits)
     workspace.evaluated[0] += fits
     if not fits or threshold <= 0.0:
@@ -563,7 +563,7 @@ def evaluate_if_allowed(fits, n, threshold, limits, workspace, plane, hull):
 
 @merged
 def load_grasp(v, n, grasps, domain, workspace):
-    """Make the best grasp of a vertex so far the current one; returns its critical angle."""
+    """Make the best grasp of a vertex so far the current one; return its critical angle."""
     set_vertex_contact(0, v, domain, workspace.candidate)
     # The first contact is the vertex itself and is not stored.
     for j in range(1, n):

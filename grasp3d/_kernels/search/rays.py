@@ -1,14 +1,14 @@
 """Rays from the vertices of a surface: their closing directions, and their crossings with it.
 
-They are for fingers that expand: the surface that a ray away from the object meets first is a
-candidate for the second contact. Directions are spread over a cone at first, point toward the
-opposing contacts of neighbouring vertices, and surround the best directions found so far in rings.
+They serve fingers that expand: the surface that a ray away from the object meets first is a
+candidate for the second contact. The directions are first spread over a cone; later ones point
+toward the opposing contacts of neighbouring vertices, and surround the best directions in rings.
 
 Positions are in the mesh's normalised frame (centred, size 1); angles in radians; normals point
-into the object. A *closing direction* is the one in which finger 1 pushes, away from finger 2:
-rays run against it.
+into the object. A *closing direction* is the direction in which finger 1 pushes, away from
+finger 2; rays run against it.
 
-Rays through a tree of boxes, in 64 bits: the first face that each ray meets.
+A tree of boxes gives the first face that each ray meets, in 64 bits.
 """
 
 import math
@@ -52,15 +52,15 @@ from grasp3d._kernels.surface.vectors import (
 )
 
 BORDER = 1e-12
-"""Widening of a face beyond its borders, in its sides: no ray passes between two faces."""
+"""Amount by which a face is widened, relative to its sides, so that no ray slips between faces."""
 
 STEEPEST = 1e-300
-"""Smallest component of a direction that a box is met with, so that none is divided by zero."""
+"""Smallest component of a direction in box tests, to avoid division by zero."""
 
 
 @merged
 def _entry(start, inverse, box, far):
-    """Distance at which a ray enters a box, or `far` where it does not before."""
+    """Distance at which a ray enters a box, or `far` if that is not nearer."""
     low, high = 0.0, far
     for k in range(3):
         one = (box[k] - box[3 + k] - start[k]) * inverse[k]
@@ -91,17 +91,17 @@ def _distance(start, direction, triangle, far):
 
 @kernel("Float32s2, Float32s2, Float32s1, int, int, BoxTree, Int32s1, Float32s1")
 def first_faces(origins, directions, lengths, first, last, tree, faces, far):
-    """Find the first face that each of some rays meets.
+    """Find the first face that each ray in a range meets.
 
     Args:
         origins: Where the rays start (n, 3).
         directions: Their unit vectors (n, 3).
-        lengths: Where they end (n,); inf: nowhere.
-        first: First of the rays that are traced.
-        last: The one after the last.
+        lengths: Lengths of the rays, inf for no end (n,).
+        first: First ray to trace.
+        last: One past the last ray.
         tree: The `BoxTree` of the faces.
-        faces: Written: the face of each ray, -1: it meets none, (n,).
-        far: Written: its distance, else the length of the ray, (n,).
+        faces: Written, the face that each ray meets, -1 for none (n,).
+        far: Written, the distance to it, or else the length of the ray (n,).
     """
     nodes, entries = np.empty(STACK, np.int64), np.empty(STACK)
     boxes, order, triangles = tree.boxes, tree.order, tree.triangles
@@ -143,7 +143,7 @@ def first_faces(origins, directions, lengths, first, last, tree, faces, far):
 
 
 STEP = 3e-7
-"""Distance behind a crossing at which the ray continues: a few 32-bit rounding errors."""
+"""Distance behind a crossing at which a ray continues: a few 32-bit rounding errors."""
 
 
 class Rays(NamedTuple):
@@ -158,12 +158,12 @@ class Rays(NamedTuple):
     step: Floats1
     """Distance by which the origin advances when the ray hits the same face again (r,)."""
     last: Int32s1
-    """Face through which the ray goes on, -1 none (r,)."""
+    """Face through which the ray continues, -1 for none (r,)."""
 
 
 @kernel()
 def starting_rays(owner, closing, size):
-    """The first `size` rays, starting at their vertices."""
+    """Make the first `size` rays, starting at their vertices."""
     return Rays(
         owner[:size],
         closing[:size],
@@ -175,13 +175,13 @@ def starting_rays(owner, closing, size):
 
 @kernel()
 def make_rays(capacity):
-    """Allocate owner and closing direction of so many rays."""
+    """Allocate owners and closing directions of a number of rays."""
     return np.empty(capacity, dtype=np.int32), np.empty((capacity, 3))
 
 
 @part
 def append_ray(size, v, direction, bound, sets, rays):
-    """Write a ray where its angle to the vertex's normals is within a bound.
+    """Append a ray if its angle to the vertex's normals is within a bound.
 
     Returns:
         The new number of rays.
@@ -199,7 +199,7 @@ def append_ray(size, v, direction, bound, sets, rays):
 def write_rays(count, rays, points, origins, directions):
     """Write the first `count` rays as 32-bit origins and directions."""
     for i in range(count):
-        # Origins are computed from the vertex each time, so rounding errors do not accumulate.
+        # Origins are recomputed from the vertex, so rounding errors do not accumulate.
         v, along = rays.owner[i], rays.along[i]
         for k in range(3):
             d = -rays.closing[i, k]
@@ -211,14 +211,14 @@ def write_rays(count, rays, points, origins, directions):
 def evaluate_crossings(count, hit, far, rays, surface, sets, limits, grasps):
     """Evaluate the grasps at the faces that the rays hit, and keep the rays that continue.
 
-    A ray continues behind faces at its vertex: an expanding finger cannot reach what lies behind
-    the first surface. The face is intersected again in 64 bits and the point clipped to it, so that
-    every candidate is a point on the surface, whatever the rounding of the 32-bit tracer. An exit
-    of the closing line is recognised by the sign of the product of direction and face normal.
+    A ray continues only behind faces at its vertex: an expanding finger cannot reach past the first
+    surface. The face is intersected again in 64 bits and the point clipped to it, so every
+    candidate is a point on the surface, whatever the rounding of the 32-bit tracer. The sign of the
+    product of direction and face normal identifies an exit of the closing line.
 
     Args:
-        count: Rays in flight; the first ones of `rays`.
-        hit: Face that each ray hit, -1 none (count,).
+        count: Number of rays in flight, the first ones of `rays`.
+        hit: Face that each ray hit, -1 for none (count,).
         far: Distance from the ray's current origin to the hit, 32-bit (count,).
         rays: `Rays`; compacted in place.
         surface: `Surface`.
@@ -227,14 +227,14 @@ def evaluate_crossings(count, hit, far, rays, surface, sets, limits, grasps):
         grasps: `BestPairs`; written.
 
     Returns:
-        Rays still in flight.
+        Number of rays still in flight.
     """
     points, faces = surface.points, surface.faces
     owner, closing, along, step, last = rays
     scratch = np.empty((2, 3))
     remaining = 0
     for i in range(count):
-        face = np.int64(hit[i])  # types as in other calls, for which Numba would compile again
+        face = np.int64(hit[i])  # the type of other calls, so that Numba does not compile again
         if face < 0:
             continue
         v = np.int64(owner[i])
@@ -244,15 +244,15 @@ def evaluate_crossings(count, hit, far, rays, surface, sets, limits, grasps):
         w = difference(points[faces[face, 2]], corner)
         normal = cross(u, w)
         square, slope = dot(normal, normal), dot(direction, normal)
-        # The 32-bit distance is replaced by the exact one where the two agree.
+        # The exact distance replaces the 32-bit one if the two agree.
         coarse = along[i] + far[i]
         t = coarse
-        if abs(slope) > 1e-7 * math.sqrt(square):  # else the ray is nearly parallel to the face
+        if abs(slope) > 1e-7 * math.sqrt(square):  # otherwise the ray nearly parallels the face
             exact = dot(difference(corner, origin), normal) / slope
             if abs(exact - coarse) < 1e-3:
                 t = exact
         if face == last[i] or t <= STEP:
-            # Rounding may put the origin before the face again: advance, ever farther.
+            # Rounding may put the origin before the face again: advance by doubled steps.
             step[i] *= 2.0
             owner[remaining] = owner[i]
             copy(closing[i], closing[remaining])
@@ -282,7 +282,7 @@ GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 
 
 class Origins(NamedTuple):
-    """The vertices from which rays start, with frames of their directions."""
+    """The vertices from which rays start, with frames for their directions."""
 
     points: FixedFloats2
     """Positions of the vertices (V, 3)."""
@@ -301,18 +301,18 @@ class Origins(NamedTuple):
 
 @kernel("Ints1, int, tuple[int, int], Origins, BestPairs")
 def seed_rays(vertices, rays, batch, origins, grasps):
-    """Rays in initial closing directions about each vertex's normals.
+    """Make rays in initial closing directions about each vertex's normals.
 
-    A sunflower spiral over the cap of half-angle `cone` about the normal, the first ray along it.
-    At a crease the cap is about the centre of the set of normals and large enough for all of them,
-    the corners of the set come next, and directions outside the union of the normals' cones are
-    skipped. So are directions at a larger angle to the normals than the critical angles of all
-    cached grasps: no second contact could make them better.
+    The directions form a sunflower spiral over the cap of half-angle `cone` about the normal,
+    starting along it. At a crease the cap is about the centre of the set of normals and contains
+    all of them; the corners of the set come next. Directions outside the union of the normals'
+    cones are skipped, and those at a larger angle to the normals than the critical angles of all
+    cached grasps, as no second contact could make them better.
 
     Args:
         vertices: Vertices (n,).
-        rays: Directions per vertex.
-        batch: (first, last): range of the directions; last is excluded.
+        rays: Number of directions per vertex.
+        batch: (first, last), the range of the directions, without the last.
         origins: `Origins`.
         grasps: `BestPairs`.
 
@@ -345,7 +345,7 @@ def seed_rays(vertices, rays, batch, origins, grasps):
 
 @kernel("Ints1, Origins, BestPairs")
 def neighbour_rays(vertices, origins, grasps):
-    """Rays from each vertex toward the opposing contacts that its neighbours found.
+    """Make rays from each vertex toward the opposing contacts that its neighbours found.
 
     Args:
         vertices: Vertices (n,).
@@ -377,18 +377,18 @@ def neighbour_rays(vertices, origins, grasps):
 
 
 RAYS_PER_ROUND = 12
-"""Most rays per vertex of a round of refinement: two rings."""
+"""Most rays per vertex in a round of refinement: two rings."""
 
 
 @part
 def _ring(size, v, axis, radius, turn, tangent, bound, sets, rays):
-    """Append six directions at an angle of `radius` about `axis`; returns the new number of rays.
+    """Append six directions at an angle `radius` about `axis`; return the new number of rays.
 
-    Only those within `bound` of the normals, as others cannot have a smaller critical angle.
+    Directions beyond `bound` of the normals are left out: they cannot have a smaller angle.
     """
     # The tangents turn with the object, so the same directions are tried in any orientation.
     e1 = combined(1.0, tangent, -dot(axis, tangent), axis)
-    if norm(e1) < 1e-6:  # the axis is parallel to the tangent: any other vector will do
+    if norm(e1) < 1e-6:  # the axis is parallel to the tangent: any other vector serves
         x, y, z = abs(axis[0]), abs(axis[1]), abs(axis[2])
         other = (0.0, 0.0, 1.0)
         if x <= min(y, z):
@@ -409,10 +409,10 @@ def _ring(size, v, axis, radius, turn, tangent, bound, sets, rays):
 
 @kernel("Ints1, Floats1, float, Origins, BestPairs")
 def refining_rays(vertices, radii, turn, origins, grasps):
-    """Rays near each vertex's best grasp: a ring, and the bisector of the two normals.
+    """Make rays near each vertex's best grasp: a ring, and the bisector of the two normals.
 
-    The bisector of n1 and -n2 has equal angles to both normals: it is the optimum wherever the
-    surface at the second contact is flat.
+    The bisector of n1 and -n2 makes equal angles with both normals: it is optimal if the surface
+    at the second contact is flat.
 
     Args:
         vertices: Vertices with a grasp (n,).
@@ -439,7 +439,7 @@ def refining_rays(vertices, radii, turn, origins, grasps):
 
 @kernel("Ints1, float, float, Origins, BestPairs")
 def exploring_rays(vertices, radius, turn, origins, grasps):
-    """Rays in rings about the cached closing directions of each vertex except the best one.
+    """Make rays in rings about the cached closing directions of each vertex except the best one.
 
     Args:
         vertices: Vertices (n,).

@@ -1,10 +1,10 @@
 """The best opposing contact of a vertex that a gripper reaches.
 
-The tree of faces is searched best first: of all nodes and contacts that wait, the one with the
-smallest bound of the critical angle comes next, so that contacts come in the order of their
-critical angles. Each is tested with the gripper until one is reached. Contacts near one that was
-tested mostly end alike: those that are little worse are passed over. The one that is reached is
-moved toward the better one near it.
+The tree of faces is searched best first: among all waiting nodes and contacts, the one with the
+smallest bound of the critical angle comes next, so contacts come in the order of their critical
+angles. Each is tested with the gripper until one is reached. Contacts near a tested one usually
+have the same outcome, so those that are little worse are passed over. The contact that is reached
+is moved toward the better one near it.
 """
 
 import math
@@ -38,27 +38,27 @@ from grasp3d._kernels.surface.vectors import (
 )
 
 MOST_WAITING = 2048
-"""Nodes and contacts that wait at most; further ones are passed over."""
+"""Most nodes and contacts that can wait; further ones are passed over."""
 
 MOST_STEPS = 6000
-"""Nodes and contacts that are taken at most, per vertex."""
+"""Most nodes and contacts that are taken per vertex."""
 
 ACCURATE = -math.cos(0.005)
-"""Key of the critical angle up to which a contact is not moved on its face to make it smaller."""
+"""Key of the critical angle up to which a contact is not moved on its face to reduce it."""
 
 GROWTH = 1.4
 """Factor by which the step near a contact grows with each failure there."""
 
 BISECTIONS = 4
-"""Contacts passed over that are tested at most where a worse one near them is reached."""
+"""Most passed-over contacts that are tested if a worse one near them is reached."""
 
 FIRST_KEY, LAST_KEY = -2.0, 2.0
-"""Keys that are smaller and larger than those of all contacts."""
+"""Keys below and above those of all contacts."""
 
 
 @part
 def _push(keys, entries, size, key, entry):
-    """Insert an entry into a binary heap; returns the new size."""
+    """Insert an entry into a binary heap; return the new size."""
     i = size
     while i > 0:
         above = (i - 1) // 2
@@ -72,7 +72,7 @@ def _push(keys, entries, size, key, entry):
 
 @part
 def _pop(keys, entries, size):
-    """Remove the smallest entry from a binary heap; returns the new size."""
+    """Remove the smallest entry from a binary heap; return the new size."""
     size -= 1
     key, entry = keys[size], entries[size]
     i = 0
@@ -90,16 +90,16 @@ def _pop(keys, entries, size):
 
 @part
 def _passes_over(point, radius, key, others, until, count, spacing):
-    """First contact tested near which those in a ball are not worth a test yet, -1: none.
+    """Find the first tested contact due to which a ball is passed over for now, -1 if none.
 
     Args:
         point: Centre of the ball.
-        radius: Its radius.
+        radius: Radius of the ball.
         key: Smallest key that counts.
         others: Contacts that were tested (t, 3).
-        until: Key up to which those near each are passed over (t,).
-        count: Number of contacts tested.
-        spacing: Distance up to which contacts are near.
+        until: Key up to which contacts near each tested one are passed over (t,).
+        count: Number of tested contacts.
+        spacing: Distance up to which contacts count as near.
     """
     for i in range(count):
         near = key < until[i] and math.sqrt(squared_distance(point, others[i])) + radius < spacing
@@ -110,9 +110,9 @@ def _passes_over(point, radius, key, others, until, count, spacing):
 
 @part
 def _pass_over(key, point, step, others, until, steps, count, spacing):
-    """Note that a contact was tested and not reached: those near it follow in wider steps.
+    """Record that a contact was tested and not reached; contacts near it follow in wider steps.
 
-    Where the contact is not reached, those near it that are as good are mostly not, either.
+    Contacts near it that are about as good are usually not reached either.
     """
     for i in range(count):
         if math.sqrt(squared_distance(point, others[i])) < spacing:
@@ -129,7 +129,7 @@ def _write_pair(v, face, weights, domain, scratch):
     """Write the contacts of a vertex and a point on a face, and their normals.
 
     Returns:
-        Whether they have normals.
+        Whether both contacts have normals.
     """
     points, normals, set_normals = scratch
     surface, sets, centres = domain.surface, domain.sets, domain.centres
@@ -163,7 +163,7 @@ def _is_reached(v, face, weights, domain, reaching, scratch):
 
 @kernel()
 def _make_scratch():
-    """Scratch arrays of `_write_pair`: contacts, their normals, a set of normals."""
+    """Allocate the scratch arrays of `_write_pair`: contacts, their normals, a set of normals."""
     return np.empty((2, 3)), np.empty((2, 3)), np.empty((2, 3))
 
 
@@ -172,14 +172,14 @@ def _make_scratch():
     "tuple[GripperShape, ApproachLimits, BoxTree, ReachWorkspace], BestPairs"
 )
 def keep_reached(vertices, faces, weights, domain, reaching, grasps):
-    """Keep the given grasps that are reached, where they are better than those known.
+    """Keep those given grasps that are reached and better than the known ones.
 
     Args:
         vertices: Vertices (n,).
-        faces: Faces of the opposing contacts, -1: none (n,).
+        faces: Faces of the opposing contacts, -1 for none (n,).
         weights: Barycentric coordinates (n, 3).
         domain: `PairDomain`.
-        reaching: (shape, limits, tree, workspace), as `can_reach` takes them.
+        reaching: (shape, limits, tree, workspace), as for `can_reach`.
         grasps: `BestPairs` of reached grasps; written.
     """
     scratch, surface, sets = _make_scratch(), domain.surface, domain.sets
@@ -193,7 +193,7 @@ def keep_reached(vertices, faces, weights, domain, reaching, grasps):
         opening = norm(line)
         if opening < 1e-9:
             continue
-        # A lower bound of the angle: no grasp is tested that would not be kept.
+        # With a lower bound of the angle, only grasps that would be kept are tested.
         x, y, z = scaled(1.0 / opening, line)
         low = largest_angle(sets.normals, sets.start[v], sets.counts[v], x, y, z)
         if low >= grasps.worst[v]:
@@ -214,8 +214,8 @@ def reach_partners(vertices, faces, weights, domain, reaching, results):
         faces: Faces of the opposing contacts (n,).
         weights: Barycentric coordinates (n, 3).
         domain: `PairDomain`.
-        reaching: (shape, limits, tree, workspace), as `can_reach` takes them.
-        results: `ReachResults`, a row per vertex; written.
+        reaching: (shape, limits, tree, workspace), as for `can_reach`.
+        results: `ReachResults`, one row per vertex; written.
     """
     scratch, (shape, limits, tree, workspace) = _make_scratch(), reaching
     for i in range(len(vertices)):
@@ -232,25 +232,25 @@ def reach_partners(vertices, faces, weights, domain, reaching, results):
     "tuple[GripperShape, ApproachLimits, BoxTree, ReachWorkspace]"
 )
 def search_reachable(vertices, limit, step, spacing, most_failed, domain, reaching):
-    """Find the opposing contact of each vertex with the smallest angle that is reached.
+    """Find, for each vertex, the opposing contact with the smallest angle that is reached.
 
-    For fingers that squeeze.
+    It is for fingers that squeeze.
 
     Args:
         vertices: Vertices (n,).
-        limit: Angle that is to be improved, of each vertex [rad] (n,).
-        step: Difference of angles from which those near a contact that is not reached are tested
-            [rad], inf: none are.
-        spacing: Distance up to which contacts are near.
-        most_failed: Contacts of each vertex that are tested and not reached, before it ends.
+        limit: Angle to be improved, for each vertex [rad] (n,).
+        step: Difference of angles after which contacts near one that is not reached are tested
+            [rad]; inf to test none of them.
+        spacing: Distance up to which contacts count as near.
+        most_failed: Number of tested contacts not reached at which a vertex's search ends.
         domain: `PairDomain`.
-        reaching: (shape, limits, tree, workspace), as `can_reach` takes them.
+        reaching: (shape, limits, tree, workspace), as for `can_reach`.
 
     Returns:
-        Faces (n,), -1: none, and barycentric coordinates (n, 3) of the contacts.
+        Faces (n,), -1 for none, and barycentric coordinates (n, 3) of the contacts.
     """
     surface, sets, tree = domain.surface, domain.sets, domain.tree
-    # The heap has the smallest key at the top: keys are cosines with the sign turned.
+    # The smallest key is at the top of the heap: keys are negative cosines.
     keys, entries = np.empty(MOST_WAITING), np.empty(MOST_WAITING, dtype=np.int64)
     partner_faces = np.full(len(vertices), -1, dtype=np.int64)
     partner_weights = np.zeros((len(vertices), 3))
@@ -299,11 +299,11 @@ def search_reachable(vertices, limit, step, spacing, most_failed, domain, reachi
                 continue
             ball = tree.bounds[entry]
             if _passes_over(ball, ball[3], LAST_KEY, tested, until, failed, spacing) >= 0:
-                continue  # of a contact that was tested after it began to wait
+                continue  # near a contact that was tested while this node waited
             for half in below(entry, tree.depth):
                 if half == NO_NODE:
                     continue
-                one, other = below(half, tree.depth)  # two levels together take less time
+                one, other = below(half, tree.depth)  # two levels at once are faster
                 for child in (half, NO_NODE) if one == NO_NODE else (one, other):
                     if child == NO_NODE:
                         continue
@@ -334,20 +334,20 @@ def search_reachable(vertices, limit, step, spacing, most_failed, domain, reachi
 
 @part
 def _bisect(v, face, chosen, passed, faces, failing, own, room, domain, reaching, scratch):
-    """Move a contact that is reached toward a better one that is not, as far as it is reached.
+    """Move a reached contact as far as possible toward a better one that is not reached.
 
     Args:
         v: The vertex.
         face: Face of the contact.
-        chosen: Its barycentric coordinates (3,); written.
+        chosen: Barycentric coordinates of the contact (3,); written.
         passed: Rows of contacts passed over (p,).
-        faces: Faces of contacts (c,).
-        failing: The contact near it that is not reached (3,).
+        faces: Faces of all contacts (c,).
+        failing: The near contact that is not reached (3,).
         own: Normals of the vertex (k, 3).
-        room: Memory for weights, lines and normals.
+        room: Scratch for weights, lines and normals.
         domain: `PairDomain`.
         reaching: As in `search_reachable`.
-        scratch: As in `_test`.
+        scratch: As in `_write_pair`.
 
     Returns:
         Face of the contact.
@@ -377,7 +377,7 @@ def _bisect(v, face, chosen, passed, faces, failing, own, room, domain, reaching
 
 @part
 def _place(face, point, surface, weights):
-    """Write the place on a face that is about nearest to a point; returns the squared distance."""
+    """Write the point on a face approximately nearest to another; return their squared distance."""
     a = triple(surface.points[surface.faces[face, 0]], 0)
     b, c = surface.points[surface.faces[face, 1]], surface.points[surface.faces[face, 2]]
     u, w = difference(b, a), difference(c, a)

@@ -1,8 +1,8 @@
 """A tree of boxes over the faces of a surface: what is near a point, a ball or a capsule.
 
-Like `face_tree`, but with boxes along the axes, with slabs across the mean normals, which are thin
-about smooth parts in any position, and with the faces' corners in the order of the leaves, which
-are read one after the other. A capsule is what a ball covers that moves along a segment.
+It is like `face_tree`, but has boxes along the axes; slabs across the mean normals, which are thin
+around smooth parts in any position; and the faces' corners in the order of the leaves, to be read
+consecutively. A capsule is what a ball covers that moves along a segment.
 """
 
 import math
@@ -34,28 +34,28 @@ from grasp3d._kernels.surface.vectors import (
 )
 
 LEAF = 2
-"""Most faces of a leaf."""
+"""Most faces in a leaf."""
 
 EQUALLY_NEAR = 1e-12
-"""Difference of distances that rounding makes: of faces that are equally near the first counts."""
+"""Difference of distances due to rounding: among equally near faces the first one counts."""
 
 RADIUS, NORMAL, HEIGHT, THICKNESS, COLUMNS = 6, 7, 10, 11, 12
-"""Columns of `BoxTree.boxes` behind the centre and the half sizes; and their number."""
+"""Columns of `BoxTree.boxes` after the centre and the half sizes; and the number of columns."""
 
 
 class BoxTree(NamedTuple):
     """Boxes around the faces of each node; node i has the children 2 i + 1 and 2 i + 2."""
 
     depth: int
-    """Divisions from the root to a leaf."""
+    """Number of divisions from the root to a leaf."""
     order: Ints1
     """Faces in the order of the leaves (F,)."""
     triangles: Floats2
     """Corners of the faces, in the order of the leaves (F, 9)."""
     boxes: Floats2
-    """Of the faces of each node: centre and half sizes of the box around them, radius of the ball
-    about that centre; the slab across their mean normal, as this unit vector, the height of its
-    middle above the centre, and half its thickness (N, COLUMNS)."""
+    """For the faces of each node: centre and half sizes of their box, radius of the ball about that
+    centre; the slab across their mean normal, as this unit vector, the height of its middle above
+    the centre, and half its thickness (N, COLUMNS)."""
 
 
 @kernel("FixedFloats2, FixedInts2")
@@ -96,7 +96,7 @@ def box_tree(points, faces):
 
 @kernel()
 def _bound(triangles, box):
-    """Write the bounds of some faces; they contain them in spite of rounding."""
+    """Write bounds that contain some faces in spite of rounding."""
     for k in range(3):
         low, high = math.inf, -math.inf
         for i in range(triangles.shape[0]):
@@ -119,7 +119,7 @@ def _bound(triangles, box):
 
 @kernel()
 def _mean_normal(triangles):
-    """Unit vector along the sum of some faces' areas, or any one where that is zero."""
+    """Unit vector along the sum of some faces' area vectors, or any unit vector if that is zero."""
     x, y, z = 0.0, 0.0, 0.0
     for i in range(triangles.shape[0]):
         _, u, w = corner_and_edges(triangles[i])
@@ -138,7 +138,7 @@ def height_above(p, box):
 
 @merged
 def leaf_rows(node, tree):
-    """(first, last): rows of `triangles` of a leaf; (0, 0): the node is no leaf."""
+    """(first, last), the rows of a leaf in `triangles`; (0, 0) if the node is not a leaf."""
     return faces_of_leaf(node, tree.depth, tree.triangles.shape[0])
 
 
@@ -183,14 +183,14 @@ def triangle_distance(p, triangle):
     if area > 0.0 and s >= 0.0 and t >= 0.0 and s + t <= area:
         between = weighted_sum((1.0, -(s / area), -(t / area)), r, u, w)
         return dot(between, between)
-    # Else the nearest point lies on an edge.
+    # Otherwise the nearest point lies on an edge.
     least = min(distance_to_edge(r, u), distance_to_edge(r, w))
     return min(least, distance_to_edge(difference(r, u), difference(w, u)))
 
 
 @merged
 def _visit_with_ball(node, _position, _stale, state):
-    """Visit a node; the walk ends at a face that is nearer to a point than a radius."""
+    """Visit a node; end the walk at a face nearer to a point than a radius."""
     p, radius, tree = state
     box, limit = tree.boxes[node], radius * radius
     if _distance_to_box(p, box) >= limit or abs(height_above(p, box)) - box[THICKNESS] >= radius:
@@ -208,9 +208,9 @@ def ball_is_free(px, py, pz, radius, tree, nodes):
     """Whether no face is nearer to a point than a radius.
 
     Args:
-        px: The centre of the ball.
-        py: Its second coordinate.
-        pz: Its third one.
+        px: First coordinate of the ball's centre.
+        py: Second coordinate.
+        pz: Third coordinate.
         radius: Radius of the ball.
         tree: `BoxTree`.
         nodes: Scratch (STACK,).
@@ -221,16 +221,16 @@ def ball_is_free(px, py, pz, radius, tree, nodes):
 
 @kernel("Floats2, float, int, int, BoxTree, Ints1")
 def nearest_faces(points, limit, first, last, tree, found):
-    """Find the face that is nearest to each point.
+    """Find the face nearest to each point.
 
     Args:
         points: In the frame of the tree (k, 3).
         limit: Largest distance.
         first: First point.
-        last: The one after the last.
+        last: One past the last point.
         tree: `BoxTree`.
-        found: Written: the face, of those that are equally near the first one; -1: all are farther
-            away (k,).
+        found: Written, the nearest face, the first one if several are equally near; -1 if all are
+            farther away (k,).
     """
     nodes = np.empty(STACK, np.int64)
     for k in range(first, last):
@@ -303,7 +303,7 @@ def segment_distance(start, end, triangle):
 
 @merged
 def _visit_with_capsule(node, _position, _stale, state):
-    """Visit a node; the walk ends at a face that is nearer to a segment than a radius."""
+    """Visit a node; end the walk at a face nearer to a segment than a radius."""
     start, end, middle, half, radius, tree = state
     box = tree.boxes[node]
     if _distance_to_box(middle, box) >= (radius + half) ** 2:
@@ -326,7 +326,7 @@ def capsule_is_free(start, end, radius, tree, nodes):
     Args:
         start: One end of the segment (3,).
         end: The other end (3,).
-        radius: The radius.
+        radius: Radius of the capsule.
         tree: `BoxTree`.
         nodes: Scratch (STACK,).
     """

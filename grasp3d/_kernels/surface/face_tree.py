@@ -1,7 +1,7 @@
-"""A tree over the faces of a surface: bounds of positions and of contact normals; walks over trees.
+"""A tree over the faces of a surface: bounds of positions and contact normals; walks over trees.
 
-Each node covers half of the faces of the node above it. Node i has the children 2 i + 1 and
-2 i + 2, and its faces are consecutive in the tree's order, so that no links are stored.
+Each node covers half of the faces of its parent. Node i has the children 2 i + 1 and 2 i + 2, and
+its faces are consecutive in the tree's order, so no links are stored.
 """
 
 import math
@@ -13,20 +13,20 @@ from grasp3d._kernels.compiling import Floats2, Ints1, kernel, merged, part
 from grasp3d._kernels.surface.surface_contacts import least_turn
 
 LEAF = 1
-"""Most faces of a leaf; more faces per leaf take less memory and more time."""
+"""Most faces in a leaf; more take less memory and more time."""
 
 STACK = 128
-"""Nodes that wait at most: fewer than two for each level of any tree."""
+"""Most nodes that can wait: fewer than two for each level of any tree."""
 
 NO_NODE = -1
-"""In place of a node: none."""
+"""Value that stands for no node."""
 
 GO_ON, CHANGED, STOP = 0, 1, 2
-"""What a visit to a node may end with: the walk goes on; it does, but what decides about nodes has
-changed, so that those that wait are stale; it ends."""
+"""Outcome of a visit to a node: the walk continues; it continues, but waiting nodes are stale as
+what decides about them has changed; the walk ends."""
 
 NORMAL_SCALE = 0.3
-"""Length, in object sizes, that counts as much as a difference of 1 between unit normals when faces
+"""Length, in object sizes, that weighs as much as a difference of 1 between unit normals when faces
 are divided: about the distance of opposing contacts, at which it tilts their line by 1 rad."""
 
 
@@ -36,10 +36,10 @@ class FaceTree(NamedTuple):
     order: Ints1
     """Faces in the order of the leaves (F,)."""
     depth: int
-    """Divisions from the root to a leaf."""
+    """Number of divisions from the root to a leaf."""
     bounds: Floats2
-    """Of each node: centre and radius of a ball that contains its faces; axis, and cosine and sine
-    of the half-angle, of a cone that contains its inward normals, half-angle pi: any direction;
+    """For each node: centre and radius of a ball that contains its faces; axis, and cosine and sine
+    of the half-angle, of a cone that contains its inward normals (half-angle pi for any direction);
     largest coordinate of its faces along that axis; least turn on its faces [rad] (N, 11)."""
 
 
@@ -49,14 +49,14 @@ def walk(visit, state, nodes):
 
     Args:
         visit: Kernel, called with a node, the position at which it waited, whether it is stale, and
-            the state. It returns the child to be visited later and the one to be visited next,
-            NO_NODE where there is none, and GO_ON, CHANGED or STOP. The children wait at the
-            position of their node and at the following one.
+            the state. It returns the child to visit later and the one to visit next, NO_NODE for
+            none, and GO_ON, CHANGED or STOP. The children wait at the position of their node and
+            at the following one.
         state: Tuple that is passed to `visit`.
         nodes: Scratch (STACK,).
 
     Returns:
-        Whether a visit ended it.
+        Whether a visit ended the walk.
     """
     nodes[0], top, stale = 0, 1, 0
     while top > 0:
@@ -74,7 +74,7 @@ def walk(visit, state, nodes):
 
 @merged
 def below(node, depth):
-    """The two nodes below a node; NO_NODE: it is a leaf."""
+    """The two children of a node; NO_NODE for a leaf."""
     if node >= (1 << depth) - 1:
         return NO_NODE, NO_NODE
     return 2 * node + 1, 2 * node + 2
@@ -82,7 +82,7 @@ def below(node, depth):
 
 @merged
 def faces_of_leaf(node, depth, size):
-    """(first, last): positions of a leaf's faces in the tree's order; (0, 0): it is no leaf."""
+    """(first, last), a leaf's positions in the tree's order of faces; (0, 0) if not a leaf."""
     leaf = node - ((1 << depth) - 1)
     return (size * leaf >> depth, size * (leaf + 1) >> depth) if leaf >= 0 else (0, 0)
 
@@ -115,7 +115,7 @@ def _widest(order, keys, first, last):
 
 @part
 def _select(order, keys, k, first, last, middle):
-    """Quickselect: the faces with the smaller keys before `middle`, the others after it."""
+    """Quickselect: move the faces with smaller keys before `middle`, the others after it."""
     low, high = first, last - 1
     while low < high:
         pivot = keys[order[(low + high) // 2], k]
@@ -142,7 +142,7 @@ def _bound_node(first, last, order, surface, bounds):
     """Write the bounds of the faces from `first` to `last`, as in `FaceTree`."""
     points, faces = surface.points, surface.faces
     corners, normals = surface.corners, surface.normals
-    low, axis, high = 0, 4, 7  # where they begin, the corners of the box until its centre is known
+    low, axis, high = 0, 4, 7  # first columns; the box's corners until its centre is known
     for k in range(3):
         bounds[low + k], bounds[high + k], bounds[axis + k] = math.inf, -math.inf, 0.0
     for i in range(first, last):
@@ -153,7 +153,7 @@ def _bound_node(first, last, order, surface, bounds):
                 bounds[high + k] = max(bounds[high + k], points[vertex, k])
                 bounds[axis + k] += normals[row, k]
     length = math.sqrt(bounds[4] ** 2 + bounds[5] ** 2 + bounds[6] ** 2)
-    if length < 1e-12:  # any axis will do, as on the whole of a closed surface
+    if length < 1e-12:  # any axis serves, as for the whole of a closed surface
         bounds[6], length = 1.0, 1.0
     for k in range(3):
         bounds[k], bounds[4 + k] = (

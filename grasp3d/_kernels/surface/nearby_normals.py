@@ -1,9 +1,9 @@
-"""How far a surface turns near a contact: what a location error does to normals.
+"""How far a surface turns near a contact, that is, what a location error does to normals.
 
-A contact that is felt at one place may be at another one nearby, where the normal is another: its
-turn is the largest angle, over the places that are connected with the contact within the location
-error, between the normal there and the set of normals that the contact may have. It is small where
-the surface is flat, and what edges, rims and small radii cost.
+The true contact may be near the place where it is felt and have another normal. The turn of a
+contact is the largest angle between a normal nearby and the set of normals that the contact may
+have, over the points connected with the contact within the location error. It is small where the
+surface is flat, and large at edges, rims and small radii.
 """
 
 import math
@@ -27,37 +27,37 @@ from grasp3d._kernels.surface.vectors import (
 )
 
 MOST_CUTS = 24
-"""Most planes that cut a face to its part within the location error."""
+"""Most planes that cut a face down to its part within the location error."""
 
 BEYOND = 1.0 + 1e-3
-"""Distance up to which places count, in location errors: the planes need not be more."""
+"""Distance, in location errors, up to which points count: slightly above 1 to save planes."""
 
 TOLERANCE = 1e-3
-"""Angle by which a face may seem to turn more than others before that is made tight [rad]."""
+"""Angle [rad] by which a face may seem to turn more than others before its bound is tightened."""
 
 
 class FacesAround(NamedTuple):
     """The faces around each vertex of a surface."""
 
     start: FixedInts1
-    """First of each vertex in `faces` (V + 1,)."""
+    """First face of each vertex in `faces` (V + 1,)."""
     faces: FixedInts1
-    """(3 F,)"""
+    """Faces around each vertex (3 F,)."""
 
 
 @merged
 def _turn_to(set_, normal):
-    """Smallest angle between a vector and a set of normals: rows, first of them, and number."""
+    """Smallest angle between a vector and a set of normals, given as (rows, first one, number)."""
     normals, first, count = set_
     return smallest_angle(normals, first, count, normal[0], normal[1], normal[2])
 
 
 @merged
 def _bound(most, straight, single):
-    """Bound of the angles to a set of normals between places where they are at most `most`.
+    """Bound of the angles to a set of normals between points where they are at most `most`.
 
     Directions within an acute angle of one normal form a convex cone. The distance from the cone of
-    several is convex in the interpolated normal, whose length is at least `straight`.
+    several normals is convex in the interpolated normal, whose length is at least `straight`.
     """
     if straight >= 1.0:
         return most
@@ -68,13 +68,13 @@ def _bound(most, straight, single):
 
 @part
 def _turn_of_face(face, point, radius, set_, surface, tight, known, polygon):
-    """Largest angle between a set and the normals of a face's part in a ball, if above `known`.
+    """Raise (tight, known) to the largest angle between a set and a face's normals in a ball.
 
-    It is tight: returned as both angles, or a bound of it, which is within `TOLERANCE` of a tight
-    one of another face.
+    If that angle exceeds `known`, either both become the angle, or `known` alone becomes a bound of
+    it that is within `TOLERANCE` of `tight`, the largest exact angle of a face so far.
 
-    Planes that touch the ball cut the face at the corner with the largest angle, until that is in
-    the ball.
+    Planes that touch the ball cut off the face's corner with the largest angle, until that corner
+    is in the ball.
     """
     rows = surface.corners[face]
     n = triple(surface.normals[rows[0]], 0)
@@ -99,7 +99,7 @@ def _turn_of_face(face, point, radius, set_, surface, tight, known, polygon):
     square = radius * radius - height * height
     if area == 0.0 or square < 0.0:
         return tight, known
-    centre = combined(1.0, point, -height, across)  # of the disc that the ball cuts out
+    centre = combined(1.0, point, -height, across)  # of the disc in which the ball cuts the plane
     own_radius, size = math.sqrt(square), 3
     for i in range(size):
         polygon[i, 0], polygon[i, 1] = 1.0 * (i == 1), 1.0 * (i == 2)
@@ -133,21 +133,21 @@ def _turn_of_face(face, point, radius, set_, surface, tight, known, polygon):
 def largest_turns(
     points, faces, start, counts, normals, radius, enough, surface, sets, around, turns
 ):
-    """Largest angle by which the surface turns within a distance of each of many contacts.
+    """Find the largest angle by which the surface turns within a distance of each contact.
 
     Args:
         points: Contacts on the surface (m, 3).
-        faces: A face that each lies on (m,).
+        faces: A face on which each contact lies (m,).
         start: First row of each contact's normals (m,).
-        counts: Number of its normals, as corners of a convex set; 0: every direction (m,).
+        counts: Number of each contact's normals, corners of a convex set; 0: every direction (m,).
         normals: Inward unit normals (K, 3).
         radius: The distance.
-        enough: Angle from which on it need not be the largest [rad].
+        enough: Angle [rad] above which it need not be the largest.
         surface: `Surface`.
         sets: `ContactNormals`.
         around: `FacesAround`.
-        turns: Written, angles [rad] (m,); pi where any normal may be nearby, and never less than
-            over the places that are nearer than `radius`.
+        turns: Written, angles [rad]; pi if any normal may be nearby; never too small for the points
+            nearer than `radius` (m,).
     """
     seen = np.full(surface.faces.shape[0], -1, dtype=np.int64)
     waiting = np.empty(surface.faces.shape[0], dtype=np.int64)

@@ -1,9 +1,9 @@
-"""Convex polygons that are cut by lines and planes: parts of triangles, and regions of a plane.
+"""Convex polygons cut by lines and planes: parts of triangles, and regions of a plane.
 
-A part of a triangle is an array with a row for each corner, in order: position, then barycentric
-coordinates in the triangle (n, 6). A region of a plane is the first `size` of `REGION_CORNERS` rows
-of an array with two columns of coordinates, counter-clockwise; the other rows and the third column
-are scratch.
+A part of a triangle is an array (n, 6) with a row for each corner, in order: the position, then the
+barycentric coordinates in the triangle. A region of a plane is the first `size` of `REGION_CORNERS`
+rows of an array with two columns of coordinates, counter-clockwise; the other rows and the third
+column are scratch.
 """
 
 import math
@@ -14,12 +14,12 @@ MOST_EDGES = 12
 """Most sides of a convex face of a jaw."""
 
 CORNERS = 2 * MOST_EDGES
-"""Rows that a triangle needs when it is cut by the sides of a face and two planes more."""
+"""Rows needed by a triangle that is cut by the sides of a face and two more planes."""
 
 
 @part
 def write_triangle(corners, side, polygon):
-    """Write a triangle (3, 3) as a polygon, with x multiplied by `side`."""
+    """Write a triangle (3, 3) as a polygon, with x multiplied by `side`; return its 3 corners."""
     for i in range(3):
         polygon[i, 0] = side * corners[i, 0]
         for k in range(1, 3):
@@ -40,7 +40,7 @@ def clip(polygon, count, plane, clipped):
         clipped: Written, another array of the same shape.
 
     Returns:
-        Number of corners of the part; 0: nothing remains.
+        Number of corners of the part, 0 if nothing remains.
     """
     a, b, c, limit = plane
     kept = 0
@@ -66,16 +66,16 @@ def clip_to_polygon(corners, side, plane, edges, polygon, spare):
 
     Args:
         corners: Corners of the triangle (3, 3).
-        side: +1 or -1, x is multiplied by it.
+        side: +1 or -1, the factor of x.
         plane: The jaw's face is at x = plane[0] + plane[1] y + plane[2] z, relative to the jaw.
         edges: Its sides: edges[..., 0] y + edges[..., 1] z <= edges[..., 2] (e, 3).
         polygon: Written; x is relative to the jaw's face.
-        spare: Memory.
+        spare: Scratch.
 
     Returns:
-        Number of corners of the part; 0: nothing remains.
+        Number of corners of the part, 0 if nothing remains.
     """
-    crossed = 0  # a bit for each side that some corner is beyond
+    crossed = 0  # a bit for each side beyond which some corner lies
     for e in range(edges.shape[0]):
         y, z, limit, inside = edges[e, 0], edges[e, 1], edges[e, 2], 0
         for i in range(3):
@@ -93,7 +93,7 @@ def clip_to_polygon(corners, side, plane, edges, polygon, spare):
             half_plane = (0.0, edges[e, 0], edges[e, 1], edges[e, 2])
             count = clip(polygon, count, half_plane, spare)
             polygon, spare, cuts = spare, polygon, cuts + 1
-    if cuts % 2:  # the caller reads the array that it passed as `polygon`
+    if cuts % 2:  # the caller reads from the array that it passed as `polygon`
         for i in range(count):
             for k in range(6):
                 spare[i, k] = polygon[i, k]
@@ -102,7 +102,7 @@ def clip_to_polygon(corners, side, plane, edges, polygon, spare):
 
 @part
 def projected_moments(polygon, count, mean):
-    """Area of a convex polygon seen along x, and its centroid with respect to that area.
+    """Area of a convex polygon seen along x; write the centroid with respect to that area.
 
     Args:
         polygon: The polygon.
@@ -123,7 +123,7 @@ def projected_moments(polygon, count, mean):
 
 @part
 def _projected_area(polygon, i):
-    """Area of the triangle of the corners 0, i and i + 1, seen along x."""
+    """Area of the triangle with the corners 0, i and i + 1, seen along x."""
     ay, az = polygon[i, 1] - polygon[0, 1], polygon[i, 2] - polygon[0, 2]
     by, bz = polygon[i + 1, 1] - polygon[0, 1], polygon[i + 1, 2] - polygon[0, 2]
     return 0.5 * abs(ay * bz - az * by)
@@ -131,17 +131,17 @@ def _projected_area(polygon, i):
 
 @part
 def disc_moments(ax, ay, bx, by, radius, totals):
-    """Add the area and first moments of a disc's part in the triangle of its centre, a and b.
+    """Add the area and first moments of the part of a disc in the triangle of its centre, a and b.
 
     The sum over the edges of a polygon is that of the disc's part in the polygon.
 
     Args:
-        ax: Start of the edge, relative to the centre of the disc.
-        ay: The same.
-        bx: End of the edge.
-        by: The same.
+        ax: First coordinate of the edge's start, relative to the centre of the disc.
+        ay: Second coordinate.
+        bx: First coordinate of the edge's end.
+        by: Second coordinate.
         radius: Radius of the disc.
-        totals: Added to: signed area, and its moments about the centre (3,).
+        totals: Increased, signed area and its moments about the centre (3,).
     """
     dx, dy = bx - ax, by - ay
     first, last = crossings(ax, ay, dx, dy, radius)
@@ -165,10 +165,10 @@ def disc_moments(ax, ay, bx, by, radius, totals):
 
 @part
 def crossings(ax, ay, dx, dy, radius):
-    """Where the edge a + t d, 0 <= t <= 1, enters and leaves a disc about the origin.
+    """Find where the edge a + t d, 0 <= t <= 1, enters and leaves a disc about the origin.
 
     Returns:
-        (enters, leaves); both 1 where it does not meet the disc.
+        (enters, leaves); both are 1 if it does not meet the disc.
     """
     square = dx * dx + dy * dy
     if square == 0.0:
@@ -184,12 +184,12 @@ def crossings(ax, ay, dx, dy, radius):
 
 
 REGION_CORNERS = 32
-"""Most corners of a polygon; each cut adds one, or two by rounding errors."""
+"""Most corners of a polygon; each cut adds one, or two through rounding errors."""
 
 
 @part
 def cut(polygon, size, a, b, c):
-    """Cut off the part of a polygon where a x + b y + c > 0; (corners left, least value before).
+    """Cut off the part of a polygon where a x + b y + c > 0; return (corners, least value before).
 
     Args:
         polygon: Corners (2 * REGION_CORNERS, 3).
@@ -207,7 +207,7 @@ def cut(polygon, size, a, b, c):
         return size, least
     if least >= 0.0:
         return 0, least
-    if size >= REGION_CORNERS - 2:  # no row is left: a polygon that is not cut contains too much
+    if size >= REGION_CORNERS - 2:  # no rows are left; an uncut polygon only contains too much
         return size, least
     left = REGION_CORNERS
     for i in range(size):
@@ -232,7 +232,7 @@ def cut(polygon, size, a, b, c):
 
 @merged
 def centroid(polygon, size):
-    """Centroid of a polygon, or the mean of its corners where it has no area."""
+    """Centroid of a polygon, or the mean of its corners if it has no area."""
     x0, y0 = polygon[0, 0], polygon[0, 1]
     area, x, y = 0.0, 0.0, 0.0
     for i in range(1, size - 1):

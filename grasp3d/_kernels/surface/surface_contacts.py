@@ -3,7 +3,7 @@
 A contact on a sharp edge or corner may have any normal between the adjacent faces' normals: an arc
 or a convex polygon on the unit sphere.
 
-What a location error does to the contacts of a grasp, as a search takes it.
+The module also provides the effect of location errors on the contacts of a grasp, for searches.
 
 The line between two contacts turns, and so do their normals: see `nearby_normals`, whose exact
 values are known at the points of a lattice on each face.
@@ -40,31 +40,31 @@ from grasp3d.arrays import locked
 
 
 class Turns(NamedTuple):
-    """Turns of the contacts of a surface as a search takes them: known at points of a lattice."""
+    """Turns of the contacts of a surface for a search, known at the points of a lattice."""
 
     error: float
-    """Location errors of two contacts together, as lengths of the surface; 0: places are exact."""
+    """Sum of the location errors of two contacts, in units of the surface; 0 if exact."""
     vertices: FixedFloats1
     """Turn at each vertex [rad] (V,)."""
     levels: FixedInts1
-    """Parts of the edges of each face (F,)."""
+    """Number of parts of each face's edges (F,)."""
     start: FixedInts1
     """First value of each face (F,)."""
     values: FixedFloats1
-    """Turns on faces [rad] (K,); on a face of n parts, for j = 0 to n and i = 0 to n - j, at the
-    place with i / n and j / n as its second and third barycentric coordinate."""
+    """Turns on faces [rad] (K,): on a face of n parts, for j = 0 to n and i = 0 to n - j, at the
+    point whose second and third barycentric coordinates are i / n and j / n."""
     least: FixedFloats1
     """Least turn on each face [rad] (F,)."""
 
 
 NONE, NOWHERE = locked(np.zeros(0)), locked(np.zeros(0, dtype=np.int64))
 EXACT = Turns(0.0, NONE, NOWHERE, NOWHERE, NONE, NONE)
-"""Places are exact."""
+"""Turns without location errors."""
 
 
 @merged
 def lattice_row(i, j, parts):
-    """Row of a point of a lattice among those of its face; see `Turns`."""
+    """Row of a lattice point among those of its face; see `Turns`."""
     return j * (parts + 1) - j * (j - 1) // 2 + i
 
 
@@ -76,7 +76,7 @@ def turn_at_vertex(v, turns):
 
 @merged
 def turn_on_face(face, weights, turns):
-    """Turn of a contact on a face [rad]: the largest of the three nearest ones that are known."""
+    """Turn of a contact on a face [rad], the largest of the three nearest known ones."""
     if not turns.error > 0.0:
         return 0.0
     parts, first = turns.levels[face], turns.start[face]
@@ -104,15 +104,15 @@ def least_turn(faces, turns):
 
 @merged
 def line_turn(opening, turns):
-    """Angle by which the line between two contacts may turn [rad]: its ends are not exact."""
+    """Angle [rad] by which the line between two contacts may turn as its ends are not exact."""
     return math.asin(min(turns.error / opening, 1.0)) if turns.error > 0.0 else 0.0
 
 
 @part
 def _arc_angle(a, b, d):
     """Smallest angle between a direction and the normals on the arc from a to b."""
-    # Axis of the great circle through a and b. The projection of the direction to that circle is on
-    # the arc where it lies after a and before b; otherwise an end of the arc is nearest.
+    # Axis of the great circle through a and b. The direction projected onto that circle is on the
+    # arc if it lies after a and before b; otherwise an end of the arc is nearest.
     axis = cross(a, b)
     length = norm(axis)
     if length > 1e-15:
@@ -133,7 +133,7 @@ def smallest_angle(normals, first, count, x, y, z):
         return 0.0
     if count == 2:
         return _arc_angle(normals[first], normals[first + 1], d)
-    # Inside a convex spherical polygon all its sides are passed on the left.
+    # A point inside a convex spherical polygon has all its sides on the left.
     inside = True
     least = math.pi
     for i in range(count):
@@ -154,7 +154,7 @@ def largest_angle(normals, first, count, x, y, z):
 
 
 HEMISPHERE = 0.02
-"""Cosine between the centre and a normal below which a set counts as all directions."""
+"""Cosine between the centre and a normal below which a set counts as every direction."""
 
 FLAT = 1e-12
 """Cross product below which three points of a polygon count as collinear."""
@@ -166,7 +166,7 @@ class ContactNormals(NamedTuple):
     start: FixedInts1
     """First row of each vertex in `normals` (V + 1,)."""
     counts: FixedInts1
-    """Corners of each polygon of normals (V,)."""
+    """Number of corners of each polygon of normals (V,)."""
     normals: FixedFloats2
     """Unit normals (K, 3)."""
 
@@ -176,7 +176,7 @@ def _write_centre(normals, first, count, centre):
     """Write the middle of the normals: their mean, or the centre of the smallest cap around them.
 
     Returns:
-        Smallest cosine between it and a normal.
+        Smallest cosine between the middle and a normal.
     """
     for k in range(3):
         centre[k] = 0.0
@@ -200,7 +200,7 @@ def _write_centre(normals, first, count, centre):
 
 @part
 def _farthest(normals, first, count, centre):
-    """(row, cosine) of the normal with the largest angle from a direction."""
+    """(row, cosine) of the normal with the largest angle to a direction."""
     far, least = first, 2.0
     for i in range(first, first + count):
         cosine = dot(centre, normals[i])
@@ -211,7 +211,7 @@ def _farthest(normals, first, count, centre):
 
 @kernel()
 def _hull(points):
-    """Corners of the planar convex hull, counter-clockwise (Andrew's monotone chain)."""
+    """Corners of a planar convex hull, counter-clockwise (Andrew's monotone chain)."""
     count = points.shape[0]
     order = np.arange(count)  # Shell sort by x, then y: most counts are small, a few are large
     gap = 1
@@ -269,12 +269,12 @@ def order_normal_sets(start, normals, counts, centres, radii):
 
     Args:
         start: First row of each vertex in `normals`, shape (V + 1,).
-        normals: Unit normals (K, 3); reordered, the polygon's corners first.
+        normals: Unit normals, reordered with the polygon's corners first (K, 3).
         counts: Written, corners of each polygon (V,): 0 no normal or every direction, 1 where the
             surface is smooth, 2 an arc, more a polygon, counter-clockwise about its centre.
         centres: Written, middle of each set (V, 3).
-        radii: Written, largest angle from the centre to a normal [rad] (V,); pi where the set
-            spans every direction; -1 where there is no normal at all.
+        radii: Written, largest angle from the centre to a normal [rad], pi if the set spans every
+            direction, -1 if there is no normal (V,).
     """
     for v in range(start.shape[0] - 1):
         first, count = start[v], start[v + 1] - start[v]
@@ -287,12 +287,12 @@ def order_normal_sets(start, normals, counts, centres, radii):
             continue
         centre = centres[v]
         nearest = _write_centre(normals, first, count, centre)
-        # No hemisphere contains the normals (the tip of a needle, a thin plate's rim).
+        # No hemisphere contains the normals (tip of a needle, rim of a thin plate).
         if nearest < HEMISPHERE:
             counts[v], radii[v] = 0, math.pi
             continue
         radii[v] = math.acos(nearest)
-        # Central projection to the plane orthogonal to the centre maps great circles to lines, so
+        # Central projection onto the plane orthogonal to the centre maps great circles to lines, so
         # the spherical hull becomes a planar one.
         e1, e2 = _tangents(centre)
         plane = np.empty((count, 2))
@@ -314,7 +314,7 @@ ON_EDGE = 1e-9
 """Barycentric coordinate below which a contact lies on the opposite edge."""
 
 ANY_NORMAL = -2
-"""Value of `Surface.twins` on an edge of more than two faces."""
+"""Value of `Surface.twins` at an edge of more than two faces."""
 
 
 class Surface(NamedTuple):
@@ -332,12 +332,12 @@ class Surface(NamedTuple):
     """Rows of `normals` across each crease, for the two ends of the edge opposite each corner
     (F, 3, 2); -1 where the edge is smooth or open, ANY_NORMAL where more than two faces meet."""
     turns: Turns
-    """What location errors do to contacts."""
+    """Effect of location errors on contacts."""
 
 
 @merged
 def write_normals(face, weights, surface, sets, normals):
-    """Write the normals that a contact inside or on the border of a face may have.
+    """Write the normals that a contact within a face or on its border may have.
 
     Args:
         face: The face.
@@ -347,14 +347,13 @@ def write_normals(face, weights, surface, sets, normals):
         normals: Written, up to two normals (2, 3).
 
     Returns:
-        (count, vertex): 1 normal or the 2 ends of an arc in `normals`, or 0 for every direction,
-        with vertex -1; or the vertex whose set of normals applies, where the contact is that
-        vertex.
+        (count, vertex): with vertex -1, count is 1 for one normal, 2 for the ends of an arc, or 0
+        for every direction. Otherwise the contact is at that vertex, whose set of normals applies.
     """
     rows, corners, twins = surface.normals, surface.corners[face], surface.twins[face]
     copy(weighted_sum(weights, rows[corners[0]], rows[corners[1]], rows[corners[2]]), normals[0])
     count = 1
-    # On an edge or vertex of the face other faces' normals are possible too.
+    # On an edge or vertex of the face, normals of other faces are possible, too.
     if min(weights[0], weights[1], weights[2]) <= ON_EDGE:
         for i in range(3):
             after, before = weights[(i + 1) % 3], weights[(i + 2) % 3]
@@ -392,7 +391,7 @@ def write_normals_of_all(faces, weights, surface, sets, counts, vertices, normal
         weights: Barycentric coordinates on the face (m, 3).
         surface: `Surface`.
         sets: `ContactNormals`.
-        counts: Written, normals in `normals`, 0 for every direction (m,).
+        counts: Written, number of normals in `normals`, 0 for every direction (m,).
         vertices: Written, vertex whose set of normals applies, or -1 (m,).
         normals: Written, one normal or the ends of an arc (m, 2, 3).
     """
@@ -444,16 +443,16 @@ def _edges(face, points, faces):
 
 @part
 def walk(face, weights, angle, length, points, faces, adjacent_faces):
-    """Walk straight over a surface: each next face is unfolded about the common edge.
+    """Walk straight over a surface, with each next face unfolded about the common edge.
 
     Args:
         face: Face to start from.
-        weights: Barycentric coordinates of the start (3,); written, those of the end.
+        weights: Barycentric coordinates of the start (3,), replaced by those of the end.
         angle: Direction in the plane of the face, from its first edge [rad].
         length: Length of the walk, which ends early at the border of the surface.
         points: Positions of the vertices (V, 3).
         faces: Vertices of each face (F, 3).
-        adjacent_faces: Face across the edge opposite each corner (F, 3); -1: none, or several.
+        adjacent_faces: Face across the edge opposite each corner, -1 for none or several (F, 3).
 
     Returns:
         The face where the walk ends.
@@ -469,7 +468,7 @@ def walk(face, weights, angle, length, points, faces, adjacent_faces):
         du, dw = dot(u, direction), dot(w, direction)
         area = uu * ww - uw * uw
         r1, r2 = (ww * du - uw * dw) / area, (uu * dw - uw * du) / area
-        # Rates of the barycentric coordinates along the direction: the first to reach 0 decides
+        # Rates of the barycentric coordinates along the direction: the first one to reach 0 gives
         # the edge through which the walk leaves the face.
         rates = (-(r1 + r2), r1, r2)
         step, leaving = length, -1
@@ -503,7 +502,7 @@ def walk(face, weights, angle, length, points, faces, adjacent_faces):
         side = math.sqrt(max(0.0, 1.0 - along * along)) / norm(across)
         direction = combined(along, edge, side, across)
         face = other
-    # Away from the edges, where a contact would have two normals.
+    # Stay away from the edges, where a contact would have two normals.
     total = 0.0
     for i in range(3):
         weights[i] = max(weights[i], INSIDE)

@@ -131,14 +131,14 @@ def combined(s, a, t, b):
 
 @merged
 def angle_between(a, b):
-    """Angle between two vectors, by atan2: accurate near 0 and pi too."""
+    """Angle between two vectors by atan2, accurate also near 0 and pi."""
     c = cross(a, b)
     return math.atan2(math.sqrt(dot(c, c)), dot(a, b))
 
 
 @merged
 def remove_components(basis, size, vector, components):
-    """Subtract a vector's components along the first rows of a basis; `components` is written."""
+    """Subtract a vector's components along the first rows of a basis, and write `components`."""
     for j in range(size):
         components[j] = dot6(basis[j], vector)
     for j in range(size):

@@ -1,1 +1,1 @@
-"""The formats of files of grasp poses: a module for each, called as its format."""
+"""Formats of files of grasp poses, one module for each, named after its format."""

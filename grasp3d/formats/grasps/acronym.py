@@ -28,19 +28,19 @@ from grasp3d.system.files import atomic_write
 from grasp3d.system.names import reason_of
 
 BASE_TO_TCP = 0.105
-"""From the hand's base to the TCP in the data set, which has one gripper [m]."""
+"""Distance from the hand's base to the TCP of the data set's only gripper [m]."""
 
 GRIPPER = "panda"
-"""That gripper, which is meant where a file states none."""
+"""Name of that gripper, which is assumed if a file states none."""
 
 MOST = 1_000_000
-"""Most grasps of a file that are read."""
+"""Largest number of grasps of a file that is read."""
 
 TRANSFORMS = "grasps/transforms"
 OUTCOME = "grasps/qualities/flex/object_in_gripper"
 
 OBJECT = {"com": (3,), "density": (), "friction": (), "inertia": (3, 3), "mass": (), "volume": ()}
-"""Shape of what `object/` has beside file and scale."""
+"""Shapes of the data sets in `object/` besides file and scale."""
 
 
 def write(path: Path, poses: GraspPoses) -> None:
@@ -58,7 +58,7 @@ def write(path: Path, poses: GraspPoses) -> None:
         values[OUTCOME] = poses.outcome.astype(np.int64) if known.all() else poses.outcome
     for name in OBJECT:
         stated = poses.settings.get(name)
-        if not isinstance(stated, str | None):  # an interval of friction is a text
+        if not isinstance(stated, str | None):  # a friction interval is a text
             values[f"object/{name}"] = np.asarray(stated, dtype=np.float64)
     with atomic_write(path) as part, h5py.File(part, "w") as file:
         file.attrs["grasp3d"] = package_version()
@@ -67,7 +67,7 @@ def write(path: Path, poses: GraspPoses) -> None:
 
 
 TEXTS = "OS"
-"""Kinds of texts: of any length, and of a fixed one."""
+"""NumPy kinds of texts: of any length, and of a fixed length."""
 
 
 def read(path: Path, given: Given) -> GraspPoses:
@@ -114,7 +114,7 @@ def _read(file: Any, given: Given) -> GraspPoses:
 
 
 def _of_each(file: Any, count: int) -> list[str]:
-    """Paths of the data sets below grasps/ that have one value of each grasp."""
+    """Paths of the data sets below grasps/ that have one value for each grasp."""
     found: dict[str, Any] = {}
     file["grasps"].visititems(found.__setitem__)
     return [f"grasps/{k}" for k, one in found.items() if getattr(one, "shape", 0) == (count,)]

@@ -1,9 +1,9 @@
 """Tables of CSV: a row for each grasp.
 
 Columns are separated by commas, semicolons or tabs, which spaces may follow; with semicolons there
-may be decimal commas. The header of [JSON](#json) is in the metadata of Parquet; CSV has the unit
-only, and where poses are in the frame of a robot a column `object_pose`. A column `frame` is read
-as that of JSON.
+may be decimal commas. Parquet has the header of [JSON](#json) in its metadata. CSV has only its
+`unit`, `gripper_frame` and, if poses are in the frame of a robot, `object_pose`, as columns. A
+column `frame` is read as in JSON.
 
 | column | |
 |---|---|
@@ -38,7 +38,7 @@ QUATERNION = ("qx", "qy", "qz", "qw")
 REQUIRED = POSITION + QUATERNION
 
 JOINT = "joint:"
-"""Before the name of a joint in the name of its column."""
+"""Prefix of the name of a joint in the name of its column."""
 
 _CONTACT = re.compile(r"n?[xyz][1-9]\d*")
 
@@ -104,13 +104,13 @@ def read(path: Path, given: Given) -> GraspPoses:
 
 
 def _stripped(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Texts without the spaces around them; numbers as they are."""
-    if values.dtype.kind == "M":  # of a column of dates
+    """Strip spaces around texts, and leave numbers as they are."""
+    if values.dtype.kind == "M":  # a column of dates
         values = values.astype(str)
     if values.dtype.kind != "O":
         return values
     stripped = [value.strip() if isinstance(value, str) else value for value in values]
-    return np.array([*stripped, None], dtype=object)[:-1]  # also where all are lists
+    return np.array([*stripped, None], dtype=object)[:-1]  # None keeps lists as objects
 
 
 FORMAT = Format(

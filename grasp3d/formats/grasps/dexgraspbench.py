@@ -1,4 +1,4 @@
-"""Dictionaries of DexGraspBench, of one grasp or with a row for each.
+"""Dictionaries of DexGraspBench, each of one grasp or with a row for each grasp.
 
 | key | written | read |
 |---|---|---|
@@ -7,10 +7,10 @@
 | `obj_scale` | `object_scale`, else metres per unit of the mesh's file | `object_scale` |
 | `obj_path` | `object_file` | `object_file`; it must be the same in all |
 
-Files that have the object's pose elsewhere, in `scene_cfg` or in the file `scene_path`, need it. `succ_flag` is
+If files state the object's pose elsewhere, in `scene_cfg` or in the file `scene_path`, it must be given. `succ_flag` is
 `outcome`. Joints have no names: the order is assumed to be the hand's, and the setting `joint_order` says so. The root is
-that of DexGraspBench's MuJoCo models: their palms are moved or turned against those of URDF (the Allegro hand's by the
-quaternion 0, 1, 0, 1), so give the model itself as the hand.
+that of DexGraspBench's MuJoCo models: their palms are moved or turned relative to those of URDF (the Allegro hand's by
+the quaternion 0, 1, 0, 1), so give the model itself as the hand.
 """
 
 from pathlib import Path
@@ -45,7 +45,7 @@ def read(content: Any, given: Given) -> GraspPoses:
 
 
 def write(path: Path, poses: GraspPoses) -> None:
-    """Write a dictionary with arrays of all grasps, of one grasp without a first axis."""
+    """Write a dictionary with arrays of all grasps; for one grasp, without the first axis."""
     at = np.eye(4) if poses.object_pose is None else poses.object_pose.matrix
     stages = {
         f"{stage}_qpos": values[0] if poses.count == 1 else values

@@ -1,4 +1,4 @@
-"""Dictionaries of DexGraspNet, a list of one for each grasp.
+"""Dictionaries of DexGraspNet: a list with one for each grasp.
 
 | key | written | read |
 |---|---|---|
@@ -7,9 +7,9 @@
 | `qpos.NAME` | values of the joints by name | the same |
 | `scale` | `object_scale`, else metres per unit of the mesh's file | `object_scale` |
 
-The joints `robot0:FFJ3` and so on of its Shadow hand count from 0. In descriptions for ROS they count from 1 (`FFJ4`),
-and those where their axes are opposite get the opposite sign: `FFJ4`, `MFJ4`, `THJ2` and `THJ1` of the usual URDF. Its
-files have no wrist: the pose is that of the palm. Other postures than that of the grasp are not written.
+The joints of its Shadow hand (`robot0:FFJ3` and so on) are numbered from 0. Descriptions for ROS number them from 1
+(`FFJ4`); joints with opposite axes get the opposite sign: `FFJ4`, `MFJ4`, `THJ2` and `THJ1` of the usual URDF. Its
+files have no wrist: the pose is that of the palm. Only the posture at the grasp is written.
 """
 
 from pathlib import Path
@@ -40,7 +40,7 @@ def read(content: Any, given: Given) -> GraspPoses:
 
 
 def write(path: Path, poses: GraspPoses) -> None:
-    """Write a list of dictionaries, of the Shadow hand in the joints of DexGraspNet's model."""
+    """Write a list of dictionaries; a Shadow hand gets the joints of DexGraspNet's model."""
     hand: Any = poses.hand
     names, moved = as_in_model(poses, hand)
     angles = Rotation.from_matrix(moved.poses[:, :3, :3]).as_euler("xyz")

@@ -34,7 +34,7 @@ def read(content: Any, given: Given) -> GraspPoses:
     transforms = checks.grasp_list(grasps["transforms"], "grasps.transforms")
 
     def of_each(key: str) -> list[Any]:
-        """A list of one value for each grasp, which may be a list of it."""
+        """One value for each grasp; files may wrap each value in a list."""
         values = checks.grasp_list(grasps[key], f"grasps.{key}")
         if len(values) != len(transforms):
             raise ContactError(f"grasps.{key} must have {len(transforms)} values, one of each")

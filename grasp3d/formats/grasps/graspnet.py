@@ -1,13 +1,13 @@
 """Arrays of graspnetAPI: (k, 17), float64.
 
-They are read of any number type, never as Python objects.
+Arrays of any number type are read, but never Python objects.
 
 | numbers | written | read |
 |---|---|---|
 | 0 score | `scores`, else 1.1 − tan(`critical_angle`), at least −1; nan: not known | `scores` |
 | 1 width | `pregrasp_opening`, else `opening` | `pregrasp_opening`: jaws close from it |
 | 2 height | 0.02 | ignored |
-| 3 depth | 0.02 | ends of the fingers from the origin along x; the TCP is half a pad (`pad_height`/2) before them, for round tips at them |
+| 3 depth | 0.02 | distance of the fingers' ends from the origin along x; the TCP is half a pad (`pad_height`/2) before the ends, with round tips at the ends |
 | 4–12 rotation | row by row; columns approach, closing, their product | |
 | 13–15 translation | [m] | |
 | 16 object | column `object_id`, else −1 | column `object_id` |
@@ -29,7 +29,7 @@ LENGTH = 17
 """Numbers of a row: score, width, height, depth, rotation (9), translation (3), object."""
 
 DEPTH = FRAMES["graspnetapi"].ahead
-"""From the frame's origin to the ends of the fingers, in written files [m]."""
+"""Distance from the frame's origin to the ends of the fingers, in written files [m]."""
 
 HEIGHT = 0.02
 """Height of the fingers that graspnetAPI assumes [m]."""
@@ -42,7 +42,7 @@ BEST_SCORE = 1.1
 
 
 def sniff(content: Any) -> bool:
-    """Whether it is an array of such rows."""
+    """Whether content is an array of such rows, at least one."""
     is_array = isinstance(content, np.ndarray) and content.dtype.kind in "fiu"
     return is_array and content.shape[1:] == (LENGTH,) and len(content) > 0
 

@@ -3,7 +3,7 @@
 | key | written | read |
 |---|---|---|
 | `format` `format_version` | `isaac_grasp`, 1.0 | the same; the version also as text |
-| `object_frame_link` `gripper_frame_link` | settings of these names, else `object` and the gripper's name | also without `_link`; for people, nothing is computed with them |
+| `object_frame_link` `gripper_frame_link` | settings of these names, else `object` and the gripper's name | also without `_link`; information only |
 | `object_scale` | `object_scale`, else metres per unit of the mesh's file | `object_scale` |
 | `grasps.NAME` | names must differ | order of the file |
 | `confidence` | `scores`, 0 to 1; `.nan`: not known | `scores`; [outcomes](#outcomes) with `--outcome confidence` |
@@ -13,10 +13,10 @@
 | `pregrasp_cspace_position` | the same at `pregrasp_opening`; `pregrasp_posture` | |
 
 `object_scale`, here and in the other formats, is the factor from the numbers of the object's mesh file to metres. A mesh
-of unknown unit is scaled by it. If a unit is stated and is another one, that is an error where `object_file` is the
-name of the mesh, else a warning, as the poses may have been made for another file of the object.
+of unknown unit is scaled by it. A different stated unit is an error if `object_file` is the name of the mesh, else a
+warning, as the poses may have been made for another file of the object.
 
-GraspDataGen writes isaac_grasp too, whose `confidence` says whether the grasp held in simulation: `--outcome confidence`.
+GraspDataGen writes isaac_grasp too; its `confidence` says whether the grasp held in simulation: `--outcome confidence`.
 """
 
 from collections import Counter
@@ -36,13 +36,13 @@ from grasp3d.system.documents import described, number_of
 NAME, VERSION = "isaac_grasp", 1.0
 
 AT, BEFORE = "cspace_position", "pregrasp_cspace_position"
-"""Keys of the values of joints at the grasp and before it."""
+"""Keys of the joint values at the grasp and before it."""
 
 LINKS = ("object_frame_link", "gripper_frame_link")
 
 
 def write(path: Path, poses: GraspPoses) -> None:
-    """Write grasps by name, the gripper's frame relative to the object."""
+    """Write grasps by name, as poses of the gripper's frame relative to the object."""
     if twice := [name for name, count in Counter(poses.names).items() if count > 1]:
         raise OutputError(f"two grasps are called {twice[0]!r}: give each a name of its own")
     if len(outside := np.flatnonzero((poses.scores < 0.0) | (poses.scores > 1.0))):
@@ -102,7 +102,7 @@ def read(content: Any, given: Given) -> GraspPoses:
 
 
 def _poses(entries: checks.Entries) -> Floats:
-    """Poses that have a position, and an orientation of w and xyz, shape (k, 4, 4)."""
+    """Poses from a position and an orientation of w and xyz, shape (k, 4, 4)."""
     if any(isinstance(entry.get("orientation"), list) for entry in entries):
         raise ContactError("orientation must be w and xyz: a list does not state where w is")
     position = checks.numbers(checks.each(entries, "position"), (3,), "position")
@@ -112,7 +112,7 @@ def _poses(entries: checks.Entries) -> Floats:
 
 
 def _postures(entries: checks.Entries) -> dict[str, Any]:
-    """Postures by name; of before the grasp where all grasps state one."""
+    """Fields of postures by name, with those before the grasp if any grasp states one."""
     names, posture = checks.joints_of(checks.each(entries, AT), AT)
     fields: dict[str, Any] = {"posture": posture, "joint_names": names}
     if any(entry.get(BEFORE) for entry in entries):

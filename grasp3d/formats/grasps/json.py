@@ -1,6 +1,6 @@
-"""JSON of grasp3d: everything that is known of poses.
+"""JSON of grasp3d: everything that is known about poses.
 
-An object: `grasp3d` is about all grasps, `grasps` a list.
+An object of two keys: `grasp3d` applies to all grasps, and `grasps` is a list of them.
 
 | key of `grasp3d` | |
 |---|---|

@@ -1,7 +1,7 @@
 """Matrices of NumPy: an array (k, 4, 4), or (4, 4) for one grasp.
 
-Poses of the TCP, in the unit of the mesh or the one that is given (`--unit`), unless `--frame`
-states another frame. Nothing else is in it.
+The poses are those of the TCP, unless `--frame` states another frame, in the unit of the mesh or a
+given one (`--unit`). The file contains nothing else.
 """
 
 from pathlib import Path
@@ -15,7 +15,7 @@ from grasp3d.formats.poses import GraspPoses
 
 
 def sniff(content: Any) -> bool:
-    """Whether it is an array of such matrices."""
+    """Whether content is an array of such matrices."""
     shape: tuple[int, ...] = getattr(content, "shape", ())
     return len(shape) in {2, 3} and shape[-2:] == (4, 4)
 

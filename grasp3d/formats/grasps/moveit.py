@@ -1,6 +1,6 @@
 """JSON of `moveit_msgs/Grasp`, a list of messages.
 
-It has every field of the definition (headers and durations of ROS 2; ROS 1 is read too).
+Messages have every field of the definition (headers and durations of ROS 2; ROS 1 is read too).
 
 | field | written | read |
 |---|---|---|
@@ -48,7 +48,7 @@ def write(path: Path, poses: GraspPoses) -> None:
         return dict(zip(names, values.tolist(), strict=True))
 
     def postures(openings: Floats) -> list[dict[str, Any]]:
-        """trajectory_msgs/JointTrajectory of one point; of none where openings are not known."""
+        """trajectory_msgs/JointTrajectory of one point, or of none if an opening is not known."""
         rows = checks.json_values(frames.joint_values(hand, openings))
         empty: dict[str, Any] = {"velocities": [], "accelerations": [], "effort": []}
         points = [

@@ -1,4 +1,4 @@
-"""Parquet: the columns of [CSV](#csv), and what JSON states of all grasps in the metadata."""
+"""Parquet: the columns of [CSV](#csv), with the header of JSON in the metadata."""
 
 from dataclasses import replace
 
