@@ -136,14 +136,14 @@ class LoadVerdict:
         )
 
     @property
-    def fails(self) -> bool:
+    def decided(self) -> bool:
         """Whether no force suffices, or it is decided whether that at hand, or the motors, do."""
         return self.holds is not None or math.isinf(self.needed)
 
     @property
     def numbers(self) -> str:
         """Sentence on what the load takes if the mass or the force at hand is unknown."""
-        if self.fails:
+        if self.decided:
             return ""
         most = self.what.replace("each kilogram", f"{short_number(self.payload)} kg")
         if math.isnan(self.needed):
@@ -171,7 +171,7 @@ class Verdict:
         >>> model = grasp3d.GraspModel(torsion_radius="3mm", sensor_resolution=0.2)
         >>> load = grasp3d.Load(mass=0.5, grip_force=3.0)
         >>> print(verdict_of(grasp3d.label_surface(mesh, model, load=load)))
-        Not held by two fingers: 3 N are too little to hold 0.5 kg in any orientation. Surely ...
+        Not held by two fingers: 3 N is too little to hold 0.5 kg in any orientation. Surely ...
     """
 
     word: Word
@@ -234,7 +234,7 @@ class Verdict:
             return f"{cause}{'' if part > WHOLE else f' on {100.0 * part:.0f} % of the surface'}"
         if self.wrong:
             return f"{lost}{self.wrong}"
-        if load is not None and load.fails:
+        if load is not None and (load.holds is False or math.isinf(load.needed)):
             return lost + self._load_unheld(load)
         if self.word == "not":
             return f"{lost}{_NONE}"
@@ -254,7 +254,7 @@ class Verdict:
         if load.reason or load.holds is None:
             reason = f": {load.reason}" if load.reason else ""
             return f"no force suffices to {load.what}{reason}"
-        return f"{force} are too little to {load.what}"
+        return f"{force} is too little to {load.what}"
 
     def _sure(self) -> str:
         """Write the sure grasps, and what the best has to spare or needs of the force at hand."""

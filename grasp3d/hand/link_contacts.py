@@ -14,6 +14,7 @@ from grasp3d._kernels.hands.closing import (
     self_overlaps,
 )
 from grasp3d._kernels.hands.closing import close as close_hands
+from grasp3d._kernels.hands.kinematics import SLIDES
 from grasp3d._kernels.hands.touching import Touches, TouchScratch, make_touch_scratch, touch
 from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked, short_repr
 from grasp3d.errors import SettingError
@@ -202,7 +203,7 @@ def reaches(scene: HandScene) -> Floats:
             column = chain.columns[at]
             arm = length + float(np.linalg.norm(chain.positions[at]))
             if column >= 0:
-                sliding = hand.chain.kinds[at] == 1
+                sliding = hand.chain.kinds[at] == SLIDES
                 reach[body, column] += abs(chain.factors[at]) * (1.0 if sliding else arm)
             length += float(np.linalg.norm(chain.origins[at][:3, 3]))
             at = int(chain.parents[at])

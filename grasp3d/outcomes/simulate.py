@@ -89,8 +89,8 @@ def convex_parts(vertices: Floats, faces: Ints, *, threshold: float = 0.02, seed
     Args:
         vertices: Positions, shape (V, 3).
         faces: Corners of each face, shape (F, 3).
-        threshold: Concavity, as a fraction of the object's size, below which a part is not divided
-            further, from 0.01 to 1.
+        threshold: Concavity, as CoACD measures it where the object's longest side is 2, below which
+            a part is not divided further, at most 1.
         seed: Seed of the search for cuts; the same seed gives the same parts.
 
     Returns:
@@ -132,7 +132,6 @@ def coacd_module() -> Any:
 def _decomposed(vertices: Floats, faces: Ints, threshold: float, seed: int) -> Parts:
     coacd = coacd_module()
     coacd.set_log_level("error")
-    # CoACD's threshold is for an object that is scaled to a box from -1 to 1.
     parts: Any = coacd.run_coacd(
         coacd.Mesh(vertices, faces), threshold=threshold, seed=seed, **SEARCH
     )

@@ -211,6 +211,8 @@ def _head_of_csv(path: Path) -> tuple[list[str], str]:
     head = next((line for line in lines if line.strip()), "")
     if not head:
         raise ValueError("the file is empty")
+    if len(data) == LONGEST_LINE and head == lines[-1]:
+        raise ValueError(f"its first line is longer than {LONGEST_LINE:,} bytes")
     if "\0" in head or data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise ValueError("it is not text in UTF-8; write it in that encoding")
     delimiter = max(",;\t", key=_QUOTED.sub("", head).count)

@@ -97,7 +97,7 @@ CASES = [
     ),
     (
         best("not", load_result=little, remedies=(FORCE, LESS)),
-        f"10 N are too little to {TO_HOLD}. Surely with {MORE_FORCE}",
+        f"10 N is too little to {TO_HOLD}. Surely with {MORE_FORCE}",
     ),
     (
         best("not", load_result=replace(nothing, reason=HARD_FINGERS)),

@@ -94,6 +94,8 @@ def test_blocks_that_fail_or_print_something_else_are_reported(
         ("3,603,830 candidates", "3,563,112 candidates", False),
         ("19 grasps, ±45°", "19 grasps, ±46°", True),
         ("19 grasps", "20 grasps", False),
+        ("27 grasps", "26 grasps", True),
+        ("27 grasps", "25 grasps", False),
         ("[-0.027 1.5e-07]", "[-0.026 1.7e-07]", True),
         ("[-0.027 1.5e-07]", "[0.027 1.5e-07]", False),
         ("took ... s of 5.20 s", "took 0.1 s of 5.22 s", True),

@@ -57,6 +57,7 @@ def test_decimal_points_and_commas_in_one_file_are_not_guessed() -> None:
         ("0,5;0,5;1e-3\n", "its first line must be names of columns"),
         ("a,b\n1\n", "Expected 2 columns, got 1"),
         ("a\0,b\n", "not text in UTF-8"),
+        ("a," * 2**19 + "b\n1,2", "its first line is longer than 1,048,576 bytes"),
         ("a,b,a\n1,2,3\n", "two columns are called 'a'"),
     ],
 )

@@ -1,7 +1,7 @@
 """The wrenches that contacts apply along their axes, and the span of a grasp's wrenches.
 
 The axes of a contact are the wrenches of unit forces along its normal and tangents, and of torsion.
-The tangents are those of `contact.friction_cones.tangents`.
+The tangents are those of `contact.contacts.tangents`.
 """
 
 import math
