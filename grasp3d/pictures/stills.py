@@ -191,7 +191,7 @@ def _still(size: tuple[int, int]) -> Iterator[tuple[Pane, Render]]:
 COLUMNS = 4
 HEIGHT, LINE = 1.9, 0.2
 """Height of a row of pictures with their titles, and of a line of text below them [inch]."""
-MARGINS = 0.9
+MARGINS = 1.1
 """Total height of the headline and the legend [inch]."""
 LEAST_WIDTH = 4.6
 """Smallest width of the figure, set by the legend [inch]."""
@@ -255,6 +255,7 @@ def _sheet(source: str, settings: str, count: int, below: int) -> tuple[Figure, 
     rows = math.ceil(count / columns)
     width = max(PAGE * columns / COLUMNS, LEAST_WIDTH)
     figure = new_figure(width, rows * (HEIGHT + below * LINE) + MARGINS)
+    figure.set_layout_engine("constrained", h_pad=0.08)
     figure.suptitle(f"{_short(source)}\n{settings}", fontsize=8.5, parse_math=False)
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in grid[count:]:

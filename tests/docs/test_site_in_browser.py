@@ -25,10 +25,12 @@ def page(browser: Any) -> Iterator[Any]:
     assert not errors
 
 
-# The width of the page beyond that of the window, blocks of code that scroll, where only outputs on
-# a narrow page may, and pictures that are too small to read. A figure is drawn for 700 pixels.
+# The width of the page beyond that of the window, whether it is too long, blocks of code that
+# scroll, where only outputs on a narrow page may, and pictures that are too small to read. A figure
+# is drawn for 700 pixels.
 MEASURE = """() => [
   document.documentElement.scrollWidth - innerWidth,
+  document.documentElement.scrollHeight > 13000,
   [...document.querySelectorAll('.highlight pre')]
     .filter(one => innerWidth > 1000 || !one.closest('.highlight-text'))
     .filter(one => one.scrollWidth > one.clientWidth).map(one => one.innerText),
@@ -51,7 +53,7 @@ def test_pages_fit_and_can_be_read(site: Path, page: Any, width: int) -> None:
             shown = html.tostring(text, encoding="unicode")
             page.locator("article").evaluate("(one, text) => { one.outerHTML = text }", shown)
         found = page.evaluate(MEASURE)
-        if found != [0, [], []]:
+        if found != [0, False, [], []]:
             wrong[file.relative_to(site)] = found
     assert not wrong
 
