@@ -76,7 +76,7 @@ def test_leading_axes_are_a_batch_and_one_number_applies_to_all_contacts() -> No
     [
         (([0.0, 0.0, 1.0], [0.0, 0.0, 1.0]), r"points must have shape .*n >= 1; got \(3,\)"),
         ((POINTS, NORMALS[:1]), r"normals must have the shape of points \(2, 3\); got \(1, 3\)"),
-        ((POINTS, [[1, 0, 0], [0, 0, 0]]), r"the normal of contact \(1,\) has no direction"),
+        ((POINTS, [[1, 0, 0], [0, 0, 0]]), r"the normal of contact \(1,\) has length 0"),
         ((POINTS, NORMALS, -0.1), "friction must be at least 0; got -0.1"),
         ((POINTS, NORMALS, 0.5, [0.0, -2.0]), "torsion_radius must be at least 0; got -2"),
         ((POINTS, NORMALS, [0.1, 0.2, 0.3]), r"friction must be one number .*\(2,\); got \(3,\)"),

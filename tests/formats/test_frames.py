@@ -139,7 +139,7 @@ def test_own_files_state_their_frame_which_may_be_a_matrix(suffix: str, tmp_path
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        ("", "'' is no frame of its own"),
+        ("", "'' is not a frame itself"),
         (np.diag([1.0, 1.0, -1.0, 1.0]), "left-handed"),
         (np.eye(4) + 103.4 * np.eye(4, k=3), "at most 1 m from the origin .* is in metres"),
     ],

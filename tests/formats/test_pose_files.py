@@ -475,7 +475,7 @@ def test_the_unit_of_a_file_without_one_is_given_and_another_one_is_refused(tmp_
         ("one.yaml", None, {"scores": 353.0}, "must be from 0 to 1; grasp 1 has 353"),
         ("one.json", "graspgen", {}, "each outcome; that of grasp 1 is missing"),
         ("one.json", "moveit", {"scores": math.inf}, "scores .* must be finite"),
-        ("one.json", None, {"settings": {"a": object()}}, "its settings are no JSON"),
+        ("one.json", None, {"settings": {"a": object()}}, "its settings are not JSON"),
         ("folder/one.json", None, {}, "cannot be written"),
     ],
 )
@@ -578,7 +578,7 @@ def test_a_damaged_file_that_hdf5_reads_for_ever_is_refused(
     [
         ({"grasps/transforms": None}, "the data set grasps/transforms is missing"),
         ({"grasps/transforms": HUGE}, r"k at most 1000000; got \(1000000000, 4, 4\)"),
-        ({"grasps/transforms": h5py.SoftLink("/grasps/transforms")}, "is damaged, or no such HDF"),
+        ({"grasps/transforms": h5py.SoftLink("/grasps/transforms")}, "is damaged, or not such an HDF"),
         (
             {"grasps/transforms/other": 1.0, "grasps/transforms": None},
             r"be \(k, 4, 4\), .*got \(\)",

@@ -606,6 +606,16 @@ def test_bounds_of_pairs_are_as_close_as_requested(rtol: float) -> None:
         assert found.status.tolist() == [Status.CONVERGED] * 40
 
 
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-8])
+def test_a_growing_hull_that_has_converged_has_bounds_as_close_as_requested(rtol: float) -> None:
+    """At 1e-8 rounding stops many of the hulls before."""
+    found = by_growing_hull(drawn("outward", 7, 100), rtol=rtol)
+    near = found.upper - found.lower <= rtol * found.upper * (1.0 + 1e-9)
+    expected = np.where(near, Status.CONVERGED, Status.STALLED)
+    np.testing.assert_array_equal(found.status, expected)
+    assert near.all() == (rtol == 1e-3)
+
+
 def test_both_contacts_of_wide_cones_may_be_on_their_caps() -> None:
     points, tilt = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]], math.radians(40.0)
     normals = [[math.cos(tilt), math.sin(tilt), 0.0], [-math.cos(tilt), math.sin(tilt), 0.0]]

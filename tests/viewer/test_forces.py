@@ -78,7 +78,7 @@ def test_two_hard_fingers_have_their_own_reason_and_without_a_force_no_payload()
     ("least", "nominal", "largest", "sentence"),
     [
         (5.0, 10.0, 20.0, "held at all normals"),
-        (5.0, 10.0, 21.0, "held at some of the normals"),
+        (5.0, 10.0, 21.0, "held only at some of the normals"),
         (21.0, 25.0, math.inf, "held at none"),
         (5.0, math.inf, math.inf, "No force holds it at the nominal normals: they resist"),
         (math.inf, math.inf, math.inf, "No force holds it: they resist"),
