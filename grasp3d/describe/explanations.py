@@ -357,10 +357,6 @@ def _all_true(model: GraspModel) -> str:
     return ", ".join(parts[:-1]) + (" and " if len(parts) > 1 else "") + parts[-1]
 
 
-def _bounded(angle: float, limit: float) -> str:
-    return "unbounded" if math.isinf(angle) else angle_text(angle, limit)
-
-
 def _crease(case: Case) -> str:
     """Write which fingers are on sharp edges, and which normals they may have."""
     names = [FINGERS[finger] for finger in case.creases]
@@ -425,8 +421,9 @@ def _ambiguous(case: Case) -> str:
             key=lambda limit: abs(limit - case.worst),
         )
         return f"{_cause(case, nearer)}: {sure}, {unstable}"
+    worst = angle_text(case.worst, case.model.sure_angle).replace("inf°", "unbounded")
     return (
-        f"{crease}β* is {_bounded(case.worst, case.model.sure_angle)} for the worst and "
+        f"{crease}β* is {worst} for the worst and "
         f"{angle_text(case.best, case.model.possible_angle)} for the best of {several}; "
         f"{sure}, {unstable}"
     )

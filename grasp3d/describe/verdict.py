@@ -136,14 +136,9 @@ class LoadVerdict:
         )
 
     @property
-    def decided(self) -> bool:
-        """Whether no force suffices, or it is decided whether that at hand, or the motors, do."""
-        return self.holds is not None or math.isinf(self.needed)
-
-    @property
     def numbers(self) -> str:
         """Sentence on what the load takes if the mass or the force at hand is unknown."""
-        if self.decided:
+        if self.holds is not None or math.isinf(self.needed):
             return ""
         most = self.what.replace("each kilogram", f"{short_number(self.payload)} kg")
         if math.isnan(self.needed):

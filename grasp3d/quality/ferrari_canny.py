@@ -10,7 +10,12 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, shaped, short_repr
 from grasp3d.contact.contacts import LARGEST, Contacts, finite_numbers, per_contact
 from grasp3d.errors import ContactError
-from grasp3d.quality.critical_angle import ForceClosure, closure_fields, forces_of_components
+from grasp3d.quality.critical_angle import (
+    ForceClosure,
+    Status,
+    closure_fields,
+    forces_of_components,
+)
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import Actuation, Bounded, EpsilonOptions, Goal
 
@@ -155,6 +160,8 @@ def _solved(
 ) -> Epsilon:
     """Epsilon of a flat batch, in the batch's shape; see `closure_fields`."""
     results = problem.solve(goal)
+    apart = results.closed & (results.lower < (1.0 - goal[0] - 1e-12) * results.upper)
+    results.status[apart & (results.status == Status.CONVERGED)] = Status.STALLED
     return Epsilon(
         lower=shaped(results.lower, batch),
         upper=shaped(results.upper, batch),

@@ -25,14 +25,7 @@ from grasp3d._kernels.compiling import (
     part,
     scratch_kernel,
 )
-from grasp3d._kernels.hull.growing_hull import (
-    AROUND_ORIGIN,
-    CONVERGED,
-    EXHAUSTED,
-    STALLED,
-    UNDECIDED,
-    grow,
-)
+from grasp3d._kernels.hull.growing_hull import AROUND_ORIGIN, CONVERGED, EXHAUSTED, UNDECIDED, grow
 from grasp3d._kernels.hull.polytope import TOLERANCE
 from grasp3d._kernels.hull.support_functions import PER_FINGER, ROWS, WrenchSpace
 from grasp3d._kernels.hull.wrench_resistance import equilibrium
@@ -397,9 +390,6 @@ def epsilons(
         results.upper[g] = upper if upper < math.inf else size
         exact = rtol == 0.0 and status == CONVERGED
         results.lower[g] = min(results.upper[g], math.inf if exact else lower) if closed else 0.0
-        apart = cutoff == math.inf and upper - lower > rtol * upper
-        if closed and apart and not exact and status == CONVERGED:
-            status = STALLED  # no support point could be told from its facet's plane
         undecided = not closed and not is_open and status != EXHAUSTED
         results.status[g] = UNDECIDED if undecided else status
         if upper < math.inf or is_open:
