@@ -245,7 +245,7 @@ def loaded(name: str, azimuth: float, elevation: float, width: int) -> Loaded:
 
 @styled
 def draw_payload(path: Path) -> None:
-    """Draw the largest mass that the best grasp of each vertex holds in any orientation.
+    """Draw the largest mass that the best grasp of each vertex holds in every orientation.
 
     The mass is held whatever the true normals are; a cross marks the centre of mass.
     """

@@ -129,7 +129,7 @@ def label_library(
         settings: Settings of the labels.
         cluster: The processes that label the meshes.
         surfaces: How labelled surfaces are stored: ply, a file for each mesh; tar, a file of NPZ
-            for some hundred meshes; none; auto: as in the folder, or in a new one ply for up to
+            for a few hundred meshes; none; auto: as in the folder, or in a new one ply for up to
             1,000 meshes, and tar for more.
         part: Label only one part of the meshes, 'I/N': the I-th of N parts, which may run at the
             same time and write to the same folder. None: all.

@@ -179,7 +179,7 @@ _EPSILON = (
 )
 _EPSILON_MIN = "the smallest ε over all normals that the sensor cannot tell apart"
 _PAYLOAD = (
-    "the largest mass that the grasp surely holds with the force at hand [kg]; 0: no grasp found"
+    "the largest mass that the grasp surely holds with the available force [kg]; 0: no grasp found"
 )
 
 
@@ -233,7 +233,7 @@ class BestGrasp:
     grip_force: float | None = None
     """Force of each finger that holds it at the worst normals [N]; None: no load, or none does."""
     payload: float | None = None
-    """Mass that it holds at the worst normals [kg]; None: no load, or no force at hand."""
+    """Mass that it holds at the worst normals [kg]; None: no load, or no available force."""
 
 
 @dataclass(frozen=True)
@@ -291,12 +291,12 @@ class Row:
         unit="kg",
     )
     grip_force_at_hand: float | None = _column(
-        "force at hand of each finger; null: not given",
+        "available force of each finger; null: not given",
         lambda one: None if one.labels.load_case is None else one.labels.load_case.available,
         unit="N",
     )
     holds: bool | None = _column(
-        "whether some grasp holds the load, at the worst normals, with the force at hand; null: "
+        "whether some grasp holds the load, at the worst normals, with the available force; null: "
         "mass or force not given",
         _of_verdict("load_result", "holds"),
     )
@@ -335,8 +335,8 @@ class Row:
     epsilon_min_p50: float | None = _quantile(_EPSILON_MIN, "epsilon_min", 50)
     epsilon_min_p90: float | None = _quantile(_EPSILON_MIN, "epsilon_min", 90)
     payload_best: float | None = _column(
-        "largest mass that a grasp surely holds with the force at hand, whatever the true normals "
-        "are within the sensor resolution",
+        "largest mass that a grasp surely holds with the available force, for all true normals "
+        "within the sensor resolution",
         _known(_of_verdict("load_result", "payload")), heading="Payload", unit="kg",
     )  # fmt: skip
     payload_p10: float | None = _quantile(_PAYLOAD, "payload", 10)
@@ -348,7 +348,7 @@ class Row:
         _of_verdict("load_result", "needed"), heading="Grip force", unit="N",
     )  # fmt: skip
     held: float | None = _column(
-        "area fraction of the grasps that surely hold the load with the force at hand",
+        "area fraction of the grasps that surely hold the load with the available force",
         "held", heading="Held", unit="%",
     )  # fmt: skip
     size: float | None = _column(

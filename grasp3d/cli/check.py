@@ -26,7 +26,7 @@ Checked = Done[MeshFile, MeshDiagnosis]
 COLORS = {Trust.YES: "green", Trust.CARE: "yellow", Trust.NO: "red"}
 """Colours for the values of `Trust`."""
 
-LEGEND = "labels: whether they can be trusted; of a known unit extents are in mm, volumes in m³"
+LEGEND = "labels: whether they can be trusted; extents in mm and volumes in m³ if the unit is known"
 
 SCALES = {"m": 1e3, None: 1.0}
 """Factors from lengths to printed lengths; millimetres if the unit is known."""

@@ -64,8 +64,8 @@ class Batch(Labelling, ManyMeshes):
     """Remove the results that are in the folder, and label all meshes again."""
 
     surfaces: Surfaces = "auto"
-    """How labelled surfaces are stored: ply, a file per mesh; tar, a file of NPZ for some hundred
-    meshes; none; auto: ply, above 1,000 meshes tar."""
+    """How labelled surfaces are stored: ply, a file per mesh; tar, an archive of NPZ files for a
+    few hundred meshes; none; auto: ply, or tar above 1,000 meshes."""
 
     part: Annotated[str | None, Parser("I/N")] = None
     """Label only the I-th of N parts of the meshes. Parts may run at the same time, on machines
@@ -76,7 +76,7 @@ class Batch(Labelling, ManyMeshes):
 
     more_hands: tuple[AnyHand, ...] = ()
     """Further hands, beside that of --hand: each mesh is labelled for every hand. Rows and files
-    are then named after hand and mesh, as franka/mug.stl."""
+    are then named after hand and mesh, such as franka/mug.stl."""
 
 
 @dataclass(frozen=True)
@@ -150,21 +150,21 @@ class Label(Labelling, OneMesh):
     folder)."""
 
     best: int | None = None
-    """How many best grasps to print and to write: distinct ones, to a file, with a picture (.png)
-    of the same name beside it."""
+    """Number of best distinct grasps to print, and to write to a file with a picture (.png) of the
+    same name beside it."""
 
     grasps: Path | None = None
-    """File of the best grasps of --best (.json, .csv, .parquet; with a gripper also the suffix of
-    another format of poses) (default: NAME_grasps.json in the folder of the labelled file)."""
+    """File for the grasps of --best (.json, .csv, .parquet; with a gripper, that of any format of
+    poses) (default: NAME_grasps.json in the folder of the labelled file)."""
 
     grasps_format: Annotated[str | None, PoseFormat] = None
-    """With a gripper: format of that file, needed if several formats share its suffix (default: the
-    main one)."""
+    """With a gripper: format of that file, if several formats share its suffix (default: the main
+    one)."""
 
     object_pose: ObjectPose | None = None
-    """With a gripper: pose of the object in your robot's frame, in which that file then has its
-    poses: x,y,z,yaw in metres and degrees, x,y,z,qx,qy,qz,qw, or a file of it (default: the poses
-    are in the mesh's frame)."""
+    """With a gripper: pose of the object in your robot's frame, and the poses in that file are then
+    in it, too: x,y,z,yaw in metres and degrees, x,y,z,qx,qy,qz,qw, or a file of it (default: the
+    poses are in the mesh's frame)."""
 
     frame: GripperFrame | None = None
     """Frame of the poses in that file: a name, such as graspgen, or a file, as grasp3d evaluate
@@ -181,7 +181,7 @@ class Label(Labelling, OneMesh):
             if getattr(self, name) is None:
                 continue
             if self.best is None:
-                raise SettingError(f"{name} is for the best grasps; give their number with --best")
+                raise SettingError(f"{name} needs the number of best grasps: give --best")
             if name != "grasps" and self.posed_hand is None:
                 raise SettingError(
                     f"{name} is for poses of a gripper of two fingers; give one with --hand"
@@ -200,8 +200,8 @@ class Label(Labelling, OneMesh):
 class Check(Searching, ManyMeshes):
     """Diagnose meshes: unit, holes, orientation, bodies, self-intersections, noise.
 
-    With the options of label it reports whether labels can be trusted. Exit code 0: for all
-    meshes, at least with care; 1: not for all meshes, or some cannot be read.
+    It reports whether labels can be trusted. Exit code 0: those of all meshes can, at least with
+    care; 1: those of some cannot, or a mesh cannot be read.
 
     Example:
         # Diagnose one mesh
@@ -266,7 +266,7 @@ class Evaluate(Guarded, GivenPoses, OneMesh):
     """Contacts, or poses of a gripper or hand: contact points in the mesh's frame, as CSV or
     Parquet with columns x1 y1 z1 x2 y2 z2 ... and one row per grasp, or JSON with a list of grasps,
     each a list of points [x, y, z]. Or poses, in one of the formats FORMATS; the format is found
-    from the suffix and the content. They need --hand."""
+    from the suffix and the content. Poses need --hand."""
 
     output: Path | None = None
     """Results (.csv, .parquet or .json) (default: NAME_grasps.csv in this folder)."""
@@ -276,7 +276,7 @@ class Evaluate(Guarded, GivenPoses, OneMesh):
 
     metrics: str | None = None
     """Quality measures of the literature to compute, print and write as further columns: all, or
-    names separated by commas, such as min_weight,grasp_isotropy; an unknown name lists them."""
+    names separated by commas, such as min_weight,grasp_isotropy; any other name lists them."""
 
     object_scale: float | None = None
     """Factor that converts the coordinates of the object's file to metres. Give it if the poses are
@@ -314,7 +314,7 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
     Closes the gripper's jaws at poses with known outcomes, and prints how well label, margin,
     epsilon, grip force and simpler scores predict them: success within S, M and U, area under the
     ROC curve of each score, and the grasps whose outcome contradicts their label. Gripper and mass
-    (also of each grasp, in a column mass) are those that the files state, unless given.
+    are as the files state (mass also per grasp, in a column mass), unless you give them.
 
     Example:
         # How well labels predict a robot's log of grasps on one object
@@ -333,7 +333,7 @@ class Validate(Quiet, Overwriting, Strict, GivenPoses):
     suffix .svg is written (default: only prints)."""
 
     mesh: Path | None = None
-    """Mesh of the object of all grasps (default: the one that each file of grasps names, in the
+    """Mesh of the object of all grasps (default: the one that each file of grasps names, at the
     scale that it states)."""
 
     meshes: Annotated[Path | None, FOLDER] = None
@@ -424,7 +424,7 @@ class Design:
         for name in ("fingertip_radius", "receptive_field"):
             length = getattr(self, name)
             if length is not None and not isinstance(length, Metres):
-                raise SettingError(f"{name} needs its unit, such as {length:g}mm")
+                raise SettingError(f"{name} needs a unit, such as {length:g}mm")
         has_sensor = self.receptive_field is not None or self.sensor_resolution is not None
         if self.receptive_field is not None and self.sensor_resolution is not None:
             raise SettingError(

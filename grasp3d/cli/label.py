@@ -202,7 +202,7 @@ def print_labels(report: Report, labels: SurfaceLabels) -> None:
     report.mesh(mesh, escaped(", ".join(_settings(labels))))
     report.lines(mesh.region_notes)
     if labels.scene is not None:
-        report.line("labels of the best contacts within the gripper's reach, if whole pads touch:")
+        report.line("labels of the best contacts that the gripper reaches, if whole pads touch:")
     report.letters("label", {"area": lambda code: percent_text(fractions[code.name])})
     if labels.sampling is not None:
         report.line(f"[bold]{escaped(str(verdict_of(labels)))}[/]")

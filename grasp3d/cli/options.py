@@ -303,7 +303,7 @@ class GivenPoses:
 
     frame: Annotated[GripperFrame | str | None, _AnyFrame] = None
     """Frame of the gripper in the file of poses: a name, such as graspgen, isaac, panda_hand_tcp or
-    graspnetapi (an unknown one lists all), or a file with the pose of the TCP in it, a 4x4 matrix;
+    graspnetapi (any other lists them), or a file with the pose of the TCP in it, a 4x4 matrix;
     auto: the one in which by far most poses close on the object (default: the one that the file or
     its format states)."""
 
@@ -319,7 +319,7 @@ class Strict:
     """Option of commands that warn."""
 
     strict: bool = False
-    """Treat warnings as errors: refuse the input that causes one, and write nothing of it."""
+    """Treat warnings as errors: refuse the input that causes one, and write no results for it."""
 
 
 @dataclass(frozen=True, kw_only=True)

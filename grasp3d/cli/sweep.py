@@ -34,7 +34,7 @@ MAX_VALUES = 10_000
 MAX_SHOWN = 6
 """Largest number of meshes that are drawn one by one; of more only the mean is drawn."""
 
-REQUIRED = "required: resolution below which this share of area is S; --max-edge narrows creases"
+REQUIRED = "required: coarsest resolution for this share of S; a smaller --max-edge narrows creases"
 
 COLUMNS = 5
 """Number of resolutions whose area fractions are printed."""

@@ -25,7 +25,7 @@ GROUPS = {
     "GraspModel": "contacts: Friction, what the sensors resolve, and what else is uncertain.",
     "Sampling": "search: Which grasps are searched.",
     "ReachSettings": "hand: The hand that must reach each grasp, and what the object stands on.",
-    "Load": "load: What each grasp must hold, and the force at hand.",
+    "Load": "load: What each grasp must hold, and the available force.",
     "SimulationSettings": "simulation: How grasps are simulated.",
     "ViewSettings": "view: The initial view of the object.",
     "ClusterSettings": "processes: Which processes do the work, and their limits.",
@@ -97,9 +97,10 @@ def parse(kind: type, words: list[str]) -> Any:
         raise SettingError(f"{one.name} {needs}") from error
     found = vars(known)
     rest = [*found.pop("arguments"), *extra]
-    if unknown := next((word for word in extra if word.startswith("--")), ""):
+    if unknown := next((word for word in extra if re.match("--|-[a-z]", word)), ""):
         name = unknown.partition("=")[0]
-        raise SettingError(f"{prog} has no option {name}; {_meant(name, [*named], prog)}")
+        meant = _meant(f"--{name.lstrip('-')}", [*named], prog)
+        raise SettingError(f"{prog} has no option {name}; {meant}")
     arguments = [one for one in options if not one.names]
     for one in arguments:
         own, rest = (rest, []) if one.many else (rest[:1], rest[1:])
@@ -109,7 +110,7 @@ def parse(kind: type, words: list[str]) -> Any:
         unit = "; a length has its unit without a space, as in 80mm" if rest[0] in METRES else ""
         raise SettingError(f"{rest[0]!r} is one too many: {prog} takes {takes}{unit}")
     if missing := [one for one in options if one.default is MISSING and one.field not in found]:
-        needs = ", ".join(one.name if one.names else one.metavar for one in missing)
+        needs = ", ".join(one.name if one.names else f"{one.metavar} first" for one in missing)
         raise SettingError(f"{prog} needs {needs}; see {prog} --help")
     values = {
         one.field: one.parse(found[one.field]) if isinstance(found[one.field], list) else True

@@ -69,8 +69,9 @@ def print_validation(report: Report, found: Validation) -> None:
     )
     report.lines(f"labels, margins and forces for {model}" for model in models)
     report.lines([*sources[:MOST_FILES], *more])
-    no_grasp = "the hand does not close on the mesh: U, with the worst value of every score"
-    report.line(f"at {counted(missing, 'poses')} {no_grasp}")
+    if missing:
+        no_grasp = "the hand does not close on the mesh: U, with the worst value of every score"
+        report.line(f"at {counted(missing, 'poses')} {no_grasp}")
     report.warnings(found.warnings)
     report.rates("label", ((label_meaning(one), rate) for one, rate in found.rates.items()))
     rows = [
@@ -79,7 +80,7 @@ def print_validation(report: Report, found: Validation) -> None:
     ]
     report.table(("score", "better", "ROC-AUC", "from", "to"), rows, texts=(0, 1))
     of = f"other objects, by {found.objects} objects" if found.objects > 1 else "this object"
-    report.line(f"ROC-AUC: 0.5 without information; intervals at 95 %, for {of}")
+    report.line(f"ROC-AUC: 0.5 is chance; 95 % intervals, for {of}")
     _print_wrong(report, found)
 
 
@@ -87,7 +88,7 @@ def _print_wrong(report: Report, found: Validation) -> None:
     """List S that failed and U that held, the greatest contradictions first."""
     letters = found.columns["label"][found.wrong]
     failed, held = (found.wrong[letters == letter] for letter in "SU")
-    report.heading("wrong", f"{len(failed):,} S that failed, {len(held):,} U that held")
+    report.heading("wrong labels", f"{len(failed):,} S that failed, {len(held):,} U that held")
     rows = []
     for row in (*failed[:MOST_WRONG], *held[:MOST_WRONG]):
         grasp, file, letter, score, reason = (found.columns[name][row] for name in LISTED)

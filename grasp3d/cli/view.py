@@ -46,7 +46,7 @@ def _collection(command: View, report: Report) -> Collection:
             reach=command.reach, load=load,
         )  # fmt: skip
     if command.reach.hand is None:
-        raise SettingError("grasps are poses of a gripper or hand: give it with --hand NAME|FILE")
+        raise SettingError("--grasps needs the gripper or hand of the poses: give --hand NAME|FILE")
     hand = command.reach.hand
     poses, mesh = poses_on(command.grasps, command.target, command.mesh, hand=hand)
     scene = Scene.of(command.reach, mesh)

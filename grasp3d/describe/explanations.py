@@ -29,7 +29,7 @@ class Cause(StrEnum):
     """Why a point of a surface has no grasp, or none that counts; the value is the text."""
 
     NO_PARTNER = "no opposing contacts within the search cone"
-    LIMITS = "too wide or too narrow for the limits of the search"
+    LIMITS = "too wide or too narrow for the allowed openings"
     TOO_WIDE = "too wide for the stroke"
     STROKE = "too wide or too narrow for the stroke"
     TIP = "a fingertip would touch the object elsewhere"
@@ -41,7 +41,7 @@ class Cause(StrEnum):
     OFF_SURFACE = "the vertex belongs to no face"
     EXCLUDED = "outside --region"
     UNSTABLE = "the best grasp needs more friction"
-    FORCE = "the force at hand does not hold the load"
+    FORCE = "the available force does not hold the load"
     COLLIDES = "no pose holds the object without a collision"
 
 
@@ -125,9 +125,8 @@ def causes_text(labels: SurfaceLabels) -> str:
     Args:
         labels: The labelled surface.
     """
-    return ", ".join(
-        f"{cause} ({100.0 * part:.1f} %)" for cause, part in cause_fractions(labels).items()
-    )
+    found = cause_fractions(labels).items()
+    return ", ".join(f"{one} ({100.0 * part:.1f} %)" for one, part in found if part >= 0.0005)
 
 
 def _outside(labels: SurfaceLabels) -> Cause:
@@ -183,7 +182,7 @@ def position_text(point: Floats, mesh: ObjectMesh) -> str:
 
 
 def load_sentence(load_result: LoadResult, row: int) -> str:
-    """Say whether the force at hand holds the load, or why none does; empty if unknown.
+    """Say whether the available force holds the load, or why none does; empty if unknown.
 
     Args:
         load_result: Results of some grasps under the load.

@@ -51,8 +51,8 @@ _CHANGES = {
 
 
 _WRONG = {
-    MISSED: "within the pose error its jaws may close on nothing",
-    OFF_PADS: "within the pose error contacts may leave the pads",
+    MISSED: "its jaws may close on nothing within the pose error",
+    OFF_PADS: "contacts may leave the pads within the pose error",
     UNSURE: "no grasp is sure within the pose error",
 }
 
@@ -84,19 +84,19 @@ class LoadVerdict:
     """What a load requires of grasps at the worst normals that may be true."""
 
     holds: bool | None
-    """Whether some grasp holds it; None if the mass or the force at hand is unknown."""
+    """Whether some grasp holds it; None if the mass or the available force is unknown."""
     mass: float | None
     """Mass of the object [kg]; None if unknown or irrelevant."""
     available: float | None
-    """Force at hand of each finger [N]; None if unknown."""
+    """Available force of each finger [N]; None if unknown."""
     needed: float
     """Least grip force of all grasps [N], for the mass or, if unknown, for 1 kg; inf if no grasp
     holds the load, nan if the motors of a hand with joints must hold it."""
     payload: float
-    """Largest mass [kg] that a grasp holds with the force at hand, or the motors; nan if no force
+    """Largest mass [kg] that a grasp holds with the available force, or the motors; nan if no force
     is known or the task does not depend on the mass."""
     what: str = ""
-    """The task in words, with a verb: 'hold 0.5 kg in any orientation'."""
+    """The task in words, with a verb: 'hold 0.5 kg in every orientation'."""
     reason: str = ""
     """Why no force surely holds the load, as far as known; empty if one does."""
 
@@ -123,7 +123,7 @@ class LoadVerdict:
         known = case.by_mass and (forces is None or available is not None)
         task, pure = case.load.task, not case.by_mass
         mass = None if pure else case.mass
-        around = "in any orientation" if task == Load().task else f"against {task}"
+        around = "in every orientation" if task == Load().task else f"against {task}"
         kilograms = "each kilogram" if mass is None else f"{short_number(mass)} kg"
         return cls(
             holds=enough if decided else None,
@@ -137,7 +137,7 @@ class LoadVerdict:
 
     @property
     def numbers(self) -> str:
-        """Sentence on what the load takes if the mass or the force at hand is unknown."""
+        """Sentence on what the load takes if the mass or the available force is unknown."""
         if self.holds is not None or math.isinf(self.needed):
             return ""
         most = self.what.replace("each kilogram", f"{short_number(self.payload)} kg")
@@ -166,7 +166,7 @@ class Verdict:
         >>> model = grasp3d.GraspModel(torsion_radius="3mm", sensor_resolution=0.2)
         >>> load = grasp3d.Load(mass=0.5, grip_force=3.0)
         >>> print(verdict_of(grasp3d.label_surface(mesh, model, load=load)))
-        Not held by two fingers: 3 N is too little to hold 0.5 kg in any orientation. Surely ...
+        Not held by two fingers: 3 N is too little to hold 0.5 kg in every orientation. Surely ...
     """
 
     word: Word
@@ -237,7 +237,7 @@ class Verdict:
         return f"{lost}no grasp is surely stable at a sensor resolution of {resolution}"
 
     def _load_unheld(self, load: LoadVerdict) -> str:
-        """Write that the force at hand does not surely hold the load."""
+        """Write that the available force does not surely hold the load."""
         known = None if load.holds is None else load.available
         motors = math.isnan(load.needed)
         force = "any force" if known is None else f"{short_number(known)} N"
@@ -247,12 +247,12 @@ class Verdict:
         if motors:
             return f"its motors are too weak to {load.what}"
         if load.reason or load.holds is None:
-            reason = f": {load.reason}" if load.reason else ""
-            return f"no force suffices to {load.what}{reason}"
+            what = load.what.replace("each kilogram", "any mass")
+            return f"no force suffices to {what}" + (f": {load.reason}" if load.reason else "")
         return f"{force} is too little to {load.what}"
 
     def _sure(self) -> str:
-        """Write the sure grasps, and what the best has to spare or needs of the force at hand."""
+        """Write the sure grasps, and what the best has to spare or needs of the available force."""
         grasps, parts = f"{self.count:,} distinct grasps", []
         if self.of is not None:
             grasps = f"{self.count:,} of {self.of:,} grasps"

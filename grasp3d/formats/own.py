@@ -263,7 +263,7 @@ def _from_table(path: Path) -> tuple[Floats, Mapping[str, Any]]:
     numbers = [int(name[1:]) for name in table if _COORDINATE.fullmatch(name)]
     count = min(max(numbers, default=2), MAX_FINGERS + 1)
     required = [f"{axis}{number}" for number in range(1, count + 1) for axis in "xyz"]
-    points = stacked(table, required, " of x1 y1 z1 x2 y2 z2 ...").reshape(-1, count, 3)
+    points = stacked(table, required, "; contacts have x1 y1 z1 x2 y2 z2 ...").reshape(-1, count, 3)
     stated: dict[str, Any] = {name: table[name] for name in ("unit", "frame") if name in table}
     return points, stated_in(stated) if len(points) else {}
 

@@ -355,13 +355,12 @@ def _check_near(mesh: ObjectMesh, array: Floats, distances: Floats, limit: float
         return
     grasp, contact = off[0]
     distance = nearest_surface_points(mesh, array[grasp, contact][None])[2][0]
-    unit = mesh.unit or "(unit not stated)"
     raise ContactError(
         f"{_name(grasp, contact)} at {numbers_text(array[grasp, contact])} is "
-        f"{distance:.4g} from the surface, more than the allowed {limit:.4g}, as are {len(off)} "
-        f"of {distances.size} contacts; are they in the frame of {mesh.report.source}, which is "
-        f"{mesh.size:.4g} {unit} in size, and in that unit? max_distance (--max-distance) allows "
-        "more"
+        f"{mesh.length_text(distance)} from the surface, more than the allowed "
+        f"{mesh.length_text(limit)}; {len(off)} of {distances.size} are too far: are they in the "
+        f"frame and the unit of {mesh.report.source}, whose size is {mesh.length_text(mesh.size)}? "
+        "max_distance (--max-distance) allows more"
     )
 
 

@@ -266,7 +266,7 @@ class JawGrasps(GraspRows, EvaluatedPoses):
 
     @property
     def payload(self) -> Floats:
-        """Mass that the force at hand holds at the worst normals [kg], shape (k,)."""
+        """Mass that the available force holds at the worst normals [kg], shape (k,)."""
         return self.robustness.stated.payload
 
     def to_poses(self, metrics: Mapping[str, Floats] | None = None) -> GraspPoses:

@@ -71,11 +71,12 @@ def _aside(angle: float, limit: float) -> str:
 
 PARTS = ("finger 1", "finger 2", "palm")
 """Parts of a gripper, by number."""
+_KINDS = ("a finger", "a finger", "the palm")
 
 MISSED, OFF_PADS, UNSURE = (
     "may close on nothing within the pose error",
     "contacts may leave the pads",
-    "not sure within the pose error",
+    "may fail within the pose error",
 )
 """Reasons that only a pose error can cause."""
 
@@ -139,7 +140,7 @@ class GripperReasons(Reasons):
         )
         depths = self._depths(at, hand)  # (r, 3)
         for part, name in enumerate(PARTS):
-            kind = name.split()[0]
+            kind = _KINDS[part]
             mine = (depths.argmax(axis=1) == part) & (depths[:, part] > 0.0)
             self.add(f"{kind} is inside the object", rows[mine], [
                 f"{name} is {self.length(depth)} inside the object" for depth in depths[mine, part]
@@ -157,7 +158,7 @@ class GripperReasons(Reasons):
             heights[:, part] = (points @ scene.table.normal - scene.table.offset).min(axis=1)
         for part, name in enumerate(PARTS):
             mine = heights.argmin(axis=1) == part
-            self.add(f"{name.split()[0]} meets the table", rows[mine], [
+            self.add(f"{_KINDS[part]} meets the table", rows[mine], [
                 f"{name} meets the table" + (f", by {self.length(-height)}" if height < 0.0 else "")
                 for height in heights[mine, part]
             ])  # fmt: skip

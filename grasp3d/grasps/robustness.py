@@ -56,7 +56,7 @@ class ClosedNumbers(NamedTuple):
     margin: Floats
     """Angle by which the grasp is S [rad]; -inf where the jaws do not close."""
     payload: Floats
-    """Mass that evenly pressed patches hold at the worst normals [kg], with the force at hand or,
+    """Mass that evenly pressed patches hold at the worst normals [kg], with the available force or,
     where none is known, with 1 N of each finger; nan: the task does not depend on the mass."""
     grip_force: Floats
     """Force that each finger needs at these normals [N] for the mass or, where it is not known, for
@@ -161,13 +161,13 @@ class _Patches:
 
     @property
     def force(self) -> float:
-        """Force at hand [N], or 1 if it is not known."""
+        """Available force [N], or 1 if it is not known."""
         return 1.0 if self.case is None or self.case.available is None else self.case.available
 
     def numbers(self, angles: Floats) -> tuple[Floats, ...]:
         """Payload, grip force, ratio and score of `ClosedNumbers`, shape (b,) each.
 
-        The ratio is the force at hand over the grip force or, where mass or force are not known,
+        The ratio is the available force over the grip force or, where mass or force are not known,
         the weight that is held per newton of each finger.
 
         Args:
@@ -208,7 +208,7 @@ class _Patches:
         """Labels of point contacts (b,) with the load: S only where the patches surely hold it.
 
         U also where they hold it at no normals that are possible (Wan & Howe 2018, Sec. III, with
-        the force at hand as a bound on what each jaw presses along its normal).
+        the available force as a bound on what each jaw presses along its normal).
 
         Args:
             codes: `Label` codes of the point contacts.

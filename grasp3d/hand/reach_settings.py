@@ -57,7 +57,7 @@ class ReachSettings(Settings):
             if one.name != "pose_error" and getattr(self, one.name) != one.default
         ]
         if self.hand is None and changed:
-            raise SettingError(f"{changed[0]} applies to grippers only; give a gripper as well")
+            raise SettingError(f"{changed[0]} needs a gripper (--hand, in Python hand=...)")
         if self.table != "stable" and "resting_pose" in changed:
             raise SettingError("resting_pose applies to table stable only")
         if self.table == "stable" and "up" in changed:

@@ -60,7 +60,7 @@ class Scene:
         """
         if settings.hand is None:
             if settings.pose_error:
-                raise SettingError("pose_error applies to grippers only; give a gripper as well")
+                raise SettingError("pose_error needs a gripper (--hand, in Python hand=...)")
             return None
         mesh.needs_metres(IN_METRES)
         table = given_table(mesh, settings.table, settings.up, settings.resting_pose)

@@ -16,8 +16,8 @@ class ClusterSettings:
 
     Attributes:
         workers: Processes on this machine. Each has one thread, or more when fewer meshes than
-            processes are left. none: one per processor; 0: no child processes; meshes follow one
-            another without limits, for debugging.
+            processes are left. none: one per processor; 0: no child processes, one mesh after the
+            other, without limits, for debugging.
         scheduler: Address (tcp://HOST:8786) or scheduler file of a running Dask cluster.
         worker_memory: Memory limit of a process [GB]; a mesh that needs more is given up. none: an
             equal part of this machine's memory, or of the memory of the running cluster's workers.

@@ -51,7 +51,7 @@ def unit_warning(size: float, unit: Unit | None) -> str:
     """
     if unit is None or unit in _fitting(size, PLAUSIBLE):
         return ""
-    text = f"the object is {length_text(size * METRES[unit])} large if its unit is {unit}"
+    text = f"the object measures {length_text(size * METRES[unit])} if its unit is {unit}"
     guess = guess_unit(size).unit
     better = _fitting(size, PLAUSIBLE) if guess is None else [guess]
     if not better:

@@ -126,7 +126,7 @@ def nearest_vertex(mesh: ObjectMesh, name: str, position: Sequence[GivenLength])
         raise SettingError(
             f"{name} {at} is {mesh.length_text(distance)} from the surface of "
             f"{mesh.report.source}, more than the allowed {mesh.length_text(NEAR * mesh.size)}: "
-            "give a point on the surface, in its frame with its unit"
+            "give a point on the surface, in the mesh's frame, with a unit (4cm,0,2cm)"
         )
     return int(mesh.faces[nearest.faces[0], np.argmax(nearest.weights[0])])
 

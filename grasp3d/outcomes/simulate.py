@@ -89,8 +89,8 @@ def convex_parts(vertices: Floats, faces: Ints, *, threshold: float = 0.02, seed
     Args:
         vertices: Positions, shape (V, 3).
         faces: Corners of each face, shape (F, 3).
-        threshold: Concavity, as CoACD measures it where the object's longest side is 2, below which
-            a part is not divided further, at most 1.
+        threshold: CoACD's concavity, with the object scaled to a longest side of 2, below which a
+            part is not divided further, at most 1.
         seed: Seed of the search for cuts; the same seed gives the same parts.
 
     Returns:

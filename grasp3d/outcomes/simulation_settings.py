@@ -36,8 +36,8 @@ class SimulationSettings(LengthSettings):
         pull_time: Time of each of the six pulls [s].
         max_shift: Largest shift of a held object from where it was squeezed, a length.
         max_turn: Largest turn of a held object.
-        part_threshold: Concavity, as CoACD measures it where the object's longest side is 2, below
-            which a convex part is not divided further, 0.005 to 1.
+        part_threshold: CoACD's concavity, with the object scaled to a longest side of 2, below
+            which a part is not divided further, 0.005 to 1.
         time_step: Step of the simulation [s].
         seed: Seed of random draws and of the convex parts; the same seed gives the same result.
 

@@ -26,8 +26,8 @@ from grasp3d.system.documents import is_file, is_folder
 from grasp3d.system.names import short_number
 
 OUTCOMES = (
-    "a table needs a column success (or outcome) with 1, 0 or nothing; what else states it is "
-    "named with --outcome"
+    "a table needs a column success (or outcome) with 1, 0 or nothing; name any other column or "
+    "key with --outcome"
 )
 """Ways to state outcomes, for error messages."""
 

@@ -262,7 +262,7 @@ def _payload_problem(subject: Subject) -> str:
         return _load_problem(subject)
     if case.available is None:
         return (
-            "the force at hand is not known; open the object with one (--grip-force, or a "
+            "the available force is not known; open the object with one (--grip-force, or a "
             "gripper that states its force)"
         )
     return "" if case.by_mass else "the task does not depend on the mass, so there is no payload"

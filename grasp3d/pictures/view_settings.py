@@ -23,13 +23,13 @@ class ViewSettings:
             max_resolution: alpha*, the coarsest resolution at which it is S; epsilon and
             epsilon_min: Ferrari-Canny epsilon, and its smallest value over all uncertainties;
             approach_margin: half-width of the free approach angles of a gripper; grip_force: force
-            that each finger needs under a load; payload: mass that the force at hand holds at all
+            that each finger needs under a load; payload: mass that the available force holds at all
             normals within the resolution; margin: friction angle to spare, above 0 where it is S.
         vertex: Index of the vertex whose grasp is shown first. none: no grasp; a picture with a
             gripper then shows the best grasp that it reaches.
         azimuth: Azimuth of the camera about the z-axis, from the x-axis; about the table's normal
-            if there is one. none: across the closing axis of the shown grasp if elevation is none,
-            too; otherwise 75 degrees.
+            if there is one. none: 75 degrees; if elevation is none, too, across the closing axis of
+            the shown grasp.
         elevation: Elevation of the camera above the xy-plane, from -90 to 90 degrees. none: 35
             degrees.
         width: Width of the window or picture [pixels].

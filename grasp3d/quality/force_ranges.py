@@ -408,7 +408,7 @@ def payload(
         2.88 kg
     """
     if not 0.0 < force < math.inf:
-        raise SettingError(f"the force at hand must be finite and above 0 [N]; got {force:g}")
+        raise SettingError(f"the available force must be finite and above 0 [N]; got {force:g}")
     if not isinstance(task, Task) or task.mass is None:
         raise SettingError("a payload needs a task with a weight or an acceleration")
     task = task.scaled_to(1.0)

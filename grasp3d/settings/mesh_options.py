@@ -105,7 +105,7 @@ class MeshOptions(LengthSettings):
         unit: Unit of the file's coordinates, which are converted to metres. none: the unit that the
             file states, if any; guess: if the file states none, the unit in which the object has a
             usual size, which a warning names. If no unit is known, lengths are in the mesh's own
-            unit, and grippers, masses and lengths with a unit are refused.
+            unit, and grippers, densities and lengths with a unit are refused.
         max_edge: Longest edge of the mesh, a length; longer edges are divided. none: 1/32 of the
             object's size.
         crease_angle: An edge whose faces meet at more than this angle is a crease (a sharp edge),

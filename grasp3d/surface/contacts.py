@@ -276,8 +276,8 @@ def critical_angles(
         tolerance: For three contacts and more, as in `critical_friction_angle` [rad].
 
     Returns:
-        (worst, best) [rad], shape (b,) each. For two contacts up to pi; for more, pi/2 where the
-        grasp is force-closed at no friction. The worst is inf where all contacts are at the same
+        (worst, best) [rad], shape (b,) each. For two contacts up to pi; for more, pi/2 where no
+        friction makes the grasp force-closed. The worst is inf where all contacts are at the same
         point.
 
     Raises:

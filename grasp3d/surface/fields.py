@@ -219,7 +219,7 @@ CRITICAL_ANGLE_BEST = replace(
 )
 MAX_RESOLUTION = Field(
     "max_resolution", RADIANS, (), ANGLE, ply=FLOAT, heading="α*",
-    meaning="the grasp is surely stable with any finer sensor",
+    meaning="coarsest resolution at which the grasp is S",
 )  # fmt: skip
 MARGIN = Field("margin", RADIANS, (), Allowed(infinite=-math.inf), ply=FLOAT, listed="margin")
 EPSILON = Field("epsilon", "", (), POSITIVE_OR_NAN, ply=DOUBLE, heading="ε")
@@ -245,7 +245,7 @@ GRIP_FORCE = Field(
     listed="force at the nominal normals",
 )  # fmt: skip
 FORCE = "grip force that holds the load at the worst normals"
-PAYLOAD = "mass that the force at hand holds there"
+PAYLOAD = "mass that the available force holds there"
 LOAD_NUMBERS = (
     GRIP_FORCE,
     replace(GRIP_FORCE, name="grip_force_least", of=_of_load("grip_force_least"), listed=""),

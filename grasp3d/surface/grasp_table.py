@@ -110,7 +110,7 @@ class GraspRows(LabelledGrasps):
 
     @cached_property
     def load_case(self) -> LoadCase | None:
-        """The load on this object, with its mass, task and force at hand; None: no load."""
+        """The load on this object, with its mass, task and available force; None: no load."""
         if self.load is None:
             return None
         hand = None if self.scene is None else self.scene.hand

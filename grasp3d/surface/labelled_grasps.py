@@ -206,7 +206,7 @@ class LabelledGrasps:
 
     @property
     def payload(self) -> Floats | None:
-        """Mass that the force at hand holds [kg]; None: there is no load.
+        """Mass that the available force holds [kg]; None: there is no load.
 
         See `LoadResult.payload`.
         """

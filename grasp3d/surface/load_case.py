@@ -1,4 +1,4 @@
-"""A load on one object (mass, task, force at hand, torsion), and its results for grasps.
+"""A load on one object (mass, task, available force, torsion), and its results for grasps.
 
 The results are grip forces and payloads.
 """
@@ -113,7 +113,7 @@ class LoadCase:
     task: Task
     """The wrenches that must be resisted."""
     available: float | None
-    """Force at hand of each finger [N]; None: not given."""
+    """Available force of each finger [N]; None: not given."""
     torsion_radius: float
     """Torsion radius of the contacts at nominal friction [m]: the given one, or that of the
     gripper's pads; 0: hard fingers."""
@@ -121,7 +121,7 @@ class LoadCase:
     """Torsion radius of the gripper's pads per unit of friction [m]; None: there are no pads, or a
     torsion radius is given, which holds at any friction."""
     by_motors: bool = False
-    """Whether the motors of a hand with joints hold it, instead of a finger force at hand."""
+    """Whether the motors of a hand with joints hold it, instead of an available force."""
 
     @classmethod
     def of(
@@ -130,7 +130,7 @@ class LoadCase:
         """Apply a load to an object.
 
         Args:
-            load: Mass or density, task, and force at hand.
+            load: Mass or density, task, and available force.
             mesh: The object.
             model: The fingers; without a torsion radius they have that of the gripper's pads.
             hand: The hand; its greatest force is at hand unless the load states another one.
@@ -163,11 +163,11 @@ class LoadCase:
         return cls(load, mass, task, force, torsion, pads, by_motors)
 
     def __str__(self) -> str:
-        return f"{self.to_hold}, {self.at_hand} at hand" if self.at_hand else self.to_hold
+        return f"{self.to_hold}, {self.at_hand} available" if self.at_hand else self.to_hold
 
     @property
     def at_hand(self) -> str:
-        """The force at hand as text: '20 N'; empty: it is not known."""
+        """The available force as text: '20 N'; empty: it is not known."""
         return "" if self.available is None else f"{short_number(self.available)} N"
 
     @property
@@ -282,7 +282,7 @@ class LoadResult:
     grip_force_largest: Floats
     """The same at the worst such normals, shape (b,)."""
     payload: Floats
-    """Mass that the force at hand holds at the worst normals [kg], shape (b,); nan: no force at
+    """Mass that the available force holds at the worst normals [kg], shape (b,); nan: no force at
     hand, no grasp, or a task that does not depend on the mass."""
     resistance: Bytes | None
     """`Resistance` codes at the nominal normals, shape (b,); None: a file does not contain them."""
@@ -298,7 +298,7 @@ class LoadResult:
 
     @property
     def available(self) -> float | None:
-        """Force at hand of each finger [N]; None: not given."""
+        """Available force of each finger [N]; None: not given."""
         return self.case.available
 
     @property
@@ -308,7 +308,7 @@ class LoadResult:
 
     @cached_property
     def label(self) -> Bytes | None:
-        """`Label` codes with the force at hand, shape (b,); None without a mass or a force.
+        """`Label` codes with the available force, shape (b,); None without a mass or a force.
 
         S: the load is held at all normals that may be true; U: at none, or there is no grasp; M:
         the sensor cannot decide.

@@ -422,7 +422,7 @@ def open_collection(
     if any(given.values()):
         what = next(name for name, is_given in given.items() if is_given)
         raise SettingError(
-            f"{where}: has stored labels, which {what} does not change; view the mesh itself, or "
+            f"{where}: has stored labels, which {what} cannot change; view the mesh itself, or "
             "label it again"
         )
     if labels is None:

@@ -154,7 +154,7 @@ def test_a_row_has_what_the_labels_say_of_the_load(tmp_path: Path) -> None:
     assert payloads is not None
     fractions = label_fractions(found.label, vertex_weights(mesh, "area"))
     assert (row.mass, row.grip_force_at_hand, row.task, row.holds) == (0.5, 40.0, "weight", True)
-    assert "N of 40 N to hold 0.5 kg in any orientation" in (row.verdict_text or "")
+    assert "N of 40 N to hold 0.5 kg in every orientation" in (row.verdict_text or "")
     assert row.held == pytest.approx(fractions["S"])
     assert row.payload_best == pytest.approx(found.payload.max())
     assert row.grip_force_needed == pytest.approx(found.grip_force_largest.min())

@@ -123,7 +123,7 @@ def test_reasons_say_what_is_wrong_with_poses_and_what_wrong_poses_do(tmp_path: 
     assert re.search(heading, text, re.MULTILINE)
     for line in (
         "box.stl: 4 poses of hand; μ 0.5",
-        "1 of 4: finger is inside the object",
+        "1 of 4: a finger is inside the object",
         "1 of 4: the jaws close on nothing",
         "held when tried: S 100.0 % of 2, U 0.0 % of 2",
         "poses read in the gripper's frame 'tcp', as the file states",

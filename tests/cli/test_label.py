@@ -136,7 +136,7 @@ def test_a_load_is_printed_and_written(tmp_path: Path) -> None:
     grasps = ("-o", "held.ply", "--best", "2")
     text = printed(*label, *words, *grasps, "--center-of-mass", "1mm,0,0", cwd=tmp_path)
     task = "weight + wrench 5,0,0,0,0,0.1"
-    assert f"load: 0.5 kg, {task}; force at hand: 40 N per finger" in text
+    assert f"load: 0.5 kg, {task}; available force: 40 N per finger" in text
     assert re.search(r"10/50/90 % quantiles by area: .*; force in N .*; payload in kg ", text)
     assert re.search(r"score +β\* +α\* +ε +ε_min +mm +N +kg", text)
     written = json.loads((tmp_path / "held_grasps.json").read_text())
@@ -147,4 +147,4 @@ def test_a_load_is_printed_and_written(tmp_path: Path) -> None:
     assert read.mesh.options.center_of_mass == (0.001, 0.0, 0.0)
     text = printed(*label, cwd=tmp_path)
     assert HARD_FINGERS in text
-    assert "force at hand: none given" in text
+    assert "available force: none given" in text

@@ -26,7 +26,7 @@ label box.stl --region ball.ply -o ball.ply --overwrite | is read by
 label ball.ply --best 0 | best must be at least 1
 label box.stl --max-opening 70mm | is 70 mm, but the unit of box.stl is not known | add --unit mm
 label box.stl --hand franka | hands and grippers are given in metres, but the unit of box.stl
-label box.stl --unit mm --table as-is | applies to grippers only
+label box.stl --unit mm --table as-is | table needs a gripper (--hand
 label box.stl --task pushes.csv | torques of the task are in N m, but the unit of box
 label ball.ply --region mask.ply:grip | mask.ply: is not a mask of ball.ply, of which vertices are
 batch ball.ply -o out --region mask.ply | mask.ply belongs to one mesh; a library takes a box
@@ -53,7 +53,7 @@ validate poses.csv --mesh box.stl --hand franka -o poses.csv | poses.csv: is rea
 simulate box.stl --unit mm | grasp3d simulate needs --hand; see grasp3d simulate --help
 simulate box.stl --unit mm --hand franka --frame acronym | name their file with --grasps
 simulate ball.ply --unit mm --hand franka -o link.csv | link.csv: is read by this command; name
-sweep | grasp3d sweep needs PATH|SHAPE ...; see grasp3d sweep --help
+sweep | grasp3d sweep needs PATH|SHAPE ... first; see grasp3d sweep --help
 sweep circle -o notes.csv | notes.csv: exists; name another file
 sweep circle -o figure.csv | figure.svg: exists; name another file
 sweep sphere --friction 0.4..0.6 | --friction must be a number; got '0.4..0.6'; or give a range FROM
@@ -65,7 +65,7 @@ batch nothing://lib -o out | no file system is called nothing://
 batch ball.ply -o ball.ply | its folder is a file
 view . --screenshot a.png | was not written by grasp3d batch
 view bad.ply --screenshot a.png | have no property 'critical_angle'
-design --fingertip-radius 8 | fingertip_radius needs its unit, such as 8mm
+design --fingertip-radius 8 | fingertip_radius needs a unit, such as 8mm
 design --receptive-field 4mm --sensor-resolution 20 | each define the sensor
 design --joints 2 --friction 0.5 | --joints needs --friction and a sensor
 sweep box.stl --hand finger_length.json | millimetres
@@ -76,7 +76,7 @@ USAGE = """
 '' | give a command; known: label, check
 lable ball.ply | no command is called 'lable'; did you mean label?
 --quiet label | no command is called '--quiet'
-label | grasp3d label needs FILE; see grasp3d label --help
+label | grasp3d label needs FILE first; see grasp3d label --help
 label x y | 'y' is one too many: grasp3d label takes FILE
 label x --max-opening 80 mm | 'mm' is one too many | its unit without a space, as in 80mm
 design mug.stl | 'mug.stl' is one too many: grasp3d design takes options only
@@ -97,7 +97,7 @@ label ball.ply --hand leap | --hand: leap is a hand with joints, whose links are
 label ball.ply --hand notes.csv | unsupported gripper format .csv
 label ball.ply --unit feet | --unit must be one of m, cm, mm, in, guess; got 'feet'
 label ball.ply --density 1000 --mass 1 | mass and density exclude each other
-label ball.ply --grasps-format acronym | give their number with --best
+label ball.ply --grasps-format acronym | needs the number of best grasps
 label ball.ply --best 3 --grasps x.json --grasps-format csv --hand franka | .csv
 label ball.ply -o x.PLYS | unsupported format .PLYS
 evaluate ball.ply void | void: has no suffix: supported are .csv

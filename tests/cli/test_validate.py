@@ -53,12 +53,12 @@ def test_it_prints_how_well_scores_predict_and_writes_a_table_and_a_figure(folde
         "labels, margins and forces for μ 0.5, α 22.6°",
         "gripper franka, as given; mass not known, so no grip force",
         "the hand does not close on the mesh: U, with the worst value",
-        "intervals at 95 %, for this object",
+        "95 % intervals, for this object",
     ):
         assert line in text
     assert re.search(r"^■ S surely stable +\d+ +100 % +\d+ to 100 %$", text, re.MULTILINE)
     assert re.search(r"margin +larger +1\.000 +1\.000 +1\.000", text)
-    assert re.search(r"^wrong: 0 S that failed, \d+ U that held$", text, re.MULTILINE)
+    assert re.search(r"^wrong labels: 0 S that failed, \d+ U that held$", text, re.MULTILINE)
     assert {path.name for path in folder.iterdir()} == {"body.ply", "log.csv"}
     words = ("-o", "out.csv", "--friction", "0.8", "--mass", "20g")
     text = printed("validate", "log.csv", *GIVEN, *words, cwd=folder)

@@ -48,7 +48,7 @@ def loaded(**fields: object) -> LoadVerdict:
     """What a load takes; 0.5 kg with 10 N at hand, which are enough."""
     values = {
         "holds": True, "mass": 0.5, "available": 10.0, "needed": 8.0, "payload": 0.6,
-        "what": "hold 0.5 kg in any orientation",
+        "what": "hold 0.5 kg in every orientation",
     }  # fmt: skip
     return LoadVerdict(**{**values, **fields})  # type: ignore[arg-type]
 
@@ -56,10 +56,10 @@ def loaded(**fields: object) -> LoadVerdict:
 little = loaded(holds=False, needed=25.0, payload=0.19)
 nothing = loaded(holds=False, needed=math.inf, payload=0.0)
 pushed = loaded(mass=None, payload=math.nan, what="resist wrench 0,0,-5,0,0,0")
-no_mass = loaded(holds=None, mass=None, what="hold each kilogram in any orientation")
+no_mass = loaded(holds=None, mass=None, what="hold each kilogram in every orientation")
 
 A_SENSOR = "a sensor of 12.4° or finer instead of 30°"
-TO_HOLD = "hold 0.5 kg in any orientation"
+TO_HOLD = "hold 0.5 kg in every orientation"
 SPARE = "the best has 5.7° of resolution to spare."
 NOTHING = "No change of sensor, friction, force or mass alone makes it sure."
 MORE_FORCE = "25 N instead of 10 N, or with 0.19 kg instead of 0.5 kg."
@@ -75,7 +75,7 @@ CASES = [
     ),
     (
         best("surely", count=5, load_result=no_mass),
-        f"5 distinct grasps; {SPARE} 10 N hold 0.6 kg in any orientation.",
+        f"5 distinct grasps; {SPARE} 10 N hold 0.6 kg in every orientation.",
     ),
     (
         best("perhaps", remedies=(FINER, MORE)),
@@ -303,8 +303,8 @@ def test_collisions_and_errors_of_poses_are_no_matter_of_force() -> None:
     for text, start in zip(found, ("Surely held", "Perhaps held", "Not held"), strict=True):
         assert text.startswith(f"{start} by franka: ")
         assert "too little" not in text
-    assert "within the pose error contacts may leave" in found[1]
-    assert "within the pose error its jaws may close on" in found[2]
+    assert "contacts may leave the pads within the po" in found[1]
+    assert "its jaws may close on nothing within the po" in found[2]
 
 
 @pytest.mark.slow

@@ -131,8 +131,16 @@ def test_other_columns_order_spaces_and_line_ends_do_not_matter(tmp_path: Path) 
 
 
 BAD: dict[str, tuple[str, str, str]] = {
-    "no such columns": ("csv", "a,b,c\n1,2,3\n", "column x1 is missing of x1 y1 z1 x2 y2 z2 ...;"),
-    "gap": ("csv", "x1,y1,z1,x2,y2\n1,2,3,4,5\n", "column z2 is missing of x1 y1 z1 x2 y2 z2 ...;"),
+    "no such columns": (
+        "csv",
+        "a,b,c\n1,2,3\n",
+        "column x1 is missing; contacts have x1 y1 z1 x2 y2 z2 ...;",
+    ),
+    "gap": (
+        "csv",
+        "x1,y1,z1,x2,y2\n1,2,3,4,5\n",
+        "column z2 is missing; contacts have x1 y1 z1 x2",
+    ),
     "twice": ("csv", f"{HEAD},x1\n1,2,3,4,5,6,7\n", "two columns are called 'x1'"),
     "word": ("csv", f"{HEAD}\n1,2,3,4,5,6\n1,2,3,4,far,6\n", "y2 must be a number; got 'far'"),
     "empty cell": ("csv", f"{HEAD}\n1,2,3,4,5,6\n1,2,,4,5,6\n", "grasp 2: contact 1 is not"),

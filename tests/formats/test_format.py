@@ -130,5 +130,7 @@ def test_positions_have_two_names(tmp_path: Path, names: str) -> None:
     assert {name: one.tolist() for name, one in found.columns.items()} == {"note": ["a b"]}
     assert found.assumes_frame
     (tmp_path / "b.csv").write_text("x,y,qx,qy,qz,qw\n1,2,0,0,0,1\n")
-    with pytest.raises(ContactError, match=r"column z is missing of px py pz \(or x y z\) qx"):
+    with pytest.raises(
+        ContactError, match=r"column z is missing; poses have px py pz \(or x y z\) qx"
+    ):
         read_poses(tmp_path / "b.csv")

@@ -56,7 +56,7 @@ def test_a_stated_unit_gives_a_warning_only_if_it_is_implausible(size: float, un
 @pytest.mark.parametrize(
     ("size", "unit", "words"),
     [
-        (120.0, "m", "the object is 120 m large if its unit is m: is the unit right? "),
+        (120.0, "m", "the object measures 120 m if its unit is m: is the unit right? "),
         (120.0, "m", "If its unit were mm it would be 12 cm"),
         (6.0, "m", "If its unit were cm or mm or in it would be 6 cm or 6 mm or 15 cm"),
         (1e6, "cm", "no unit (m, cm, mm, in) makes it one that a hand may hold"),

@@ -98,7 +98,7 @@ def test_a_labelled_file_has_its_own_settings_unless_others_are_given(file: Path
 def test_what_stored_labels_do_not_depend_on_is_refused(
     file: Path, given: dict[str, Any], what: str
 ) -> None:
-    with pytest.raises(SettingError, match=f"has stored labels, which {what} does not change"):
+    with pytest.raises(SettingError, match=f"has stored labels, which {what} cannot change"):
         open_collection(file, **given)
 
 

@@ -53,7 +53,7 @@ def test_the_panel_lists_force_and_payload_or_why_no_force_suffices(session: Ses
     assert numbers["force at the worst normals"] == f"{most:.3g} N"
     assert numbers["payload"] == f"{result.payload[best]:.3g} kg"
     assert "With 20 N the load of 0.5 kg is held at all normals" in reason
-    assert panel_text(session).facts.endswith("; load 0.5 kg, 20 N at hand")
+    assert panel_text(session).facts.endswith("; load 0.5 kg, 20 N available")
     session.click(int(np.flatnonzero(np.isinf(result.grip_force))[0]))
     assert "force at the nominal normals" not in dict(inspected(session).numbers)
     assert "the fingers can only push" in inspected(session).reason
@@ -68,7 +68,7 @@ def test_two_hard_fingers_have_their_own_reason_and_without_a_force_no_payload()
     assert not {"force at the worst normals", "payload"} & dict(seen.numbers).keys()
     assert "two hard fingers cannot resist a torque about the line through them" in seen.reason
     assert "give a torsion radius (--torsion-radius) or a gripper" in seen.reason
-    with pytest.raises(SettingError, match="force at hand is not known"):
+    with pytest.raises(SettingError, match="available force is not known"):
         session.change(paint="payload")
     assert "grip_force" in offered_paints(session)
     assert "payload" not in offered_paints(session)

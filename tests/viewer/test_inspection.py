@@ -80,9 +80,7 @@ def test_a_vertex_without_a_grasp_has_one_contact() -> None:
     assert np.array_equal(seen.points[0], labels.mesh.vertices[vertex])
     assert seen.code == Label.U
     assert ("β*", "no grasp") in seen.numbers
-    assert seen.reason == (
-        "U: the object is too wide or too narrow for the limits of the search here."
-    )
+    assert seen.reason == ("U: the object is too wide or too narrow for the allowed openings here.")
 
 
 def test_angles_of_an_internal_grasp_are_to_the_outward_directions() -> None:
@@ -202,7 +200,7 @@ def test_the_fingers_in_the_explanation_are_on_sharp_edges() -> None:
     ("cause", "text"),
     [
         (Cause.NO_PARTNER, "U: no opposing contacts within the search cone of 37.8°."),
-        (Cause.LIMITS, "U: the object is too wide or too narrow for the limits of the search"),
+        (Cause.LIMITS, "U: the object is too wide or too narrow for the allowed openings"),
         (Cause.OFF_SURFACE, "U: the vertex belongs to no face."),
         (Cause.SAME_POINT, "U: a fixed finger is at this point."),
     ],

@@ -90,7 +90,7 @@ def read(path: Path, given: Given) -> GraspPoses:
     for stage in STAGES:
         names = [f"{stage}{name}" for name in REQUIRED] if stage else [*position, *QUATERNION]
         if not stage or all(name in columns for name in names):
-            values = own.stacked(columns, names, " of px py pz (or x y z) qx qy qz qw")
+            values = own.stacked(columns, names, "; poses have px py pz (or x y z) qx qy qz qw")
             if not len(values):
                 raise ContactError("there are no grasps in it, only column names")
             found[f"{stage}pose"] = from_quaternions(values)
