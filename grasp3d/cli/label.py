@@ -180,7 +180,7 @@ def print_best(report: Report, grasps: Grasps, requested: int) -> None:
     if not grasps.size:
         report.line("best grasps: none, as no grasp is S or M")
         return
-    report.line(f"the {counted(grasps.size, 'best distinct grasps')}:")
+    report.line(f"the {counted(grasps.size, 'best distinct grasps')}:".replace("the 1 ", "the "))
     report.grasps(grasps, range(grasps.size))
     if grasps.size < requested:
         apart = grasps.mesh.length_text(distance_of_distinct(grasps.mesh), 2)
