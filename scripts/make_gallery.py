@@ -234,7 +234,7 @@ class Loaded(NamedTuple):
 
 
 def loaded(name: str, azimuth: float, elevation: float, width: int) -> Loaded:
-    """Label a mesh for the gripper with 40 N at hand; the view is in degrees."""
+    """Label a mesh for the gripper with 40 N available; the view is in degrees."""
     labels = label_surface(
         load_mesh(MESHES / name, unit="m"), MODEL, hand=GRIPPER, load=Load(grip_force=40.0)
     )

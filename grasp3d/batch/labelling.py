@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels
 
 
-METHOD = 8
+METHOD = 9
 """Version of the method; increase it when labels or rows of an unchanged mesh change."""
 
 

@@ -290,7 +290,7 @@ class Row:
         lambda one: None if one.labels.load_case is None else one.labels.load_case.mass,
         unit="kg",
     )
-    grip_force_at_hand: float | None = _column(
+    grip_force_available: float | None = _column(
         "available force of each finger; null: not given",
         lambda one: None if one.labels.load_case is None else one.labels.load_case.available,
         unit="N",

@@ -306,6 +306,6 @@ def load_line(case: LoadCase) -> str:
     """Describe a load and the available force."""
     mass = "mass not given" if case.mass is None else f"{short_number(case.mass)} kg"
     text = escaped(str(case.load.task))
-    per_finger = f"{case.at_hand} per finger" if case.at_hand else "none given"
-    at_hand = "" if case.by_motors else f"; available force: {per_finger}"
-    return f"[bold]load[/]: {mass}, {text}{at_hand}"
+    per_finger = f"{case.force_text} per finger" if case.force_text else "none given"
+    force = "" if case.by_motors else f"; available force: {per_finger}"
+    return f"[bold]load[/]: {mass}, {text}{force}"

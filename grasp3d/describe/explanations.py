@@ -205,7 +205,7 @@ def load_sentence(load_result: LoadResult, row: int) -> str:
         of = "only at some of the normals within the sensor resolution"
         if least > case.available:
             of = "at none of the normals within the sensor resolution"
-    return f"With {case.at_hand} the load{mass} is held {of}."
+    return f"With {case.force_text} the load{mass} is held {of}."
 
 
 def _why_none(load_result: LoadResult, row: int) -> str:
@@ -420,7 +420,7 @@ def _ambiguous(case: Case) -> str:
             key=lambda limit: abs(limit - case.worst),
         )
         return f"{_cause(case, nearer)}: {sure}, {unstable}"
-    worst = angle_text(case.worst, case.model.sure_angle).replace("inf°", "unbounded")
+    worst = "unbounded" if math.isinf(case.worst) else angle_text(case.worst, case.model.sure_angle)
     return (
         f"{crease}β* is {worst} for the worst and "
         f"{angle_text(case.best, case.model.possible_angle)} for the best of {several}; "

@@ -244,9 +244,9 @@ class GripperReasons(Reasons):
         if not case.complete or case.available is None:
             return
         short = left & np.isfinite(needed) & (needed > case.available)
-        at_hand = short_number(case.available)
+        available = short_number(case.available)
         self.add("needs more force", short, [
-            f"needs {short_number(force)} N of {at_hand} N" for force in needed[short]
+            f"needs {short_number(force)} N of {available} N" for force in needed[short]
         ])  # fmt: skip
 
 

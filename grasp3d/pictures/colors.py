@@ -275,7 +275,7 @@ def _force_title(subject: Subject) -> str:
 
 def _payload_title(subject: Subject) -> str:
     case = subject.labels.load_case
-    return f"payload of the contacts with {case.at_hand} at the worst normals" if case else ""
+    return f"payload of the contacts with {case.force_text} at the worst normals" if case else ""
 
 
 EPSILON, LOAD = "epsilon_range", "load_result"

@@ -133,7 +133,7 @@ class LoadCase:
             load: Mass or density, task, and available force.
             mesh: The object.
             model: The fingers; without a torsion radius they have that of the gripper's pads.
-            hand: The hand; its greatest force is at hand unless the load states another one.
+            hand: The hand; its greatest force is available unless the load states another one.
 
         Raises:
             SettingError: The centre of mass is not known, or the mass or the unit of the mesh is
@@ -163,10 +163,10 @@ class LoadCase:
         return cls(load, mass, task, force, torsion, pads, by_motors)
 
     def __str__(self) -> str:
-        return f"{self.to_hold}, {self.at_hand} available" if self.at_hand else self.to_hold
+        return f"{self.to_hold}, {self.force_text} available" if self.force_text else self.to_hold
 
     @property
-    def at_hand(self) -> str:
+    def force_text(self) -> str:
         """The available force as text: '20 N'; empty: it is not known."""
         return "" if self.available is None else f"{short_number(self.available)} N"
 
@@ -228,7 +228,7 @@ class LoadCase:
         """What follows from the load and the object, as settings of files."""
         return {
             "object_mass": self.mass,
-            "force_at_hand": self.available,
+            "available_force": self.available,
             "force_torsion_radius": self.torsion_radius,
         }
 
@@ -303,7 +303,7 @@ class LoadResult:
 
     @property
     def has_payload(self) -> bool:
-        """Whether there are payloads: a force is at hand, and the task grows with the mass."""
+        """Whether there are payloads: a force is available, and the task grows with the mass."""
         return self.available is not None and self.case.by_mass
 
     @cached_property

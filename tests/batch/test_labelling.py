@@ -153,7 +153,7 @@ def test_a_row_has_what_the_labels_say_of_the_load(tmp_path: Path) -> None:
     assert found.label is not None
     assert payloads is not None
     fractions = label_fractions(found.label, vertex_weights(mesh, "area"))
-    assert (row.mass, row.grip_force_at_hand, row.task, row.holds) == (0.5, 40.0, "weight", True)
+    assert (row.mass, row.grip_force_available, row.task, row.holds) == (0.5, 40.0, "weight", True)
     assert "N of 40 N to hold 0.5 kg in every orientation" in (row.verdict_text or "")
     assert row.held == pytest.approx(fractions["S"])
     assert row.payload_best == pytest.approx(found.payload.max())
@@ -162,11 +162,11 @@ def test_a_row_has_what_the_labels_say_of_the_load(tmp_path: Path) -> None:
     assert done_of(source, settings, mass=0.5).row.mass == 0.5  # of its row in a table
     row = done_of(source, replace(settings, load=Load(density=1000.0))).row
     assert row.mass == pytest.approx(1000.0 * mesh.volume)
-    assert (row.grip_force_at_hand, row.holds, row.held, row.payload_p50) == (None,) * 4
+    assert (row.grip_force_available, row.holds, row.held, row.payload_p50) == (None,) * 4
     assert math.isfinite(row.grip_force_needed or math.nan)
 
 
-GOLDEN = "746952c467030564"
+GOLDEN = "aa9d055bee025150"
 
 
 def test_labels_are_those_of_this_version_of_the_method() -> None:
