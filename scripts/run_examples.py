@@ -63,9 +63,9 @@ OF_BASH = re.compile(r"[|&;<>$`(){}*?\[\]~#!]")
 FLAGS = doctest.ELLIPSIS | doctest.REPORT_NDIFF
 NUMBER = re.compile(
     r"(?<![\w.,])(?P<value>-?\d+(?:,\d{3})*(?:\.\d+)?(?:e[+-]?\d+)?)"
-    r"(?P<unit>(?:°| ?(?:%|N|mm|cm|m|kg|g)(?!\w))?)(?![\w.,]?\d)"
+    r"(?P<unit>(?:°| ?(?:%|N|mm|cm|m|kg|g|distinct)(?!\w))?)(?![\w.,]?\d)"
 )
-"""A number that stands alone, and the unit after it."""
+"""A number that stands alone, and the unit after it; one of distinct grasps depends on rounding."""
 MOST_SECONDS = 300.0
 """Time limit of a block in bash [s]; the test limits blocks in this process."""
 
@@ -244,9 +244,8 @@ def is_near(number: re.Match[str], other: str) -> bool:
     assert isinstance(exponent, int)
     if exponent < 0 or "e" in number["value"]:
         most = 2 * Decimal(1).scaleb(exponent)
-    else:  # counts of distinct grasps differ by one between processors
-        least = Decimal(bool(number["unit"]) or abs(want) >= 20)
-        most = max(least, abs(want) / 100)
+    else:
+        most = Decimal(1) if number["unit"] else abs(want) / 100
     return got.is_finite() and abs(got - want) <= most
 
 
