@@ -38,7 +38,7 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.sweeps import vertex_weights
 from grasp3d.system.context import refuse_warnings
 from grasp3d.system.files import check_suffix
-from grasp3d.system.names import counted, safe_stem
+from grasp3d.system.names import safe_stem
 
 QUANTILES = (CRITICAL_ANGLE, MAX_RESOLUTION, *EPSILONS, *LOAD_NUMBERS)
 """Columns whose quantiles over the area are printed, if they have a heading."""
@@ -180,7 +180,8 @@ def print_best(report: Report, grasps: Grasps, requested: int) -> None:
     if not grasps.size:
         report.line("best grasps: none, as no grasp is S or M")
         return
-    report.line(f"the {counted(grasps.size, 'best distinct grasps')}:".replace("the 1 ", "the "))
+    count = f"{grasps.size:,} best distinct grasps" if grasps.size > 1 else "best distinct grasp"
+    report.line(f"the {count}:")
     report.grasps(grasps, range(grasps.size))
     if grasps.size < requested:
         apart = grasps.mesh.length_text(distance_of_distinct(grasps.mesh), 2)

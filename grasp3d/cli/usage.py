@@ -97,10 +97,9 @@ def parse(kind: type, words: list[str]) -> Any:
         raise SettingError(f"{one.name} {needs}") from error
     found = vars(known)
     rest = [*found.pop("arguments"), *extra]
-    if unknown := next((word for word in extra if re.match("--|-[a-z]", word)), ""):
+    if unknown := next((word for word in extra if re.match("--|-[A-Za-z]", word)), ""):
         name = unknown.partition("=")[0]
-        meant = _meant(f"--{name.lstrip('-')}", [*named], prog)
-        raise SettingError(f"{prog} has no option {name}; {meant}")
+        raise SettingError(f"{prog} has no option {name}; {_meant(name, [*named], prog)}")
     arguments = [one for one in options if not one.names]
     for one in arguments:
         own, rest = (rest, []) if one.many else (rest[:1], rest[1:])

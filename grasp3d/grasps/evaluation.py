@@ -357,9 +357,9 @@ def _check_near(mesh: ObjectMesh, array: Floats, distances: Floats, limit: float
     distance = nearest_surface_points(mesh, array[grasp, contact][None])[2][0]
     raise ContactError(
         f"{_name(grasp, contact)} at {numbers_text(array[grasp, contact])} is "
-        f"{mesh.length_text(distance)} from the surface, more than the allowed "
-        f"{mesh.length_text(limit)}; {len(off)} of {distances.size} are too far: are they in the "
-        f"frame and the unit of {mesh.report.source}, whose size is {mesh.length_text(mesh.size)}? "
+        f"{mesh.length_text(distance)} from the surface of {mesh.report.source}, more than the "
+        f"allowed {mesh.length_text(limit)}; {len(off)} of {distances.size} contacts are too far: "
+        f"are they in its frame and unit, in which its size is {mesh.length_text(mesh.size)}? "
         "max_distance (--max-distance) allows more"
     )
 

@@ -199,7 +199,7 @@ class Jaws:
             SettingError: The number is not two.
         """
         if count != 2:
-            raise SettingError(f"{self.name!r} has two fingers, not {count}: leave out --fingers")
+            raise SettingError(f"{self.name!r} has two fingers, not {count} (--fingers)")
 
     @property
     def touch_area(self) -> float:

@@ -37,7 +37,7 @@ def object_warnings(
         is_light = not is_open and density < LIGHTEST[0] and mass / mesh.area < LIGHTEST[1]
         if is_light or density > DENSEST:
             yield (
-                f"with {mass:.4g} kg its density is {float(f'{density:.2g}'):,g} kg/m^3, "
+                f"with {mass:.4g} kg the object's density is {float(f'{density:.2g}'):,g} kg/m^3, "
                 f"{'less than foam or foil' if is_light else 'more than any material'}: are its "
                 "mass (--mass) and its unit (--unit) right?"
             )

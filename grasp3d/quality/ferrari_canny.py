@@ -160,6 +160,7 @@ def _solved(
 ) -> Epsilon:
     """Epsilon of a flat batch, in the batch's shape; see `closure_fields`."""
     results = problem.solve(goal)
+    # The growth of a hull also ends where rounding hides whether a support point is above a facet.
     apart = results.closed & (results.lower < (1.0 - goal[0] - 1e-12) * results.upper)
     results.status[apart & (results.status == Status.CONVERGED)] = Status.STALLED
     return Epsilon(

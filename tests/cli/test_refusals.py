@@ -81,6 +81,8 @@ label x y | 'y' is one too many: grasp3d label takes FILE
 label x --max-opening 80 mm | 'mm' is one too many | its unit without a space, as in 80mm
 design mug.stl | 'mug.stl' is one too many: grasp3d design takes options only
 label x --frict 1 | grasp3d label has no option --frict; did you mean --friction?
+design --friction 0.5 -joints 2 | grasp3d design has no option -joints; did you mean --joints?
+sweep circle -Friction 0.5 | has no option -Friction; did you mean --friction?
 label x --colour red | no option --colour; all options: grasp3d label --help-all
 label x --at | --at needs a value: X,Y,Z
 label x --quiet=1 | --quiet takes no value

@@ -65,7 +65,11 @@ def test_it_prints_how_well_scores_predict_and_writes_a_table_and_a_figure(folde
     assert "labels, margins and forces for μ 0.8, α 22.6°" in text
     assert "mass 0.02 kg, as given" in text
     assert "written: out.csv, out.svg" in text
-    np.testing.assert_array_equal(read_columns(folder / "out.csv")["outcome"], tried().outcome)
+    found = read_columns(folder / "out.csv")
+    np.testing.assert_array_equal(found["outcome"], tried().outcome)
+    write_grasps(folder / "closed.csv", tried().take(np.flatnonzero(found["closing"] == "closed")))
+    text = printed("validate", "closed.csv", *GIVEN, "--friction", "0.8", cwd=folder)
+    assert "does not close" not in text
 
 
 def test_outcomes_are_those_that_are_named_and_equal_ones_rank_nothing(folder: Path) -> None:

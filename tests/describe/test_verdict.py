@@ -45,7 +45,7 @@ def best(word: str, **fields: object) -> Verdict:
 
 
 def loaded(**fields: object) -> LoadVerdict:
-    """What a load takes; 0.5 kg with 10 N at hand, which are enough."""
+    """What a load takes; 0.5 kg with 10 N available, which are enough."""
     values = {
         "holds": True, "mass": 0.5, "available": 10.0, "needed": 8.0, "payload": 0.6,
         "what": "hold 0.5 kg in every orientation",
@@ -102,6 +102,14 @@ CASES = [
     (
         best("not", load_result=replace(nothing, reason=HARD_FINGERS)),
         f"no force suffices to {TO_HOLD}: {HARD_FINGERS}.",
+    ),
+    (
+        best("not", load_result=replace(no_mass, needed=math.inf)),
+        "no force suffices to hold any mass in every orientation.",
+    ),
+    (  # the load is held, and something else is not sure
+        best("perhaps", load_result=loaded()),
+        f"no grasp is surely stable at a sensor resolution of 22.9°. {NOTHING}",
     ),
     (best("not", lost=True), "once the jaws close, no grasp was found that may be stable."),
     (

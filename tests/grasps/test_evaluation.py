@@ -152,7 +152,14 @@ def test_contacts_far_from_the_surface_are_refused() -> None:
         evaluate_grasps(ball(), points)
     message = str(caught.value)
     assert message.startswith("grasp 4, contact 2 at (-0.52")
-    for part in ("41.59 mm", "20 mm", "2 of 15 are", "arrays, whose size is 2 m", "max_distance"):
+    for part in (
+        "41.59 mm",
+        "20 mm",
+        "2 of 15 contacts",
+        "of arrays",
+        "its size is 2 m",
+        "max_distance",
+    ):
         assert part in message
     far = evaluate_grasps(ball(), points, max_distance=1e4).distance[4, 2]
     assert far == pytest.approx(999.0, rel=0.01)

@@ -39,7 +39,7 @@ def test_what_is_no_hand_is_refused(hand: Any) -> None:
     with pytest.raises(SettingError, match="up does not apply"):
         ReachSettings(HAND, "stable", "x")
     assert Scene.of(ReachSettings(), BOX) is None
-    with pytest.raises(SettingError, match="has two fingers, not 3: leave out --fingers"):
+    with pytest.raises(SettingError, match="has two fingers, not 3"):
         HAND.check_fingers(3)
 
 

@@ -610,7 +610,7 @@ def test_bounds_of_pairs_are_as_close_as_requested(rtol: float) -> None:
 def test_a_growing_hull_that_has_converged_has_bounds_as_close_as_requested(rtol: float) -> None:
     """At 1e-8 rounding stops many of the hulls before."""
     found = by_growing_hull(drawn("outward", 7, 100), rtol=rtol)
-    near = found.upper - found.lower <= rtol * found.upper * (1.0 + 1e-9)
+    near = found.upper - found.lower <= (rtol + 1e-12) * found.upper
     expected = np.where(near, Status.CONVERGED, Status.STALLED)
     np.testing.assert_array_equal(found.status, expected)
     assert near.all() == (rtol == 1e-3)
