@@ -92,13 +92,14 @@ def address(path: str, page: str = REPORT) -> str:
 def _data(rows: Sequence[Row], names: Sequence[str]) -> dict[str, Any]:
     """Return the data of the table, as lists with an entry for each mesh."""
     labelled = [row.outcome is Outcome.LABELLED for row in rows]
+    reasons = (row.error or (row.verdict_text or "").partition(": ")[2] for row in rows)
     return {
         "mesh": [printable(row.mesh) for row in rows],
         "verdict": [row.verdict or row.outcome for row in rows],
-        "why": [printable((row.verdict_text or "").partition(":")[2].strip()) for row in rows],
+        "why": [*map(printable, reasons)],
         "causes": [printable(row.causes or "") for row in rows],
         "parts": [[row.stable, row.ambiguous, row.no_grasp_found] for row in rows],
-        "note": [printable(row.error or row.warnings) for row in rows],
+        "note": [printable(row.warnings) for row in rows],
         "cells": [
             [row.text(name) if found else "" for row, found in zip(rows, labelled, strict=True)]
             for name in names

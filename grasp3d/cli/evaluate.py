@@ -118,8 +118,7 @@ def print_grasps(report: Report, grasps: Grasps, metrics: dict[str, Any]) -> Non
     """
     mesh, size = grasps.mesh, grasps.size
     words = [model_line(grasps.model, metres=mesh.unit is not None)]
-    if not isinstance(grasps, GraspTable):
-        words += grasps.scene.words[1:]
+    words += grasps.scene.words[1:] if grasps.scene else ()
     report.heading(mesh.report.source, escaped(f"{_kind(grasps)}; {', '.join(words)}"))
     counts = np.bincount(grasps.letter, minlength=len(Label))
     fractions = {one: percent_text(float(counts[one] / size)) for one in Label}

@@ -95,8 +95,8 @@ def test_the_table_has_the_values_of_the_rows(tmp_path: Path, box: SurfaceLabels
     names = ("surfaces/{}.ply", "report/objects/{}.webp", "report/objects/{}.html")
     assert found == {str(tmp_path / name.format("tools/bo%x/#spray?")) for name in names}
     assert data["verdict"] == [row.verdict, "lost", "surely"]
-    assert data["why"][1:] == ["", "3 grasps."]
-    assert data["note"] == ["is open", "lost.ply: too slow", "is open"]
+    assert data["why"][1:] == ["lost.ply: too slow", "3 grasps."]
+    assert data["note"] == ["is open", "", "is open"]
     assert data["parts"][0] == [row.stable, row.ambiguous, row.no_grasp_found]
     assert data["causes"][2] == "too wide"
     assert page.xpath("//p[@class='counts']")[0].text_content() == "2 labelled0 refused1 lost"
@@ -132,12 +132,12 @@ def test_names_and_errors_of_meshes_are_not_markup(tmp_path: Path, box: SurfaceL
     assert not page.xpath("//*[@onerror]")
     data, shown = data_of(page), EVIL.replace("\u202e", "\\u202e")
     assert data["mesh"] == [shown, shown, "a\\udcff.ply", JOINED]
-    assert data["note"][1:3] == [shown, "\\x1b[0m"]
+    assert data["why"][1:3] == [shown, "\\x1b[0m"]
 
 
 def test_only_the_script_of_the_page_may_run(tmp_path: Path) -> None:
     page = page_of(tmp_path, [Row("a.ply", outcome=Outcome.LOST, error="missing")])
-    assert data_of(page)["note"] == ["missing"]
+    assert data_of(page)["why"] == ["missing"]
     (policy,) = page.xpath("//meta[@http-equiv='Content-Security-Policy']/@content")
     (script,) = page.xpath("//script[not(@type)]/text()")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
